@@ -15,6 +15,7 @@ from docs.beside import beside
 #: Module -> its public names.
 PUBLIC: dict[str, tuple[str, ...]] = {
     "nlfrf": nlfrf._public_names,
+    "nlfrf.axis": tuple(import_module("nlfrf.axis").__all__),
     "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders", "OwnFriction"),
     "nlfrf.hysteresis": (
         *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
@@ -26,7 +27,16 @@ PUBLIC: dict[str, tuple[str, ...]] = {
 }
 #: The order of the reference: that in which data flow.
 WINGS = (
-    *("nlfrf.signals", "nlfrf.records", "nlfrf.bla", "nlfrf.rig", "nlfrf.io", "nlfrf.plot", "nlfrf._base"),
+    *(
+        "nlfrf.signals",
+        "nlfrf.records",
+        "nlfrf.bla",
+        "nlfrf.rig",
+        "nlfrf.io",
+        "nlfrf.axis",
+        "nlfrf.plot",
+        "nlfrf._base",
+    ),
     *("robust.models", "robust.synthesis", "robust.analysis", "robust.mu", "robust.friction", "robust.proofs"),
     *("robust.lti", "robust.io", "robust.plot", "robust.reports"),
 )

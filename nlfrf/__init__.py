@@ -4,6 +4,7 @@
 
 `dir(nlfrf)` shows what most scripts need. The rest is in submodules, each of which is loaded when it is first used:
 
+    nlfrf.axis        experiments on a running drive: design, level pre-test, traces
     nlfrf.io          files: records, results, designs, inspection
     nlfrf.rig         simulated machines: the friction rig, the stage, the servo axis, a controller around them
     nlfrf.friction    friction laws
@@ -18,7 +19,7 @@ import lazy_loader
 __version__ = "0.1.0"
 
 __getattr__, _, _names = lazy_loader.attach_stub(__name__, __file__)
-_submodules = ("friction", "hysteresis", "io", "plot", "rig")
+_submodules = ("axis", "friction", "hysteresis", "io", "plot", "rig")
 #: Every public name of the package, those of its submodules, too.
 _public_names = tuple(name for name in _names if name not in _submodules)
 __all__ = [

@@ -1,4 +1,5 @@
 # Every public name and where it is defined; `__init__.py` says which are the face.
+from . import axis as axis
 from . import friction as friction
 from . import hysteresis as hysteresis
 from . import io as io

@@ -260,6 +260,8 @@ def plot(
 
     if isinstance(content, nlfrf.Record):
         content = nlfrf.identify(content)
+    elif isinstance(content, nlfrf.axis.AxisExperiment):
+        content = content.ms
     size = (9, 9)
     if isinstance(content, nlfrf.Bla) and not content.is_single:
         size = 3 * content.n_inputs + 3, 2 * content.n_outputs + 6

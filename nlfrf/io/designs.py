@@ -20,17 +20,23 @@ from nlfrf._base.files import (
     write_table,
 )
 from nlfrf.io.stored_values import load_value, save_value
+from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
+__all__ = ["DESIGNS", "load_design", "load_experiment", "load_multisine", "save_experiment", "save_multisine"]
 
 
 MULTISINE_SCHEMA = "nlfrf-multisine"
 ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
 EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
 PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
-DESIGNS = {MULTISINE_SCHEMA: Multisine, ORTHOGONAL_SCHEMA: OrthogonalMultisine}
+EXPERIMENT_SCHEMA = "nlfrf-axis-experiment"
+DESIGNS = {
+    MULTISINE_SCHEMA: Multisine,
+    ORTHOGONAL_SCHEMA: OrthogonalMultisine,
+    EXPERIMENT_SCHEMA: AxisExperiment,
+}
 
 
 def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
@@ -112,6 +118,27 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     save_value(ms, schema, companion, role=Role.DERIVED, u=u, peak=np.array(peak))
 
 
+def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
+    """Write an experiment: ``.npz`` or ``.h5``, or a ``.csv`` of set points to play with its ``.npz`` beside it.
+
+    Of several realisations play.csv becomes play-1.csv, play-2.csv, ...
+    """
+    path = to_path(path)
+    suffix, companion = path.suffix.lower(), path.with_suffix(".npz")
+    if suffix not in (*EXACT_SUFFIXES, ".csv"):
+        raise ValueError(f"path must end in .csv, to be played, or in {', '.join(EXACT_SUFFIXES)}, got {path.name!r}")
+    if suffix != ".csv":
+        save_value(experiment, EXPERIMENT_SCHEMA, path)
+        return
+    require_writable(companion, role=Role.DERIVED)  # before the first of several files is there
+    t, M = np.arange(experiment.n_rows) / experiment.ms.fs, experiment.ms.n_realizations
+    for m in range(M):
+        target = path if M == 1 else path.with_name(f"{path.stem}-{m + 1}{path.suffix}")
+        columns = {f"{port} [{experiment.units[port]}]": one for port, one in experiment.set_points(m).items()}
+        write_table(target, np.column_stack([t, *columns.values()]), ["t [s]", *columns], decimal=decimal)
+    save_value(experiment, EXPERIMENT_SCHEMA, companion, role=Role.DERIVED)
+
+
 def add_remark(path: Path, text: str) -> None:
     """Add a LIST chunk to a WAV file: the program that wrote it, and a comment (Microsoft RIFF, INFO list)."""
 
@@ -174,5 +201,13 @@ def load_multisine(path: str | os.PathLike[str]) -> Multisine:
 
 def load_design(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine:
     """The design that `save_multisine` wrote, of one input or of several."""
-    ms: Multisine | OrthogonalMultisine = load_value(DESIGNS, path)
-    return ms
+    design: Multisine | OrthogonalMultisine | AxisExperiment = load_value(DESIGNS, path)
+    if isinstance(design, AxisExperiment):
+        raise ValueError(f"path must be a multisine, got an experiment on a drive in {str(path)!r}: take load_trace")
+    return design
+
+
+def load_experiment(path: str | os.PathLike[str]) -> AxisExperiment:
+    """The experiment that `save_experiment` wrote."""
+    experiment: AxisExperiment = load_value({EXPERIMENT_SCHEMA: AxisExperiment}, path)
+    return experiment

@@ -21,6 +21,7 @@ from nlfrf.io.results import value_in
 from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record
+from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
@@ -227,15 +228,18 @@ def describe_lost_rows(file: Channels, name: str) -> LostRows | None:
 def own_contents(file: Channels) -> FileContents:
     """What a file of this package holds: the channels of a record, anything else in words."""
     content = value_in(file)
-    signals = record_signals(content) if isinstance(content, Record) else []
+    channels: tuple[Channel, ...] = ()
+    if isinstance(content, Record):
+        fs = content.fs
+        channels = tuple(channel_statistics(name, unit, fs, one) for name, unit, one in record_signals(content))
     return FileContents(
         path=file.path,
-        channels=tuple(channel_statistics(name, unit, content.fs, samples) for name, unit, samples in signals),
+        channels=channels,
         notes={},
         u="",
         y="",
         period=0.0,
-        lines=str(content) if isinstance(content, Bla) else describe_extent(content),
+        lines=str(content) if isinstance(content, Bla | AxisExperiment) else describe_extent(content),
         schema=file.text("schema"),
     )
 

@@ -11,7 +11,7 @@ from nlfrf._base.arguments import require_choice, require_kind
 from nlfrf._base.files import DECIMALS, to_path, write_table
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
-from nlfrf.io.designs import DESIGNS, save_multisine
+from nlfrf.io.designs import DESIGNS, save_experiment, save_multisine
 from nlfrf.io.stored_records import (
     MULTIRECORD_SCHEMA,
     RECORD_SCHEMA,
@@ -22,6 +22,7 @@ from nlfrf.io.stored_records import (
 )
 from nlfrf.io.stored_values import load_value, save_value, value_from_file
 from nlfrf.records.record import Record
+from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
@@ -30,7 +31,7 @@ __all__ = ["export_csv", "load", "load_bla", "load_frm", "save", "save_bla", "sa
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
 RESULTS = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
-StoredValue = Multisine | OrthogonalMultisine | Record | Bla
+StoredValue = Multisine | OrthogonalMultisine | AxisExperiment | Record | Bla
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
@@ -169,14 +170,15 @@ save_frm, load_frm = save_bla, load_bla
 
 
 def save(thing: StoredValue, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write whatever this package makes, so that `load` reads it: a multisine, a record or a BLA.
+    """Write whatever this package makes, so that `load` reads it: a multisine, an experiment, a record or a BLA.
 
     Parameters
     ----------
-    thing : Multisine, OrthogonalMultisine, Record or Bla
+    thing : Multisine, OrthogonalMultisine, AxisExperiment, Record or Bla
         What to write.
     path : path
-        File to write; its suffix says how. All of it is kept by ``.npz`` and ``.h5``.
+        File to write; its suffix says how. All of it is kept by ``.npz`` and ``.h5``. An experiment as ``.csv`` is the
+        set points to play, one file a realisation, with its ``.npz`` beside them.
     decimal : str
         Decimal mark of a table, "." or ",".
 
@@ -190,19 +192,21 @@ def save(thing: StoredValue, path: str | os.PathLike[str], *, decimal: str = "."
     >>> save(1.0, "x.npz")
     Traceback (most recent call last):
         ...
-    ValueError: thing must be of type Multisine or OrthogonalMultisine or Record or Bla, got 1.0
+    ValueError: thing must be of type Multisine or OrthogonalMultisine or AxisExperiment or Record or Bla, got 1.0
     """
-    require_kind("thing", thing, Multisine, OrthogonalMultisine, Record, Bla)
+    require_kind("thing", thing, Multisine, OrthogonalMultisine, AxisExperiment, Record, Bla)
     if isinstance(thing, Bla):
         save_bla(thing, path)
     elif isinstance(thing, Record):
         save_record(thing, path, decimal=decimal)
+    elif isinstance(thing, AxisExperiment):
+        save_experiment(thing, path, decimal=decimal)
     else:
         save_multisine(thing, path, decimal=decimal)
 
 
 def load(path: str | os.PathLike[str]) -> StoredValue:
-    """Read whatever this package wrote: a multisine, a record, a BLA, of one input or of several.
+    """Read whatever this package wrote: a multisine, an experiment, a record, a BLA, of one input or of several.
 
     Parameters
     ----------
@@ -211,7 +215,7 @@ def load(path: str | os.PathLike[str]) -> StoredValue:
 
     Returns
     -------
-    Multisine, OrthogonalMultisine, Record or Bla
+    Multisine, OrthogonalMultisine, AxisExperiment, Record or Bla
 
     Raises
     ------
@@ -238,6 +242,8 @@ def value_in(file: Channels) -> StoredValue:
     if schema == MULTIRECORD_SCHEMA:
         return stored_multirecord([file], None, None, None, CutOptions())
     if schema not in RESULTS | DESIGNS:
-        raise ValueError(f"path must be a multisine, record, BLA or FRM that this package wrote, got {file.path!r}")
+        raise ValueError(
+            f"path must be a multisine, experiment, record, BLA or FRM that this package wrote, got {file.path!r}"
+        )
     content: StoredValue = value_from_file(RESULTS | DESIGNS, file)
     return content

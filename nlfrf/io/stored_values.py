@@ -17,12 +17,13 @@ from nlfrf._base.values import field_names
 from nlfrf.bla.bla import DistortionLevels
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import Multisine
 
 __all__ = ["AXES_ORDER", "load_value", "names_from_json", "require_known_version", "save_value", "value_from_file"]
 
 
-#: Values inside a Bla; of several channels one an output.
-NESTED_VALUES: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}
+#: Values inside a Bla or an experiment; levels of several channels are one an output.
+NESTED_VALUES: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels, "ms": Multisine}
 NAME_FIELDS = ("inputs", "outputs", "input_units", "output_units")
 #: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
 AXES_ORDER = "realization period sample"
@@ -33,20 +34,27 @@ def save_value(
 ) -> None:
     """Write every field of a value, those of the values inside it by dotted names, names of channels as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
-    for name in getattr(thing, "_stored_", None) or field_names(thing):
-        part = getattr(thing, name)
+    content |= value_to_arrays(thing, getattr(thing, "_stored_", None) or field_names(thing))
+    write_arrays(to_path(path), content, role=role)
+
+
+def value_to_arrays(thing: Any, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
+    """The fields of a value as arrays, those of the values inside it behind its name and a dot."""
+    content: dict[str, np.ndarray] = {}
+    for name in names:
+        part, key = getattr(thing, name), f"{prefix}{name}"
         if part is None:
             continue
         if name in NAME_FIELDS:
-            content[name] = np.array(json.dumps(part))
+            content[key] = np.array(json.dumps(part))
         elif name in NESTED_VALUES and isinstance(part, tuple):
             for k, one in enumerate(part):
-                content |= {f"{name}.{k}.{inner}": getattr(one, inner) for inner in field_names(one)}
+                content |= value_to_arrays(one, field_names(one), f"{key}.{k}.")
         elif name in NESTED_VALUES:
-            content |= {f"{name}.{inner}": getattr(part, inner) for inner in field_names(part)}
+            content |= value_to_arrays(part, field_names(part), f"{key}.")
         else:
-            content[name] = np.asarray(part)
-    write_arrays(to_path(path), content, role=role)
+            content[key] = np.asarray(part)
+    return content
 
 
 def load_value(kinds: Mapping[str, Any], path: str | os.PathLike[str]) -> Any:
@@ -61,29 +69,38 @@ def value_from_file(kinds: Mapping[str, Any], file: Channels) -> Any:
         expected = " or ".join(kinds)
         raise ValueError(f"path must be a file of the schema {expected}, got {schema or 'none'} in {file.path!r}")
     require_known_version(file, schema, AXES_ORDER)
-    kind, content = kinds[schema], file.arrays
-    wanted = inspect.signature(kind).parameters
-    required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
     try:
-        return kind(
-            **{name: field_from_arrays(name, content) for name in wanted if name in content or name in required}
-        )
+        return value_from_arrays(kinds[schema], file.arrays)
     except KeyError as missing:
         raise ValueError(f"path must hold a whole {schema}, got {file.path!r} without {missing}") from None
 
 
-def field_from_arrays(name: str, content: Mapping[str, np.ndarray]) -> Any:
+def value_from_arrays(kind: Any, content: Mapping[str, np.ndarray], prefix: str = "") -> Any:
+    """A value from its fields as arrays; those that it can do without may be missing."""
+    wanted = inspect.signature(kind).parameters
+    required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
+    return kind(
+        **{
+            name: field_from_arrays(name, content, prefix)
+            for name in wanted
+            if f"{prefix}{name}" in content or name in required
+        }
+    )
+
+
+def field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> Any:
     """One field of a value from the arrays of its file."""
+    key = f"{prefix}{name}"
     if name in NAME_FIELDS:
-        return names_from_json(name, content[name])
+        return names_from_json(name, content[key])
     if name not in NESTED_VALUES:
-        return to_scalar(content[name])
+        return to_scalar(content[key])
     kind = NESTED_VALUES[name]
     first = field_names(kind)[0]
-    if f"{name}.0.{first}" not in content:
-        return kind(**{inner: content[f"{name}.{inner}"] for inner in field_names(kind)})
-    several = itertools.takewhile(lambda k: f"{name}.{k}.{first}" in content, itertools.count())
-    return tuple(kind(**{inner: content[f"{name}.{k}.{inner}"] for inner in field_names(kind)}) for k in several)
+    if f"{key}.0.{first}" not in content:
+        return value_from_arrays(kind, content, f"{key}.")
+    several = itertools.takewhile(lambda k: f"{key}.{k}.{first}" in content, itertools.count())
+    return tuple(value_from_arrays(kind, content, f"{key}.{k}.") for k in several)
 
 
 def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ ARROWS = {
     "nlfrf.rig": "bla records signals",
     "nlfrf.io": "bla records signals",
     "nlfrf.plot": "bla records signals",
+    "nlfrf.axis": "io rig bla records signals",
     "nlfrf.doctor": "",
     "robust._base": "",
     "robust.lti": "",
@@ -46,7 +47,7 @@ PARTS = {
 }
 #: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.
 FACES = {
-    *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
+    *("nlfrf", "nlfrf.axis", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
     *(
         "robust",
         "robust.cli",

@@ -39,12 +39,12 @@ from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_lost
 from nlfrf.rig.laws.laws import VaryingSliders, packed_law
+from nlfrf.signals.axis_experiment import PORTS, stepped_profile
 from nlfrf.signals.multisine import Multisine
 
 __all__ = ["ServoAxis", "ServoDrive", "ServoExperiment", "ServoTrace", "run_servo", "servo_axis", "simulate_servo"]
 
 MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
-PORTS = ("force", "velocity", "position")
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
 #: Share of samples in which a current limit, or a reversal in motion, is not worth a word.
 SELDOM = 1e-3
@@ -617,17 +617,10 @@ def run_experiment(experiment: ServoExperiment) -> Arrays:
 
 def base_position(experiment: ServoExperiment) -> np.ndarray:
     """(n,) position set point of the motion: constant velocity, reached and reversed over a quarter of a period."""
-    N, velocity = experiment.ms.n_samples, experiment.base_velocity
-    block = (experiment.n_discard + experiment.n_periods) * N
+    block = (experiment.n_discard + experiment.n_periods) * experiment.ms.n_samples
     directions = np.tile([-1.0, 1.0], experiment.strokes) if experiment.strokes else np.ones(1)
-    wanted = velocity * np.repeat(directions, block)
-    rise = (1 - np.cos(np.pi * (np.arange(N // 4) + 0.5) / (N // 4))) / 2
-    before = 0.0
-    for k, direction in enumerate(directions):
-        after = velocity * direction
-        wanted[k * block : k * block + rise.size] = before + (after - before) * rise
-        before = after
-    return np.asarray(np.cumsum(wanted) / experiment.axis.drive.fs)
+    velocity = stepped_profile(experiment.base_velocity * directions, block, experiment.ms.n_samples // 4)
+    return np.asarray(np.cumsum(velocity[: directions.size * block]) / experiment.axis.drive.fs)
 
 
 def warn_of(experiment: ServoExperiment, worst: dict[str, float]) -> None:

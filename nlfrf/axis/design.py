@@ -1,0 +1,305 @@
+"""The design of an experiment on a running drive: a spectrum of force behind the loop, within limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import require_choice, require_integer, require_kind, require_positive, require_real
+from nlfrf.axis.loop import DriveLoop, drive_loop
+from nlfrf.bla.bla import Bla
+from nlfrf.records.record import Record
+from nlfrf.rig.bench.servo import ServoAxis, run_servo
+from nlfrf.signals.axis_experiment import PORTS, AxisExperiment, AxisLimits
+from nlfrf.signals.multisine import Multisine, Rng, multisine
+
+__all__ = ["design_experiment", "design_ramp"]
+
+Spectrum = np.ndarray | Callable[[np.ndarray], np.ndarray]
+
+
+def design_experiment(
+    source: ServoAxis | Record,
+    *,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    rms: float | None = None,
+    amplitude: Spectrum | None = None,
+    port: str = "position",
+    limits: AxisLimits | None = None,
+    base_velocity: float = 0.0,
+    strokes: int = 0,
+    n_periods: int = 2,
+    n_discard: int = 2,
+    n_realizations: int = 1,
+    kind: str = "special-odd",
+    n_log: int | None = None,
+    plant: Bla | None = None,
+    rng: Rng = None,
+) -> AxisExperiment:
+    """Design a multisine for a set point of a running drive that gives a wanted spectrum of force behind the loop.
+
+    The force set point is the input that `identify` needs. The set point to play is the wanted spectrum over the
+    transfer from port to force. That transfer is computed from the gains of the drive and a plant, or it was measured
+    with a first multisine of low level at the same port. Friction is no part of a computed one: where the axis sticks,
+    design again from the first record.
+
+    Parameters
+    ----------
+    source : ServoAxis or Record
+        Drive with its gains and a rough machine, of which the friction counts for `peak_force` only. Or a record at
+        the same port with its reference r, as `load_trace` gives it.
+    n_samples : int
+        Samples N in one period, at the sampling frequency of the drive, or of the record.
+    f_min, f_max : float
+        Band [Hz].
+    rms : float, optional
+        Root mean square of the force set point, in its unit. The largest that the limits allow, when not given.
+    amplitude : (F,) ndarray, or callable of f [Hz], optional
+        Relative amplitude spectrum of the force set point; flat when not given.
+    port : str
+        Set point that the multisine is added to: "position", "velocity" or "force".
+    limits : AxisLimits, optional
+        What force, velocity and travel must not pass, base motion included.
+    base_velocity : float
+        Velocity of a base motion that keeps the friction sliding [m/s] or [rad/s]; zero: at rest.
+    strokes : int
+        Strokes there and back, each of n_discard + n_periods periods; zero: one long way.
+    n_periods, n_discard : int
+        Periods that are kept of each stroke, and periods before them.
+    n_realizations : int
+        Realisations M, with independent phases; each is a file to play.
+    kind, n_log, rng
+        As in `multisine`.
+    plant : Bla, optional
+        FRF from force set point to position in place of that of the rough machine; `source` is then the drive.
+
+    Returns
+    -------
+    AxisExperiment
+
+    Raises
+    ------
+    ValueError
+        A level, or a base motion, that passes a limit (with the largest level that fits); a multisine that would turn
+        the base motion round; neither a level nor limits; a source that does not fit.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4 (FRF of a closed loop).
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> axis = nlfrf.servo_axis("belt")
+    >>> limits = AxisLimits(velocity=0.3, travel=0.5)
+    >>> band = {"n_samples": 4000, "f_min": 5, "f_max": 200}
+    >>> design_experiment(axis, **band, base_velocity=0.1, strokes=1, limits=limits, rms=500, rng=1)
+    Traceback (most recent call last):
+        ...
+    ValueError: rms must be at most 50.7 N within the limits, got 500 N: velocity peaks at 0.986 of 0.1 m/s beside ...
+    """
+    base_velocity = require_real("base_velocity", base_velocity)
+    strokes = require_integer("strokes", strokes, least=0)
+    if strokes and not base_velocity:
+        raise ValueError(f"base_velocity must not be zero where the axis goes back and forth, got {strokes} strokes")
+    directions = np.tile([1.0, -1.0], strokes) if strokes else np.ones(1)
+    wanted = wanted_force(source, n_samples, f_min, f_max, amplitude, n_realizations, kind, n_log, rng)
+    segments = Segments(base_velocity * directions, np.ones(directions.size), n_periods, n_discard)
+    return experiment_within(source, wanted, segments, port, plant, rms, limits)
+
+
+def design_ramp(
+    source: ServoAxis | Record,
+    *,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    rms: float | None = None,
+    amplitude: Spectrum | None = None,
+    port: str = "position",
+    limits: AxisLimits | None = None,
+    n_levels: int = 20,
+    span: float = 1e4,
+    n_periods: int = 1,
+    n_discard: int = 1,
+    plant: Bla | None = None,
+    rng: Rng = None,
+) -> AxisExperiment:
+    """Design a pre-test at rest: one multisine at rising levels, from sticking through break-away to sliding.
+
+    `find_levels` reads from its trace which three levels to take. Levels rise in equal ratios, from `rms` / `span` on,
+    and each is held for a few periods. A drive that watches the limits may stop it early: whole levels are read.
+
+    Parameters
+    ----------
+    source, n_samples, f_min, f_max, amplitude, port, limits, plant, rng
+        As in `design_experiment`; the band and the spectrum should be those of the experiment to come.
+    rms : float, optional
+        Force set point of the highest level once the axis slides, in its unit. The largest that the limits allow, when
+        not given.
+    n_levels : int
+        Levels.
+    span : float
+        Highest over lowest level.
+    n_periods, n_discard : int
+        Periods that are kept of each level, and periods before them.
+
+    Returns
+    -------
+    AxisExperiment
+        Of one realisation.
+
+    Raises
+    ------
+    ValueError
+        As `design_experiment`.
+
+    References
+    ----------
+    Beckhoff TE5960: excitation against stiction by a base amplitude that is found by trial.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ramp = design_ramp(nlfrf.servo_axis("belt"), n_samples=4000, f_min=5, f_max=100, rms=100, n_levels=10, rng=1)
+    >>> ramp.labels[-1], ramp.duration
+    ('level 10', 20.25)
+    """
+    n_levels = require_integer("n_levels", n_levels, least=4)
+    if not require_positive("span", span) > 1:
+        raise ValueError(f"span must be above 1, got {span:g}")
+    wanted = wanted_force(source, n_samples, f_min, f_max, amplitude, 1, "special-odd", None, rng)
+    segments = Segments(np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard)
+    return experiment_within(source, wanted, segments, port, plant, rms, limits)
+
+
+class Segments(NamedTuple):
+    """Base velocity and amplitude of each segment (S,), the periods of each that are kept, and those before them."""
+
+    velocities: np.ndarray
+    gains: np.ndarray
+    n_periods: int
+    n_discard: int
+
+
+class Motion(NamedTuple):
+    """Peaks of force and velocity, and the travel."""
+
+    force: float
+    velocity: float
+    travel: float
+
+
+def wanted_force(
+    source: ServoAxis | Record,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    amplitude: Spectrum | None,
+    n_realizations: int,
+    kind: str,
+    n_log: int | None,
+    rng: Rng,
+) -> Multisine:
+    """The multisine that is wanted of the force, at an rms of one."""
+    require_kind("source", source, ServoAxis, Record)
+    fs = source.drive.fs if isinstance(source, ServoAxis) else source.fs
+    band: dict[str, Any] = {"fs": fs, "n_samples": n_samples, "f_min": f_min, "f_max": f_max, "n_log": n_log}
+    return multisine(kind, **band, amplitude=amplitude, n_realizations=n_realizations, rng=rng, hold="zoh")
+
+
+def experiment_within(
+    source: ServoAxis | Record,
+    wanted: Multisine,
+    segments: Segments,
+    port: str,
+    plant: Bla | None,
+    rms: float | None,
+    limits: AxisLimits | None,
+) -> AxisExperiment:
+    """The experiment at its level, or at the largest that the limits allow; refused where it passes one."""
+    if plant is not None:
+        require_kind("plant", plant, Bla)
+    if limits is not None:
+        require_kind("limits", limits, AxisLimits)
+    loop = drive_loop(source, require_choice("port", port, PORTS), wanted.f, plant)
+    position, force = source.units if isinstance(source, ServoAxis) else (source.y_unit, source.u_unit)
+    draft = AxisExperiment(
+        ms=replace(wanted, amplitude=wanted.amplitude / np.abs(loop.force)),
+        port=port,
+        force_response=loop.force,
+        position_response=loop.position,
+        gains=segments.gains,
+        velocities=segments.velocities,
+        n_periods=require_integer("n_periods", segments.n_periods, least=1),
+        n_discard=require_integer("n_discard", segments.n_discard, least=1),
+        position_unit=position or "m",
+        force_unit=force or "N",
+    )
+    base, one = base_motion(source, draft), multisine_motion(draft.ms, loop)
+    level = level_within(draft, base, one, AxisLimits() if limits is None else limits, rms)
+    return replace(
+        draft,
+        ms=replace(draft.ms, amplitude=level * draft.ms.amplitude),
+        peak_force=base.force + level * one.force,
+        peak_velocity=base.velocity + level * one.velocity,
+        travel=base.travel + level * one.travel,
+    )
+
+
+def base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> Motion:
+    """What the base motion takes; its force by running the rough machine, or as the mean of a record in motion."""
+    if isinstance(source, Record):
+        force = float(np.abs(source.u.mean(axis=-1)).max())
+    elif np.any(experiment.velocities):
+        n = min(2 * experiment.block + experiment.ms.n_samples, experiment.n_rows)  # both directions, and one reversal
+        force = float(np.abs(run_servo(source, position=experiment.base[:n]).force_set).max())
+    else:
+        force = 0.0
+    return Motion(force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base)))
+
+
+def multisine_motion(ms: Multisine, loop: DriveLoop) -> Motion:
+    """What a multisine at the port moves, the worst of its realisations."""
+
+    def behind(H: np.ndarray) -> np.ndarray:
+        return replace(ms, amplitude=ms.amplitude * np.abs(H), phase=ms.phase + np.angle(H)).u
+
+    force, position, velocity = (behind(H) for H in (loop.force, loop.position, 2j * np.pi * loop.f * loop.position))
+    return Motion(float(np.abs(force).max()), float(np.abs(velocity).max()), float(np.ptp(position, axis=1).max()))
+
+
+def level_within(draft: AxisExperiment, base: Motion, one: Motion, limits: AxisLimits, rms: float | None) -> float:
+    """The level of the force set point: as asked, or the largest that the limits allow; `one` is that of a level 1."""
+    units = Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
+    taken, each = base._asdict(), one._asdict()
+    left = {}
+    for name, unit in units.items():
+        limit = getattr(limits, name)
+        if taken[name] > limit:
+            raise ValueError(
+                f"base_velocity must be lower, or its strokes shorter, for a {name} of at most {limit:g} {unit}, got "
+                f"{base.velocity:g} {units['velocity']}: the base motion alone takes {taken[name]:.3g} {unit}"
+            )
+        left[name] = limit - taken[name]
+    if base.velocity:  # a multisine as fast as its base motion turns the axis back, and friction sticks
+        left["velocity"] = min(left["velocity"], base.velocity)
+    tightest = min(left, key=lambda name: left[name] / each[name])
+    largest = left[tightest] / each[tightest]
+    if rms is None and not np.isfinite(largest):
+        raise ValueError("rms must be given where there are no limits, got none")
+    level = largest if rms is None else require_positive("rms", rms)
+    if level > largest * (1 + 1e-12):
+        raise ValueError(
+            f"rms must be at most {largest:.3g} {draft.force_unit} within the limits, got {level:g} "
+            f"{draft.force_unit}: {tightest} peaks at {level * each[tightest]:.3g} of {left[tightest]:.3g} "
+            f"{units[tightest]}" + (" beside the base motion" if base.velocity else "")
+        )
+    if not level > 0:
+        raise ValueError(f"limits must leave something for the multisine, got no {tightest} left for it")
+    return level

@@ -1,0 +1,276 @@
+"""Which levels to take, read from a level pre-test: one that sticks, one that bends, one that slides.
+
+At each level the lowest lines have U = (k - m w^2 + j c w) Y. Where friction sticks, k is its presliding stiffness, the
+same at every level. It falls while elements slip, and where the axis slides it is what springs to ground leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import require_kind, short_form
+from nlfrf._base.numbers import squared_modulus
+from nlfrf._base.values import value
+from nlfrf.axis.loop import record_spectra
+from nlfrf.records.record import Record
+from nlfrf.records.screening.input import clipped_share
+from nlfrf.signals.axis_experiment import AxisExperiment
+
+__all__ = ["AxisLevels", "LevelState", "find_levels"]
+
+LOW_LINES = 6  # lowest lines that the stiffness is read from: two periods of a special-odd grid
+STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
+PLATEAU = 0.05  # relative: how far the stiffness of levels that stick may scatter; quantisation makes 1 to 2 %
+STICKS = 0.97  # of the plateau: with less, elements slip at the peaks of the multisine
+PLATEAU_SPAN = 2.0  # highest over lowest position of the plateau, so that two equal levels are not taken for one
+SLIDES = 0.005  # of the fall of the stiffness: what is left of it where the axis slides
+SETTLED = 0.02  # of the plateau: largest change of the stiffness between the two highest levels where it slides
+RISES = 1.2  # stiffness over its plateau above which it rises with the level
+CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
+
+
+class LevelState(Enum):
+    """What friction does at a level.
+
+    References
+    ----------
+    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
+
+    Examples
+    --------
+    >>> LevelState.STICKS.value
+    'sticks'
+    """
+
+    STICKS = "sticks"
+    BENDS = "bends"
+    SLIDES = "slides"
+    UNREADABLE = "too small, or at its limit"
+
+
+@value
+class AxisLevels:
+    """The levels of a pre-test, and the three to take, or why there are none.
+
+    Fields
+    ------
+    rms : (3,) ndarray
+        Root mean square of the force set point to ask for, so that the axis sticks, bends and slides [N], [Nm] or in
+        the unit of the record: that of a multisine with the spectrum of the ramp that moves it as far. Empty where
+        there is a reason.
+    records : tuple of Record
+        The three levels as measured: the `source` of `design_experiment` for each.
+    reason : str
+        Why there are no three levels, and what to do; empty where there are.
+    force_rms, position_rms : (L,) ndarray
+        Root mean square of force set point and position at every level, in the units of the record.
+    stiffness : (L,) ndarray
+        Equivalent stiffness on the lowest lines [N/m], [Nm/rad] or in the units of the record.
+    states : tuple of LevelState
+        What friction does at each.
+    units : tuple of str
+        Units of force and position.
+
+    Examples
+    --------
+    >>> levels = AxisLevels(
+    ...     rms=np.zeros(0), records=(), reason="no level sticks", force_rms=np.ones(1), position_rms=np.ones(1),
+    ...     stiffness=np.ones(1), states=(LevelState.BENDS,), units=("N", "m"),
+    ... )
+    >>> print(levels)
+    level  force N rms  position m rms  stiffness N/m
+        1            1               1              1  bends
+    no level sticks
+
+    References
+    ----------
+    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
+    """
+
+    rms: np.ndarray
+    records: tuple[Record, ...]
+    reason: str
+    force_rms: np.ndarray
+    position_rms: np.ndarray
+    stiffness: np.ndarray
+    states: tuple[LevelState, ...]
+    units: tuple[str, str]
+
+    def __str__(self) -> str:
+        force, position = self.units
+        rows = [f"level  force {force} rms  position {position} rms  stiffness {force}/{position}"]
+        for k, state in enumerate(self.states):
+            numbers = f"{self.force_rms[k]:11.4g} {self.position_rms[k]:15.4g} {self.stiffness[k]:14.4g}"
+            rows.append(f"{k + 1:5d}  {numbers}  {state.value}")
+        taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, TAKEN, strict=False))
+        return "\n".join([*rows, self.reason or f"take, as rms of the force set point: {taken}"])
+
+
+TAKEN = ("sticks", "bends", "slides")
+
+
+def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLevels:
+    """Read from the records of a ramp at which levels the axis sticks, bends and slides.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        What `load_trace` read of the ramp.
+    experiment : AxisExperiment
+        The ramp, by `design_ramp`.
+
+    Returns
+    -------
+    AxisLevels
+        Its `reason` says where no three levels can be named: the lowest level does not stick, the highest does not
+        slide, the stiffness rises with the level (backlash, a hardening spring), levels below the encoder's step or at
+        a limit of the force.
+
+    Raises
+    ------
+    ValueError
+        No records of one input and output with their reference, or a design that is no ramp.
+
+    References
+    ----------
+    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
+
+    Examples
+    --------
+    >>> import nlfrf, tempfile
+    >>> from nlfrf.axis import design_ramp, load_trace, play_experiment
+    >>> axis = nlfrf.servo_axis("ball screw")
+    >>> ramp = design_ramp(axis, n_samples=2000, f_min=2, f_max=60, rms=2500, n_levels=14, rng=1)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> nlfrf.save(ramp, f"{folder.name}/ramp.csv")
+    >>> trace = play_experiment(axis, f"{folder.name}/ramp.csv", f"{folder.name}/trace.csv")
+    >>> levels = find_levels(load_trace(f"{folder.name}/trace.csv", ramp), ramp)
+    >>> levels.reason, bool(levels.rms[0] < levels.rms[1] < levels.rms[2])
+    ('', True)
+    >>> folder.cleanup()
+    """
+    require_kind("experiment", experiment, AxisExperiment)
+    if not experiment.is_ramp:
+        raise ValueError(f"experiment must be a ramp of levels, got one {', '.join(experiment.labels)}")
+    if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
+        raise ValueError(f"records must be those of a ramp, as load_trace reads them, got {short_form(records)}")
+    read = [read_level(one) for one in records]
+    stiffness = np.array([one.stiffness for one in read])
+    position = np.array([one.position for one in read])
+    states, reason = judge_levels(read, (records[0].u_unit or experiment.force_unit, experiment.position_unit))
+    chosen = [] if reason else choose_levels(states, stiffness)
+    shape = experiment.force_amplitude / np.sqrt(np.sum(experiment.force_amplitude**2) / 2)
+    return AxisLevels(
+        rms=np.array([level_of_spectrum(records[k], shape) for k in chosen]),
+        records=tuple(records[k] for k in chosen),
+        reason=reason,
+        force_rms=np.array([one.force for one in read]),
+        position_rms=position,
+        stiffness=stiffness,
+        states=tuple(states),
+        units=(records[0].u_unit or experiment.force_unit, records[0].y_unit or experiment.position_unit),
+    )
+
+
+class Level(NamedTuple):
+    """What is read of one level: rms of force and position, stiffness, and whether it can be believed."""
+
+    force: float
+    position: float
+    stiffness: float
+    readable: bool
+    limited: bool
+
+
+def read_level(record: Record) -> Level:
+    """Stiffness on the lowest lines by least squares of U = (k - m w^2 + j c w) Y, and how large the level is."""
+    U, Y = (one[0].mean(axis=0) * 2 / record.n_samples for one in record_spectra(record)[:2])
+    omega = 2 * np.pi * record.lines.excited * record.f0
+    low = slice(0, LOW_LINES)
+    columns = np.column_stack([Y, -(omega**2) * Y, 1j * omega * Y])[low]
+    scale = np.linalg.norm(columns, axis=0)
+    A = np.concatenate([columns.real, columns.imag]) / scale
+    found = np.linalg.lstsq(A, np.concatenate([U[low].real, U[low].imag]), rcond=None)[0] / scale
+    force, position = (float(np.sqrt(np.sum(squared_modulus(one)) / 2)) for one in (U, Y))
+    steps = np.abs(np.diff(record.y.ravel()))
+    steps = steps[steps > 1e-9 * np.ptp(record.y)]
+    limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
+    readable = not limited and position > STEPS * steps.min()
+    return Level(force, position, float(found[0]), readable, limited)
+
+
+def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelState], str]:
+    """The state of each level, and why no three of them can be taken."""
+    states = [LevelState.UNREADABLE] * len(read)
+    good = [k for k, one in enumerate(read) if one.readable]
+    force, unit = units[0], f"{units[0]}/{units[1]}"
+    if len(good) < 4:
+        limited = sum(one.limited for one in read)
+        return states, (
+            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
+            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
+        )
+    k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
+    largest = int(np.argmax(k))
+    first = plateau_of(k, position)
+    if position[largest] > PLATEAU_SPAN * position[0] and k[largest] > RISES * max(k[0], 0.0):
+        return states, (
+            f"the stiffness rises with the level, from {k[0]:.3g} to {k[largest]:.3g} {unit}: that is backlash or a "
+            "hardening spring, friction makes it fall. Take the play out first"
+        )
+    if first is None:
+        for i in good:
+            states[i] = LevelState.BENDS
+        return states, (
+            f"no level sticks: the stiffness falls from the lowest one on, from {k[0]:.3g} to {k[1]:.3g} {unit}. "
+            f"Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
+        )
+    k0, k_end = first, float(k[-1])
+    share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
+    settled = abs(k[-1] - k[-2]) < SETTLED * k0 and k_end < STICKS * k0
+    for i, one, left in zip(good, k, share, strict=True):
+        slides = settled and left <= SLIDES
+        states[i] = LevelState.STICKS if one >= STICKS * k0 else LevelState.SLIDES if slides else LevelState.BENDS
+    top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
+    if k_end >= STICKS * k0:
+        return (
+            states,
+            (f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit} {top}. Raise level and limits"),
+        )
+    if not settled:
+        return states, (
+            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit} {top}. "
+            "Raise level and limits"
+        )
+    if LevelState.BENDS not in states:
+        return states, "no level bends between sticking and sliding: take more levels"
+    return states, ""
+
+
+def plateau_of(k: np.ndarray, position: np.ndarray) -> float | None:
+    """The stiffness that the lowest levels share, None where they share none over a sufficient range of position."""
+    n = 1
+    while n < k.size and abs(k[n] / np.median(k[:n]) - 1) < PLATEAU:
+        n += 1
+    return float(np.median(k[:n])) if k[0] > 0 and position[n - 1] >= PLATEAU_SPAN * position[0] else None
+
+
+def choose_levels(states: list[LevelState], stiffness: np.ndarray) -> list[int]:
+    """A level below the highest that sticks, the one nearest to half of the fall, the lowest that slides."""
+    sticks, bends, slides = (
+        [k for k, one in enumerate(states) if one is wanted]
+        for wanted in (LevelState.STICKS, LevelState.BENDS, LevelState.SLIDES)
+    )
+    half = (stiffness[sticks].mean() + stiffness[slides].mean()) / 2
+    return [sticks[-2], min(bends, key=lambda k: float(abs(stiffness[k] - half))), slides[0]]
+
+
+def level_of_spectrum(record: Record, shape: np.ndarray) -> float:
+    """The rms of a force of a given spectrum (F,), of rms one, that moves the axis as far as a record does."""
+    U, Y, _ = (np.atleast_2d(one[0].mean(axis=0)) for one in record_spectra(record))
+    moved = np.sum(squared_modulus(Y)) * 2 / record.n_samples**2
+    return float(np.sqrt(moved / (np.sum(squared_modulus(Y / U) * shape**2) / 2)))

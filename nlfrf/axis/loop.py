@@ -1,0 +1,131 @@
+"""What a multisine at a port of a running drive makes of force and position: from gains and a rough plant, or measured.
+
+    u = transfer * multisine,  y = G * u;   transfer = C_port / (1 + G C),  C_force = 1
+
+C is the drive from position to force, G the plant from force set point to position with hold, delay and current lag.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import short_form
+from nlfrf._base.numbers import rfft_at
+from nlfrf._base.values import value
+from nlfrf.bla.bla import Bla
+from nlfrf.records.record import Record
+from nlfrf.rig.bench.servo import ServoAxis
+
+__all__ = ["DriveLoop", "drive_loop", "plant_frf", "record_spectra"]
+
+
+@value
+class DriveLoop:
+    """A linear loop on some lines.
+
+    Fields
+    ------
+    f : (F,) ndarray
+        Frequencies [Hz].
+    force, position : (F,) ndarray
+        Force set point and position of one unit at the port, complex.
+    """
+
+    f: np.ndarray
+    force: np.ndarray
+    position: np.ndarray
+
+
+def drive_loop(source: Any, port: str, f: np.ndarray, plant: Bla | None) -> DriveLoop:
+    """Return the loop on the lines f [Hz], of a drive with a rough plant or as a record measured it.
+
+    Raises
+    ------
+    ValueError
+        Another source; a record without reference; lines outside what was measured.
+    """
+    if isinstance(source, ServoAxis):
+        G = plant_frf(source, f) if plant is None else interpolate_frf(plant.f, np.asarray(plant.G), f, "plant")
+        force = port_frf(source, G, port, f)
+        return DriveLoop(f=f, force=force, position=G * force)
+    if not isinstance(source, Record):
+        raise ValueError(f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}")
+    if plant is not None:
+        raise ValueError("plant must be left out where the loop was measured, got one beside a record")
+    U, Y, R = record_spectra(source)
+    f_record = source.lines.excited * source.f0
+    force, position = (
+        interpolate_frf(f_record, np.mean(one / R, axis=0), f, "the record") for one in (U.mean(axis=1), Y.mean(axis=1))
+    )
+    return DriveLoop(f=f, force=force, position=position)
+
+
+def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(M, P, F) spectra of force and position, (M, F) of the reference, on the excited lines."""
+    if record.r is None or not record.is_single:
+        raise ValueError("source must be a record of one input and output with its reference r, got one without")
+    U, Y, R = (rfft_at(one, record.lines.excited) for one in (record.u, record.y, record.r))
+    return U, Y, R.mean(axis=1)
+
+
+def interpolate_frf(known: np.ndarray, H: np.ndarray, f: np.ndarray, what: str) -> np.ndarray:
+    """H at the frequencies f, by straight lines through its logarithm."""
+    if f[0] < known[0] * (1 - 1e-9) or f[-1] > known[-1] * (1 + 1e-9):
+        raise ValueError(
+            f"f_min and f_max must lie inside the lines of {what}, {known[0]:g} to {known[-1]:g} Hz, "
+            f"got lines from {f[0]:g} to {f[-1]:g} Hz"
+        )
+    log_gain, phase = np.log(np.abs(H)), np.unwrap(np.angle(H))
+    return np.asarray(np.exp(np.interp(f, known, log_gain) + 1j * np.interp(f, known, phase)))
+
+
+def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
+    """(F,) FRF from force set point to encoder, without friction: hold, delay and current lag included.
+
+    The hold is exact: x' = A x + B u over each period, in which u changes once, `delay_periods` after the sample.
+    """
+    from scipy.linalg import expm
+
+    drive, rig = axis.drive, axis.rig
+    n, Ts, lag = rig.n_axes, 1 / axis.drive.fs, axis.drive.lag
+    order = 2 * n + (lag > 0)
+    A, B, C = np.zeros((order, order)), np.zeros(order), np.zeros(order)
+    A[:n, n : 2 * n] = np.eye(n)
+    A[n : 2 * n, : 2 * n] = -np.linalg.solve(rig.mass, np.hstack([rig.stiffness, rig.damping]))
+    push = np.linalg.solve(rig.mass, np.asarray(rig.actuators))[:, 0]
+    if lag > 0:
+        A[n : 2 * n, -1], A[-1, -1], B[-1] = push, -1 / lag, 1 / lag
+    else:
+        B[n : 2 * n] = push
+    C[:n] = np.asarray(rig.sensors)[0]
+
+    def held(T: float) -> tuple[np.ndarray, np.ndarray]:
+        whole = expm(T * np.block([[A, B[:, None]], [np.zeros((1, order + 1))]]))
+        return whole[:order, :order], whole[:order, -1]
+
+    whole, part = divmod(drive.delay_periods, 1.0)
+    (Phi, _), (_, early), (late_Phi, late) = held(Ts), held(part * Ts), held((1 - part) * Ts)
+    z = np.exp(2j * np.pi * f * Ts)
+    inputs = np.outer(z ** -(whole + 1), late_Phi @ early) + np.outer(z**-whole, late)
+    return np.array([C @ np.linalg.solve(one * np.eye(order) - Phi, b) for one, b in zip(z, inputs, strict=True)])
+
+
+def port_frf(axis: ServoAxis, G: np.ndarray, port: str, f: np.ndarray) -> np.ndarray:
+    """(F,) force set point of one unit at a port, the loop closed around G; the equations of docs/guide/axis.md.
+
+    A position loop that runs in every nth period is taken as its mean over them: what it folds down is left out.
+    """
+    drive, Ts = axis.drive, 1 / axis.drive.fs
+    z, every = np.exp(2j * np.pi * f * Ts), axis.drive.position_every
+    smoothing = Ts / (Ts + drive.velocity_lag)
+    speed = (1 - 1 / z) / Ts * smoothing / (1 - (1 - smoothing) / z)
+    pi = axis.force_constant * drive.kp * (1 + Ts / drive.tn / (z - 1))
+    for section in np.asarray(drive.filters):
+        pi = pi * np.polyval(section[:3], z) / np.polyval(section[3:], z)
+    hold = (1 - z**-every) / (every * (1 - 1 / z))
+    by_position = drive.kv * hold
+    ahead = drive.velocity_feedforward * hold * (1 - z**-every) / (every * Ts)
+    entry = {"force": 1.0, "velocity": pi, "position": pi * (by_position + ahead)}[port]
+    return np.asarray(entry / (1 + G * pi * (by_position + speed)))

@@ -1,0 +1,126 @@
+"""The simulated axis in place of a drive: it plays the file that a drive would play, and writes what it traces."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.files import require_writable, to_path, write_table
+from nlfrf.io.channels import Channels, read_channels
+from nlfrf.rig.bench.servo import ServoAxis, ServoTrace, run_servo
+from nlfrf.signals.axis_experiment import PORTS, AxisLimits
+
+__all__ = ["play_experiment"]
+
+
+def play_experiment(
+    axis: ServoAxis,
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    limits: AxisLimits | None = None,
+    oversampling: int = 1,
+) -> ServoTrace:
+    """Play a file of set points on a simulated axis, and write its trace.
+
+    Parameters
+    ----------
+    axis : ServoAxis
+        Machine and drive.
+    path : path
+        Table to play, as `nlfrf.save` writes it of an experiment: time, and set points called position, velocity or
+        force.
+    out : path
+        The trace to write, a ``.csv`` with set points and actual values of position, velocity, current and force, each
+        with its unit.
+    limits : AxisLimits, optional
+        The trace ends where one of them is passed, as a drive that watches them stops.
+    oversampling : int
+        As in `run_servo`.
+
+    Returns
+    -------
+    ServoTrace
+        What was written, and what a drive does not see.
+
+    Raises
+    ------
+    ValueError
+        A file without a set point, of another sampling frequency or other units than the drive; limits that are passed
+        at once; a trace that is no ``.csv``.
+    FileNotFoundError
+        No such file.
+
+    References
+    ----------
+    docs/guide/axis.md: the files that are exchanged with a drive.
+
+    Examples
+    --------
+    >>> import nlfrf, tempfile
+    >>> from nlfrf.axis import design_experiment, load_trace, play_experiment
+    >>> axis = nlfrf.servo_axis("belt")
+    >>> experiment = design_experiment(axis, n_samples=4000, f_min=5, f_max=200, rms=20, rng=1)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> nlfrf.save(experiment, f"{folder.name}/play.csv")
+    >>> trace = play_experiment(axis, f"{folder.name}/play.csv", f"{folder.name}/trace.csv")
+    >>> with open(f"{folder.name}/trace.csv") as file:
+    ...     file.readline()
+    't [s],position set point [m],position [m],velocity set point [m/s],velocity [m/s],current set point [A],current...
+    >>> folder.cleanup()
+    """
+    require_kind("axis", axis, ServoAxis)
+    out = to_path(out)
+    if out.suffix.lower() != ".csv":
+        raise ValueError(f"out must end in .csv, got {out.name!r}")
+    require_writable(out)
+    file = read_channels(to_path(path))
+    position, force = axis.units
+    units = dict(zip(PORTS, (force, f"{position}/s", position), strict=True))
+    played = {port: set_point(file, port, units[port]) for port in PORTS}
+    given: dict[str, Any] = {port: signal for port, signal in played.items() if signal is not None}
+    if not given:
+        raise ValueError(f"path must hold set points called {', '.join(PORTS)}, got none in {Path(file.path).name!r}")
+    fs = file.sampling_frequency(None, tuple(given))
+    if abs(fs / axis.drive.fs - 1) > 1e-6:
+        raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {fs:g} Hz")
+    trace = run_servo(axis, oversampling=oversampling, **given)
+    n = stop_sample(trace, AxisLimits() if limits is None else limits)
+    if n < 2:
+        raise ValueError(
+            "limits must be above what the axis does in its first period, got limits that are passed there"
+        )
+    columns = {
+        "t [s]": trace.t,
+        f"position set point [{position}]": trace.position_set,
+        f"position [{position}]": trace.position,
+        f"velocity set point [{position}/s]": trace.velocity_set,
+        f"velocity [{position}/s]": trace.velocity,
+        "current set point [A]": trace.current_set,
+        "current [A]": trace.current,
+        f"force set point [{force}]": trace.force_set,
+    }
+    write_table(out, np.column_stack(list(columns.values()))[:n], list(columns))
+    return trace
+
+
+def set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
+    """The set points of a port, None where the file has none; refused in another unit."""
+    full = file.full_name(port)
+    if full not in file.arrays:
+        return None
+    if file.unit(full) not in ("", unit):
+        raise ValueError(f"path must have its {port} in {unit}, as the axis has it, got {full!r}")
+    return file.signal(port, port)
+
+
+def stop_sample(trace: ServoTrace, limits: AxisLimits) -> int:
+    """How many samples pass before a limit is."""
+    require_kind("limits", limits, AxisLimits)
+    way = np.maximum.accumulate(trace.position) - np.minimum.accumulate(trace.position)
+    passed = (np.abs(trace.force_set) > limits.force) | (np.abs(trace.v[0]) > limits.velocity) | (way > limits.travel)
+    return int(np.argmax(passed)) if passed.any() else trace.t.size

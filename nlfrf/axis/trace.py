@@ -1,0 +1,332 @@
+"""The trace of a drive that played an experiment, read into records: cut, base motion taken off, its faults named.
+
+What was played is known to the last sample. So every record has its reference, and what a trace holds is held against
+what the design expects of it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning, require_kind, require_real
+from nlfrf._base.files import to_path
+from nlfrf._base.numbers import rfft_at, squared_modulus
+from nlfrf.io.channels import Channels, read_channels, to_paths
+from nlfrf.io.designs import load_experiment
+from nlfrf.records.record import Record
+from nlfrf.records.reference import design_period
+from nlfrf.records.screening.input import warn_about_channel
+from nlfrf.signals.axis_experiment import AxisExperiment
+
+__all__ = ["load_trace"]
+
+#: Units that no force has: a channel that carries one is a position, a velocity or an acceleration.
+MOTION_UNITS = (
+    *("m", "mm", "um", "µm", "nm", "rad", "mrad", "deg", "°", "inc", "counts", "m/s", "mm/s", "rad/s", "deg/s", "°/s"),
+    *("rpm", "1/min", "rev/min", "U/min", "m/s^2", "m/s²", "mm/s^2", "mm/s²", "rad/s^2", "rad/s²"),
+)
+SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the one that was played: rounding
+OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expected to differ from it
+MIN_LIKENESS = 0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
+FACTOR = 2.0  # between what is measured and what the design expects, on the upper lines, where friction hardly counts
+UPPER_SHARE = 1 / 3  # of the lines that count as upper
+OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
+TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back without a word
+
+
+def load_trace(
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    experiment: AxisExperiment | str | os.PathLike[str],
+    *,
+    u: str = "force set point",
+    y: str = "position",
+    fs: float | None = None,
+    start: float = 0.0,
+) -> tuple[Record, ...]:
+    """Read what a drive traced while it played an experiment, as records for `identify`.
+
+    Each direction of a base motion is a record of its own, and so is each level of a ramp. The base motion and what is
+    left of its trend are taken off the position. Periods in which the axis starts, turns back, or changes its level are
+    left out. The reference is what was played.
+
+    Parameters
+    ----------
+    path : path, or a list of them
+        The trace, in any format of `load_record`; a list has one file a realisation, in any order.
+    experiment : AxisExperiment or path
+        What was played, or the ``.npz`` that `nlfrf.save` wrote beside the file to play.
+    u : str
+        Name of the force, torque or current set point behind the loops.
+    y : str
+        Name of the actual position.
+    fs : float, optional
+        Sampling frequency of the trace [Hz]; from the file when not given.
+    start : float
+        Time from the first sample of the trace to the first sample that was played [s].
+
+    Returns
+    -------
+    tuple of Record
+        In the order of `experiment.labels`: one at rest; one or two in motion; one a level of a ramp, as far as the
+        trace goes.
+
+    Raises
+    ------
+    ValueError
+        A trace that does not answer what was played (another file, another period or clock); a set point in place of
+        the force or the position; a base motion at another velocity; a trace that is too short or too slow.
+    FileNotFoundError
+        No such file.
+
+    Warns
+    -----
+    DataWarning
+        A force at its limit; an output of the wrong sign; force or position of another size than the design expects; a
+        slower clock than that of the drive; an axis that turns back in motion.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4: FRF of a closed loop.
+
+    Examples
+    --------
+    >>> import nlfrf, tempfile
+    >>> from nlfrf.axis import design_experiment, load_trace, play_experiment
+    >>> axis = nlfrf.servo_axis("belt")
+    >>> motion = {"base_velocity": 0.1, "strokes": 1}
+    >>> experiment = design_experiment(axis, n_samples=4000, f_min=5, f_max=200, rms=20, rng=1, **motion)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> nlfrf.save(experiment, f"{folder.name}/play.csv")
+    >>> trace = play_experiment(axis, f"{folder.name}/play.csv", f"{folder.name}/trace.csv")
+    >>> forward, backward = load_trace(f"{folder.name}/trace.csv", f"{folder.name}/play.npz")
+    >>> nlfrf.identify(forward).input_units, forward.u.shape
+    (('N',), (1, 2, 4000))
+    >>> folder.cleanup()
+    """
+    if isinstance(experiment, str | os.PathLike):
+        experiment = load_experiment(experiment)
+    require_kind("experiment", experiment, AxisExperiment)
+    start = require_real("start", start)
+    runs = [read_run(read_channels(to_path(one)), u, y, fs) for one in to_paths(path)]
+    if len(runs) != experiment.ms.n_realizations:
+        raise ValueError(f"path must be one trace a realisation, {experiment.ms.n_realizations}, got {len(runs)}")
+    return records_of_runs(runs, experiment, start)
+
+
+def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -> tuple[Record, ...]:
+    """The records of traces, after a look at what they hold."""
+    fs, lines = runs[0].fs, experiment.ms.lines
+    N = design_period(experiment.ms, fs)
+    require_fast_trace(experiment, fs, N)
+    cut = [cut_run(run, experiment, N, start) for run in runs]
+    labels = [label for label in experiment.groups if all(label in one for one in cut)]
+    if not labels or (len(labels) < len(experiment.groups) and not experiment.is_ramp):
+        raise ValueError(
+            f"path must hold the whole experiment, {experiment.duration:g} s from start = {start:g} s on, got "
+            f"{min(run.u.size for run in runs) / fs:g} s"
+        )
+    drawn = experiment.ms.sampled(N)
+    order = match_realizations([one[labels[-1]] for one in cut], drawn, lines.excited)
+    hold = "zoh" if experiment.ms.n_samples == N else "unknown"
+    records = []
+    for label in labels:
+        parts = [cut[m][label] for m in order]
+        P = min(len(one.u) for one in parts)
+        u, y = (np.stack([getattr(one, name)[:P] for one in parts]) for name in ("u", "y"))
+        if experiment.is_ramp and np.ptp(y) == 0:
+            continue  # below the step of the encoder
+        r = np.repeat(experiment.gains[experiment.groups[label][0]] * drawn[:, None], P, axis=1)
+        records.append(Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **runs[0].labels))
+    if not records:
+        raise ValueError("y must move by at least one step of its encoder, got a position that stands still")
+    examine_trace(experiment, records[-1])
+    if not experiment.is_ramp:
+        for label, record in zip(labels, records, strict=True):
+            examine_motion(experiment, label, record, max(one[label].drift for one in cut))
+            warn_of_other_level(experiment, label, record)
+    return tuple(records)
+
+
+class Run(NamedTuple):
+    """One trace: force set point and position (n,), sampling frequency [Hz], names and units."""
+
+    u: np.ndarray
+    y: np.ndarray
+    fs: float
+    labels: dict[str, Any]
+
+
+class Periods(NamedTuple):
+    """Kept periods (P, N) of force set point and position, and the base velocity that was measured over the played."""
+
+    u: np.ndarray
+    y: np.ndarray
+    drift: float
+
+
+def read_run(file: Channels, u: str, y: str, fs: float | None) -> Run:
+    """The two channels of a file; a force in a unit of motion is refused."""
+    run = Run(file.signal("u", u), file.signal("y", y), file.sampling_frequency(fs, (u, y)), file.labels(u, y))
+    unit = run.labels["u_unit"]
+    if unit in MOTION_UNITS:
+        raise ValueError(
+            f"u must be the force, torque or current set point behind the loops, got {u!r} in {unit}: "
+            "trace that channel, not a set point of motion"
+        )
+    if run.u.size != run.y.size:
+        raise ValueError(f"y must be as long as u, {run.u.size} samples, got {run.y.size}")
+    return run
+
+
+def require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
+    """Refuse a trace that is too slow for the lines, and warn of one that is slower than the drive."""
+    ms = experiment.ms
+    if 2 * ms.lines.excited[-1] >= N:
+        raise ValueError(f"fs must be above {2 * ms.f[-1]:g} Hz for lines up to {ms.f[-1]:g} Hz, got {fs:g} Hz")
+    if ms.n_samples > N:
+        data_warning(
+            f"the trace is sampled at {fs:g} Hz and the drive at {ms.fs:g} Hz: unless the scope filtered it, what lies "
+            f"above {fs / 2:g} Hz is folded into G. Trace every sample of the drive"
+        )
+
+
+def cut_run(run: Run, experiment: AxisExperiment, N: int, start: float) -> dict[str, Periods]:
+    """The kept periods of each group that the trace reaches, the base motion and the rest of its trend taken off."""
+    first = round(start * run.fs)
+    block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
+    moments = (np.arange(run.y.size) - first) / run.fs
+    base = np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
+    found = {}
+    for label, segments in experiment.groups.items():
+        u, y, drifts = [], [], []
+        for s in segments:
+            begin = first + s * block + discard
+            n = min(experiment.n_periods, (run.u.size - begin) // N)
+            if begin < 0 or n < 1:
+                continue
+            some = slice(begin, begin + n * N)
+            u.append(run.u[some].reshape(n, N))
+            way = (run.y - base)[some].reshape(n, N)
+            slope = float(np.polyfit(np.arange(n) * N, way.mean(axis=1), 1)[0]) if n > 1 else 0.0
+            velocity = float(experiment.velocities[s])
+            if velocity:
+                way = way - slope * np.arange(n * N).reshape(n, N)
+                drifts.append(abs(slope * run.fs / velocity))
+            y.append(way - way.mean())
+        if u:
+            found[label] = Periods(np.concatenate(u), np.concatenate(y), max(drifts, default=0.0))
+    return found
+
+
+def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
+    """How smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike."""
+    H = U / R
+    steps = np.divide(
+        H[1:] * H[:-1].conj(), np.abs(H[1:] * H[:-1]), out=np.zeros(H.size - 1, complex), where=H[1:] != 0
+    )
+    widths = np.diff(lines)
+    return float(sum(abs(steps[widths == one].sum()) for one in np.unique(widths)) / steps.size)
+
+
+def match_realizations(parts: list[Periods], drawn: np.ndarray, lines: np.ndarray) -> list[int]:
+    """Which trace answers each realisation; refused where one has none."""
+    U, R = (rfft_at(one, lines) for one in (np.stack([one.u.mean(axis=0) for one in parts]), drawn))
+    found = np.array([[likeness(one, drawn_one, lines) for one in U] for drawn_one in R])
+    order = [int(m) for m in found.argmax(axis=1)]
+    for m, likely in enumerate(found.max(axis=1)):
+        if not likely > MIN_LIKENESS or len(set(order)) < len(order):
+            raise ValueError(
+                f"path must be the trace of what was played, got a force that follows realisation {m + 1} to "
+                f"{100 * likely:.0f} % (100: smoothly over all lines): is it this file, its clock, its start?"
+            )
+    return order
+
+
+def same_signal(A: np.ndarray, R: np.ndarray, lines: np.ndarray, N: int) -> float:
+    """Share of the power of spectra A (F,) that is not R with one gain and a delay of a few samples."""
+    delays = np.exp(-2j * np.pi * np.outer(np.arange(-4, 5), lines) / N)
+    gain = np.max(np.abs(np.sum(A * (R * delays).conj(), axis=1).real)) ** 2 / np.sum(squared_modulus(R))
+    return float(1 - gain / np.sum(squared_modulus(A)))
+
+
+def examine_trace(experiment: AxisExperiment, record: Record) -> None:
+    """Refuse set points in place of what was measured; warn of a limit, a wrong sign, another size than expected."""
+    lines, N, ms = record.lines.excited, record.n_samples, experiment.ms
+    U, Y, R = (rfft_at(one.mean(axis=1), lines) for one in (record.u, record.y, record.r))
+    for name, A, expected, cure in (
+        ("u", U, experiment.force_response, "trace the force, torque or current set point behind the loops"),
+        ("y", Y, experiment.position_response, "trace the actual position"),
+    ):
+        if (
+            same_signal(A[0], R[0], lines, N) < SAME_SIGNAL
+            and same_signal(expected * R[0], R[0], lines, N) > OTHER_SIGNAL
+        ):
+            raise ValueError(f"{name} must be measured in the loop, got the multisine that was played: {cure}")
+    warn_about_channel("u", np.ascontiguousarray(record.u[0]).ravel(), N)
+    if is_turned(U, Y, 2 * np.pi * ms.f):
+        data_warning(
+            "y falls where u rises, as of a negative mass: turn the sign of the position or of the force, "
+            "before a controller is designed for it"
+        )
+    upper = slice(-max(int(UPPER_SHARE * lines.size), 3), None)
+    for what, A, expected in (
+        (f"u ({record.u_name or 'force'})", U, experiment.force_response),
+        (f"y ({record.y_name or 'position'})", Y, experiment.position_response),
+    ):
+        ratio = float(np.median(np.abs(A / R / expected)[:, upper]))
+        if not 1 / FACTOR < ratio < FACTOR:
+            data_warning(
+                f"{what} is {ratio:.3g} times what the design expects on the upper lines, where friction hardly "
+                f"counts: is it in another unit than {experiment.force_unit if A is U else experiment.position_unit}, "
+                "or the machine another one?"
+            )
+
+
+def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) -> None:
+    """Warn of a force far from what was asked for: the loop is not the one that the design took."""
+    U = rfft_at(record.u.mean(axis=1), record.lines.excited) * 2 / record.n_samples
+    reached = float(np.sqrt(np.mean(np.sum(squared_modulus(U), axis=1)) / 2))
+    if not 1 / FACTOR < reached / experiment.rms < FACTOR:
+        data_warning(
+            f"the force is {reached:.3g} {experiment.force_unit} rms {label}, not {experiment.rms:.3g} as designed: "
+            "friction, or another machine. Design again with this record as source"
+        )
+
+
+def is_turned(U: np.ndarray, Y: np.ndarray, omega: np.ndarray) -> bool:
+    """Whether U = (k - m w^2 + j c w) Y fits far better with all three negative than with none negative."""
+    from scipy.optimize import nnls
+
+    low = slice(0, max(omega.size // 2, 3))  # a delay turns the upper ones
+    columns = [(Y * factor)[:, low].ravel() for factor in (np.ones(omega.size), -(omega**2), 1j * omega)]
+    A, b = np.column_stack([np.concatenate([one.real, one.imag]) for one in columns]), U[:, low].ravel()
+    b = np.concatenate([b.real, b.imag])
+    scale = np.linalg.norm(A, axis=0)
+    right, turned = (float(nnls(A / scale, sign * b)[1]) for sign in (1.0, -1.0))
+    return turned < right / 2
+
+
+def examine_motion(experiment: AxisExperiment, label: str, record: Record, off: float) -> None:
+    """Refuse a base motion at another velocity, and warn of an axis that turns back in it."""
+    velocity = float(experiment.velocities[experiment.groups[label][0]])
+    if not velocity:
+        return
+    unit = f"{experiment.position_unit}/s"
+    if off > OFF_VELOCITY:
+        raise ValueError(
+            f"y must move at the base velocity of {velocity:g} {unit} {label}, got one that is off by "
+            f"{100 * off:.2g} %: is y the actual position in {experiment.position_unit}, and start right?"
+        )
+    lines, N = record.lines.excited, record.n_samples
+    spectrum = np.zeros((record.n_realizations, N // 2 + 1), dtype=complex)
+    spectrum[:, lines] = 2j * np.pi * lines * record.f0 * rfft_at(record.y.mean(axis=1), lines)
+    back = float(np.mean((np.fft.irfft(spectrum, N, axis=1) + velocity) * velocity < 0))
+    if back > TURNED_BACK:
+        data_warning(
+            f"the axis turns back in {100 * back:.2g} % of the samples {label}: it does not slide all the time. "
+            f"Raise base_velocity above {abs(velocity):g} {unit}, or lower the level"
+        )

@@ -1,0 +1,235 @@
+"""What is played into a running drive: a multisine at one of its ports, at rest or over a base motion.
+
+An experiment is a sequence of segments. Each holds one amplitude of the multisine and one base velocity for
+`n_discard + n_periods` periods. Amplitude and velocity reach their new value over the first quarter of a period, and
+return to zero over a quarter of a period behind the last segment, so no set point jumps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf._base.arguments import (
+    require_choice,
+    require_integer,
+    require_kind,
+    require_nonnegative,
+    require_real_array,
+)
+from nlfrf._base.values import value
+from nlfrf.signals.multisine import Multisine
+
+__all__ = ["PORTS", "AxisExperiment", "AxisLimits", "stepped_profile"]
+
+PORTS = ("force", "velocity", "position")
+
+
+@value
+class AxisLimits:
+    """What an experiment must not pass, base motion included; infinite where there is no limit.
+
+    Fields
+    ------
+    force : float
+        Peak of the force set point, in the unit in which the drive traces it: [N], [Nm] or [A].
+    velocity : float
+        Peak of the velocity [m/s] or [rad/s].
+    travel : float
+        Distance between the two ends of the motion [m] or [rad].
+
+    Raises
+    ------
+    ValueError
+        A limit that is negative or no number.
+
+    References
+    ----------
+    Beckhoff TE5960 (TwinCAT 3 motion tuning): a limit of torque and a position window around every excitation.
+
+    Examples
+    --------
+    >>> AxisLimits(velocity=0.2).force
+    inf
+    """
+
+    force: float = np.inf
+    velocity: float = np.inf
+    travel: float = np.inf
+
+    def __post_init__(self) -> None:
+        for name in ("force", "velocity", "travel"):
+            if getattr(self, name) != np.inf:
+                require_nonnegative(name, getattr(self, name))
+
+
+@value
+class AxisExperiment:
+    """A multisine for one port of a running drive, its base motion, and what it is expected to do.
+
+    Made by `design_experiment` and `design_ramp`, written to play by `nlfrf.save`, simulated by `play_experiment`, and
+    read back from a trace by `load_trace`.
+
+    Fields
+    ------
+    ms : Multisine
+        What is added at the port, at an amplitude of one in `gains`; M realisations.
+    port : str
+        "position", "velocity" or "force": the set point of the drive that it is added to.
+    force_response, position_response : (F,) ndarray
+        Complex amplitude of force set point and position that is expected of one unit at the port, on the lines.
+    gains : (S,) ndarray
+        Amplitude of each segment.
+    velocities : (S,) ndarray
+        Base velocity of each segment [m/s] or [rad/s].
+    n_periods, n_discard : int
+        Periods of each segment that are kept, and periods before them.
+    position_unit, force_unit : str
+        Units of position and force set point.
+    peak_force, peak_velocity, travel : float
+        Largest values that are expected, base motion included, in those units.
+
+    Raises
+    ------
+    ValueError
+        Arrays that do not fit each other, numbers out of range.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4 and 5.2.
+
+    Examples
+    --------
+    >>> import nlfrf.axis
+    >>> axis = nlfrf.servo_axis("belt")
+    >>> experiment = nlfrf.axis.design_experiment(axis, n_samples=4000, f_min=5, f_max=200, rms=20, rng=1)
+    >>> round(experiment.rms, 6), experiment.labels
+    (20.0, ('at rest',))
+    """
+
+    ms: Multisine
+    port: str
+    force_response: np.ndarray
+    position_response: np.ndarray
+    gains: np.ndarray
+    velocities: np.ndarray
+    n_periods: int
+    n_discard: int
+    position_unit: str = "m"
+    force_unit: str = "N"
+    peak_force: float = np.nan
+    peak_velocity: float = np.nan
+    travel: float = np.nan
+
+    def __post_init__(self) -> None:
+        require_kind("ms", self.ms, Multisine)
+        require_choice("port", self.port, PORTS)
+        require_integer("n_periods", self.n_periods, least=1)
+        require_integer("n_discard", self.n_discard, least=1)
+        for name in ("force_response", "position_response"):
+            if np.shape(getattr(self, name)) != self.ms.f.shape:
+                raise ValueError(
+                    f"{name} must have one value per line ({self.ms.f.size}), got {np.shape(getattr(self, name))}"
+                )
+        gains, velocities = (require_real_array(one, getattr(self, one), ndim=1) for one in ("gains", "velocities"))
+        if gains.shape != velocities.shape or not gains.size:
+            raise ValueError(f"velocities must be one a segment, {gains.size} of them, got {velocities.size}")
+
+    @property
+    def n_segments(self) -> int:
+        """Segments S."""
+        return self.gains.size
+
+    @property
+    def block(self) -> int:
+        """Samples in one segment."""
+        return (self.n_discard + self.n_periods) * self.ms.n_samples
+
+    @property
+    def n_rows(self) -> int:
+        """Samples from begin to end."""
+        return self.n_segments * self.block + self.ms.n_samples // 4
+
+    @property
+    def duration(self) -> float:
+        """Time from begin to end [s]."""
+        return self.n_rows / self.ms.fs
+
+    @property
+    def force_amplitude(self) -> np.ndarray:
+        """(F,) amplitude that is expected of the force set point on each line, at an amplitude of one in `gains`."""
+        return np.asarray(self.ms.amplitude * np.abs(self.force_response))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square that is expected of the force set point in the loudest segment."""
+        return float(self.gains.max() * np.sqrt(np.sum(self.force_amplitude**2) / 2))
+
+    @property
+    def base(self) -> np.ndarray:
+        """(n,) position set point without the multisine."""
+        velocity = stepped_profile(self.velocities, self.block, self.ms.n_samples // 4)
+        return np.asarray(np.cumsum(velocity) / self.ms.fs)
+
+    @property
+    def excitation(self) -> np.ndarray:
+        """(M, n) what is added at the port."""
+        gain = stepped_profile(self.gains, self.block, self.ms.n_samples // 4)
+        repeats = -(-gain.size // self.ms.n_samples)
+        return np.asarray(gain * np.tile(self.ms.u, repeats)[:, : gain.size])
+
+    def set_points(self, realization: int) -> dict[str, np.ndarray]:
+        """(n,) set points to play, by port; the position, and what the multisine is added to."""
+        found = {"position": self.base}
+        found[self.port] = found.get(self.port, 0.0) + self.excitation[realization]
+        return found
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each port."""
+        return {"force": self.force_unit, "velocity": f"{self.position_unit}/s", "position": self.position_unit}
+
+    @property
+    def is_ramp(self) -> bool:
+        """Whether its segments are levels, at rest."""
+        return self.n_segments > 1 and not np.any(self.velocities)
+
+    @property
+    def groups(self) -> dict[str, tuple[int, ...]]:
+        """Segments that are one record, by its label: each direction, each level of a ramp."""
+        if self.is_ramp:
+            return {f"level {s + 1}": (s,) for s in range(self.n_segments)}
+        names = {-1: "backward", 0: "at rest", 1: "forward"}
+        signs = np.sign(self.velocities).astype(int)
+        return {names[one]: tuple(np.flatnonzero(signs == one).tolist()) for one in dict.fromkeys(signs.tolist())}
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each record of it is called."""
+        return tuple(self.groups)
+
+    def __str__(self) -> str:
+        ms, force, position = self.ms, self.force_unit, self.position_unit
+        v = np.abs(self.velocities).max()
+        motion = f"in motion at {v:g} {position}/s" if v else "at rest"
+        levels = f", {self.n_segments} levels from {self.rms * self.gains.min() / self.gains.max():.3g} {force} on"
+        return (
+            f"{ms.kind} multisine at the {self.port} set point, {motion}, {ms.f.size} lines from {ms.f[0]:g} to "
+            f"{ms.f[-1]:g} Hz, {self.duration:.3g} s\n"
+            f"force {self.rms:.3g} {force} rms{levels if len(self.groups) > 2 else ''}; expected peaks "
+            f"{self.peak_force:.3g} {force}, {self.peak_velocity:.3g} {position}/s, travel {self.travel:.3g} {position}"
+        )
+
+
+def stepped_profile(levels: np.ndarray, block: int, rise: int) -> np.ndarray:
+    """(n,) levels (S,) held for `block` samples each, reached over `rise` samples, with as many back to zero behind.
+
+    >>> stepped_profile(np.array([2.0, -2.0]), 4, 2).round(2)
+    array([ 0.29,  1.71,  2.  ,  2.  ,  1.41, -1.41, -2.  , -2.  , -1.71, -0.29])
+    """
+    wanted = np.concatenate([np.repeat(np.asarray(levels, dtype=float), block), np.zeros(rise)])
+    share = (1 - np.cos(np.pi * (np.arange(rise) + 0.5) / rise)) / 2
+    before = 0.0
+    for k, after in enumerate([*levels, 0.0]):
+        wanted[k * block : k * block + rise] = before + (after - before) * share
+        before = after
+    return wanted
