@@ -16,7 +16,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf.bla.frf import estimate_frm
-from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.spectra import period_spectra
 
 SETS = 4
@@ -61,19 +61,19 @@ def peer(name, record):
 
 def by_their_definition(record):
     """Covariances of vec(G): noise and total from samples of the whole matrix, over periods and over sets."""
-    spectra, _ = period_spectra(record, place_lines(record.lines))
-    excited = spectra.on_excited()
+    spectra, _ = period_spectra(record, index_lines(record.lines))
+    excited = spectra.select_excited()
     frm = estimate_frm(excited)
-    R, n_u = len(frm.each), record.n_inputs
+    R, n_u = len(frm.G_each), record.n_inputs
     U, dU, dY = excited.U, excited.dU, excited.dY
     noise = 0.0
     for m in range(R):
         of_set = slice(m * n_u, (m + 1) * n_u)
-        dV = dY[:, of_set] - np.einsum("jif,iedf->jedf", frm.each[m], dU[:, of_set])
+        dV = dY[:, of_set] - np.einsum("jif,iedf->jedf", frm.G_each[m], dU[:, of_set])
         dG = np.einsum("jedf,fei->fdij", dV, np.linalg.inv(np.moveaxis(U[:, of_set], 2, 0)))
         flat = dG.reshape(*dG.shape[:2], -1)  # vec: columns of G one after the other
         noise = noise + np.einsum("fda,fdb->fab", flat, flat.conj()) / R**2
-    apart = np.moveaxis(frm.each - frm.G, 3, 0).swapaxes(2, 3).reshape(excited.lines.size, R, -1)
+    apart = np.moveaxis(frm.G_each - frm.G, 3, 0).swapaxes(2, 3).reshape(excited.lines.size, R, -1)
     return {"noise": noise, "total": np.einsum("fra,frb->fab", apart, apart.conj()) / (R * (R - 1))}
 
 

@@ -24,8 +24,8 @@ from .bla.gains import rga as rga
 from .bla.gains import singular_values as singular_values
 from .bla.identify import identify as identify
 from .bla.noise_excitation import identify_noise as identify_noise
-from .bla.second_opinion import SecondOpinion as SecondOpinion
-from .bla.second_opinion import second_opinion as second_opinion
+from .bla.cross_check import SecondOpinion as SecondOpinion
+from .bla.cross_check import second_opinion as second_opinion
 
 # Files
 from .io.designs import load_multisine as load_multisine

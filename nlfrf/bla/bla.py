@@ -11,10 +11,10 @@ import numpy as np
 from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_probability, require_real
 from nlfrf._base.numbers import TINY, roy_quantile
 from nlfrf._base.values import Sketch, field_names, value
-from nlfrf.bla.calibration import FEW
+from nlfrf.bla.calibration import FEW_LINES
 from nlfrf.bla.covariance import diagonal, hermitian_sqrt
-from nlfrf.bla.local_models import LEAST, fit_locally
-from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.line_index import index_lines
+from nlfrf.bla.local_models import MIN_FIT_LINES, fit_locally
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
@@ -24,9 +24,9 @@ __all__ = ["COVARIANCES", "Bla", "DistortionLevels", "Frm"]
 #: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
 #: smoothly: none of a saturation, up to a half of a fifth power. A half costs 7 % more of the loss than a quarter.
 #: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and it is in `var_bound`.
-UNSEEN = {"roughness": 0.25}
-KINDS = ("noise", "total", "distortion", "even", "bound")
-COVARIANCES = tuple(f"cov_{kind}" for kind in KINDS)
+SMOOTH_SHARE = {"roughness": 0.25}
+COVARIANCE_KINDS = ("noise", "total", "distortion", "even", "bound")
+COVARIANCES = tuple(f"cov_{kind}" for kind in COVARIANCE_KINDS)
 PER_LINE = ("f", "dof", "grid_factor", "coherence")
 PER_REALIZATION = ("distortion", "even")  # whose variances are of one realisation, whatever their number is
 AROUND = 9  # lines over which noise and distortion are told apart
@@ -225,7 +225,7 @@ class Bla(Channels):
         )
         covariances = (cov_noise, cov_total, cov_distortion, cov_even, cov_bound)
         variances = (var_noise, var_total, var_distortion, var_even, var_bound)
-        for kind, cov, var in zip(KINDS, covariances, variances, strict=True):
+        for kind, cov, var in zip(COVARIANCE_KINDS, covariances, variances, strict=True):
             if var is not None:  # of one input and one output
                 per_set = n_realizations if kind in PER_REALIZATION else 1
                 cov = (np.asarray(var) / per_set)[None, None] / self.gamma
@@ -261,7 +261,7 @@ class Bla(Channels):
         if not self.is_single:
             return several
         kept = [name for name in several if name != "gamma" and name not in COVARIANCES]
-        return (*kept, *(f"var_{kind}" for kind in KINDS))
+        return (*kept, *(f"var_{kind}" for kind in COVARIANCE_KINDS))
 
     @property
     def matrix(self) -> np.ndarray:
@@ -326,7 +326,7 @@ class Bla(Channels):
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov_bound
-        missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
+        missing = SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW_LINES else 0.0
         new = (self.n_realizations + missing) * self.typical
         share = np.sqrt(new * np.atleast_2d(self.distorted_share()))
         return self.cov_bound * (1 + share[:, None] * share)
@@ -526,9 +526,9 @@ class Bla(Channels):
         """
         if not self.is_single:
             raise ValueError(f"bla must be of one input and output, got {self.G.shape}; take entry(output, input)")
-        if self.f.size < LEAST or np.isfinite(self.coherence).any():
+        if self.f.size < MIN_FIT_LINES or np.isfinite(self.coherence).any():
             return np.full(self.f.size, np.nan)
-        return fit_locally(self.G[None], np.ones((1, self.f.size)), place_lines(self.lines)).variance[0]
+        return fit_locally(self.G[None], np.ones((1, self.f.size)), index_lines(self.lines)).variance[0]
 
     def __str__(self) -> str:
         """What was found, in a few lines."""
@@ -618,9 +618,9 @@ def describe_matrix(bla: Bla) -> str:
         f"P = {bla.n_periods}"
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
-        relative = middle(bla.bound() / gain)
-        distortion = 10 * np.log10(middle(bla.var_distortion / gain**2))
-        noise = 10 * np.log10(middle(bla.n_realizations * bla.var_noise / gain**2))
+        relative = median_over_lines(bla.bound() / gain)
+        distortion = 10 * np.log10(median_over_lines(bla.var_distortion / gain**2))
+        noise = 10 * np.log10(median_over_lines(bla.n_realizations * bla.var_noise / gain**2))
     has_noise = np.isfinite(bla.var_noise).any()  # which a single period does not show
     for j, out in enumerate(bla.outputs):
         for i, name in enumerate(bla.inputs):
@@ -635,6 +635,6 @@ def describe_matrix(bla: Bla) -> str:
     return "\n".join(rows)
 
 
-def middle(share: np.ndarray) -> np.ndarray:
+def median_over_lines(share: np.ndarray) -> np.ndarray:
     """(n_y, n_u) median over lines of shares of |G|; nothing of nothing is none."""
     return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))

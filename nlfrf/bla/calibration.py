@@ -12,20 +12,33 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, fast_length, rms, squared_modulus
 
-__all__ = ["COHERENT_SHARE", "FEW", "LARGEST", "crest_correction", "cubic_variance", "variance_ratio"]
+__all__ = [
+    "COHERENT_SHARE",
+    "FEW_LINES",
+    "MAX_SPECIAL_ODD_RATIO",
+    "crest_correction",
+    "cubic_variance",
+    "variance_ratio",
+]
 
 
-LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
+MAX_SPECIAL_ODD_RATIO = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
 #: Over the number of lines: the share of its distortion that is one gain on all lines, which neither roughness nor
 #: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and
 #: the middle lines by 3/2 (of a fifth power the share is 6 / n).
 COHERENT_SHARE = 8 / 3
-FEW = 27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
-MOST = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
-GAIN = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
-LEAST_OF_FEW, MOST_OF_FEW = 0.6, 6.0
-ALLOWED = 1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
-ALIKE = 500  # lines of all realisations past which they distort alike, within 17 %, unless their peaks are low
+FEW_LINES = (
+    27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
+)
+MAX_DISTORTION_RATIO = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
+MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
+MIN_RATIO_ON_FEW_LINES, MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
+HIGHER_ORDER_ALLOWANCE = (
+    1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
+)
+ENOUGH_AMPLITUDES = (
+    500  # lines of all realisations past which they distort alike, within 17 %, unless their peaks are low
+)
 
 
 def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -118,7 +131,7 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
 
     Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. What a cubic
     makes of them is known. Where there are few lines, and where peaks are lower than usual, a fifth power is allowed
-    for, which changes about as the square of that. What is more than `MOST` and `GAIN` was chosen. Behind dynamics the
+    for, which changes about as the square of that. What is more than `MAX_DISTORTION_RATIO` and `MAX_COHERENT_SHARE` was chosen. Behind dynamics the
     peaks are others, and an input all but square would ask for a factor without end.
 
     Parameters
@@ -133,7 +146,7 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     Returns
     -------
     typical : float
-        How much more random phases distort than those at hand: at least one, as powers; of fewer than `FEW` lines,
+        How much more random phases distort than those at hand: at least one, as powers; of fewer than `FEW_LINES` lines,
         where high peaks are chance too, also less.
     common : float
         The distortion that is one gain on all lines, over what scatters about it, as powers.
@@ -149,18 +162,22 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
            [6. , 5.8]])
     """
     n, n_lines = U.shape
-    chance, few = COHERENT_SHARE / n_lines, n_lines < FEW
-    if U.size > ALIKE and not low:
+    chance, few = COHERENT_SHARE / n_lines, n_lines < FEW_LINES
+    if U.size > ENOUGH_AMPLITUDES and not low:
         return 1.0, chance
     ratio, gap = cubic_distortion_ratio(U, lines)
     typical = ratio * ratio if few or low else ratio
-    typical = min(max(typical, LEAST_OF_FEW), MOST_OF_FEW) if few else min(max(typical, 1.0), MOST)
+    typical = (
+        min(max(typical, MIN_RATIO_ON_FEW_LINES), MAX_RATIO_ON_FEW_LINES)
+        if few
+        else min(max(typical, 1.0), MAX_DISTORTION_RATIO)
+    )
     if not (few and n == 1) and not low:
         return typical, chance
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
-    common = ALLOWED * gap * gap * (1 + chance) / whole * ratio
-    return typical, common if few and n == 1 else min(max(common, chance), GAIN)
+    common = HIGHER_ORDER_ALLOWANCE * gap * gap * (1 + chance) / whole * ratio
+    return typical, common if few and n == 1 else min(max(common, chance), MAX_COHERENT_SHARE)
 
 
 def cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:

@@ -22,12 +22,19 @@ from nlfrf.signals.lines import local_mean
 __all__ = ["warn_of_mismatch"]
 
 
-RARE, FEW = 4.0, 10.0  # standard deviations, times 1 + FEW over the lines that weigh: a few of them scatter by chance
-HARM = 0.25  # error by it over the variance of G from which it is told: the bound then holds 91 % instead of 95 %
-MOST = 3.0  # times the usual line that one may weigh
+MIN_SIGNIFICANCE, FEW_LINES_WIDENING = (
+    4.0,
+    10.0,
+)  # standard deviations, times 1 + FEW_LINES_WIDENING over the lines that weigh: a few of them scatter by chance
+MIN_RELATIVE_ERROR = (
+    0.25  # error by it over the variance of G from which it is told: the bound then holds 91 % instead of 95 %
+)
+MAX_LINE_WEIGHT = 3.0  # times the usual line that one may weigh
 NEARBY = 9  # lines over which the residual is averaged to weigh them
-SILENT = 1e-9  # of the weight of a line in the most telling experiment, under which a channel was not played
-ALIKE = 0.8  # of the most telling one, for a channel that explains it nearly as well
+MIN_EXPERIMENT_WEIGHT = (
+    1e-9  # of the weight of a line in the most telling experiment, under which a channel was not played
+)
+RIVAL_SHARE = 0.8  # of the most telling one, for a channel that explains it nearly as well
 
 
 @value(copy=False)
@@ -44,7 +51,7 @@ class ChannelMismatch:
         "gain" or "delay".
     size : float
         How far it is off, of its size or in samples: above zero it stands higher, or comes later.
-    told : float
+    significance : float
         By how many times what chance makes of it.
     """
 
@@ -52,7 +59,7 @@ class ChannelMismatch:
     experiment: int
     kind: str
     size: float
-    told: float
+    significance: float
 
     def __str__(self) -> str:
         more = self.size > 0
@@ -66,19 +73,27 @@ def warn_of_mismatch(
     excited: Spectra,
     residual: NonlinearResidual,
     level: np.ndarray,
-    left: float,
+    retained: float,
 ) -> bool:
     """Warn of the channel and the experiment that differ most, where the bound would not hold for it.
 
-    `left` is what the G of the residual, which took part in the fault, leaves of it.
+    `retained` is what the G of the residual, which took part in the fault, leaves of it.
     """
     if excited.U.shape[1] < 2:
         return False
-    found = [one for one in mismatches(record, excited, residual, level, left) if one.told > RARE]
+    found = [
+        one
+        for one in estimate_mismatches(record, excited, residual, level, retained)
+        if one.significance > MIN_SIGNIFICANCE
+    ]
     if not found:
         return False
-    worst = max(found, key=lambda one: one.told)
-    beside = {one.name for one in found if one.told > ALIKE * worst.told and one.experiment == worst.experiment}
+    worst = max(found, key=lambda one: one.significance)
+    beside = {
+        one.name
+        for one in found
+        if one.significance > RIVAL_SHARE * worst.significance and one.experiment == worst.experiment
+    }
     others = " or ".join(sorted(beside - {worst.name}))
     data_warning(
         f"{worst} in experiment {worst.experiment} of {excited.U.shape[1]} than in the others"
@@ -89,17 +104,17 @@ def warn_of_mismatch(
     return True
 
 
-def mismatches(
+def estimate_mismatches(
     record: Record,
     excited: Spectra,
     residual: NonlinearResidual,
     level: np.ndarray,
-    left: float,
+    retained: float,
 ) -> Iterator[ChannelMismatch]:
     """Every channel, and all outputs together, in the experiment in which they differ most, where that does harm."""
-    at = excited.where.excited
+    at = excited.index.excited
     V, G = (one.take(at, axis=-1) for one in (residual.Y, residual.G))
-    known = [residual.noise_known(j) for j in range(len(V))]
+    known = [residual.smoothed_noise(j) for j in range(len(V))]
     noise = np.stack([np.zeros(at.size) if one is None else one.take(at) for one in known])
     size = np.mean(squared_modulus(excited.Y), axis=1)
     weight = 1 / (local_mean(np.mean(squared_modulus(V), axis=1), NEARBY) + 1e-24 * size + TINY)
@@ -118,7 +133,7 @@ def mismatches(
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
             chance = bent[rows].max() if kind == "gain" else 1.0
-            yield estimate_mismatch(name, kind, (V[rows], x * slope, weight[rows], C[rows]), left, float(chance))
+            yield estimate_mismatch(name, kind, (V[rows], x * slope, weight[rows], C[rows]), retained, float(chance))
 
 
 def estimate_mismatch(
@@ -134,13 +149,13 @@ def estimate_mismatch(
     power = squared_modulus(X)
     whole = np.sum(power * weight[:, None], axis=0)
     usual = np.median(whole, axis=1)
-    on = np.flatnonzero(usual > SILENT * usual.max())
+    on = np.flatnonzero(usual > MIN_EXPERIMENT_WEIGHT * usual.max())
     M = on.size
     if M < 2:  # what was played once differs from nothing
-        return ChannelMismatch(name=name, experiment=1, kind=kind, size=0.0, told=0.0)
+        return ChannelMismatch(name=name, experiment=1, kind=kind, size=0.0, significance=0.0)
     along, power, whole = along[on], power[:, on], whole[on]
     # a peak that the fit follows leaves nothing of V, and would weigh most
-    most = MOST * usual[on, None]
+    most = MAX_LINE_WEIGHT * usual[on, None]
     trust = most / np.maximum(whole, most)
     along, whole = along * trust, whole * trust
     total = whole.sum(axis=1)
@@ -149,10 +164,10 @@ def estimate_mismatch(
     apart = (factor - factor.mean()) * M / (M - 1)
     scatter = np.sqrt(variance + (variance.sum() - variance) / (M - 1) ** 2)
     n = float(np.min(total**2 / np.sum(whole**2, axis=1)))
-    told = np.abs(apart) / np.maximum(scatter * chance * (1 + FEW / n), TINY)
+    told = np.abs(apart) / np.maximum(scatter * chance * (1 + FEW_LINES_WIDENING / n), TINY)
     worst = int(told.argmax())
     size = float(apart[worst] / left)
     chances = float(told[worst])
-    if chances > RARE and size**2 / M * np.median(power[:, worst] / C, axis=1).max() < HARM:
+    if chances > MIN_SIGNIFICANCE and size**2 / M * np.median(power[:, worst] / C, axis=1).max() < MIN_RELATIVE_ERROR:
         chances = 0.0
-    return ChannelMismatch(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, told=chances)
+    return ChannelMismatch(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, significance=chances)

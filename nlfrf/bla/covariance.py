@@ -16,12 +16,12 @@ __all__ = [
     "inverse",
     "product",
     "psd_difference",
-    "sum_of_squares",
+    "sum_outer_products",
     "to_correlation",
 ]
 
 
-FLOOR = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
+MIN_EIGENVALUE = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -50,7 +50,7 @@ def inverse(X: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.linalg.inv(np.moveaxis(X, -1, -3)), -3, -1)
 
 
-def sum_of_squares(V: np.ndarray) -> np.ndarray:
+def sum_outer_products(V: np.ndarray) -> np.ndarray:
     """(n, n, F) sum of v v^H over all vectors v of V (n, ..., F)."""
     V = V.reshape(len(V), -1, V.shape[-1])
     if len(V) == 1:
@@ -83,6 +83,6 @@ def hermitian_sqrt(cov: np.ndarray) -> np.ndarray:
     """(n, n, F) roots L with L L^H = cov, with eigenvalues floored so that they can be divided by."""
     correlation, size = to_correlation(cov)
     values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
-    values = np.maximum(values, FLOOR * values[:, -1:])
+    values = np.maximum(values, MIN_EIGENVALUE * values[:, -1:])
     half = (vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
     return np.asarray(size[:, None] * np.moveaxis(half, 0, 2))

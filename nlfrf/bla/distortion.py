@@ -25,11 +25,11 @@ import numpy as np
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, mean_power, rms
 from nlfrf._base.values import value
-from nlfrf.bla.calibration import FEW, LARGEST, cubic_variance, variance_ratio
-from nlfrf.bla.covariance import diagonal, inverse, sum_of_squares, to_correlation
+from nlfrf.bla.calibration import FEW_LINES, MAX_SPECIAL_ODD_RATIO, cubic_variance, variance_ratio
+from nlfrf.bla.covariance import diagonal, inverse, sum_outer_products, to_correlation
 from nlfrf.bla.frf import FrmEstimate
-from nlfrf.bla.local_models import LEAST, LocalFit, fit_locally, is_flat
-from nlfrf.bla.neighbours import KEPT, Places
+from nlfrf.bla.line_index import N_CACHED_GRIDS, LineIndex
+from nlfrf.bla.local_models import MIN_FIT_LINES, LocalFit, fit_locally, is_flat
 from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.lines import LineGrid
@@ -38,7 +38,7 @@ __all__ = [
     "DistortionVariance",
     "choose_source",
     "estimate_distortion_variance",
-    "fit_each",
+    "fit_sets",
     "match_scaled_f",
     "smooth_frm",
     "variance_from_detection_lines",
@@ -59,19 +59,24 @@ ROUGHNESS_EVIDENCE = 2.0  # independent roughnesses in nine neighbouring windows
 #: One realisation in five cases has a level that is not that of the scatter, by a log-variance of 2 (6 dB): the weight
 #: with which scatter over realisations stands by itself.
 UNRELATED, UNRELATED_LOG_VARIANCE = 0.2, 2.0
-LEAST_COUNT = 0.1  # of the mean of a cubic's counts over a window: other orders fill the lines that a cubic leaves
+MIN_RELATIVE_COUNT = (
+    0.1  # of the mean of a cubic's counts over a window: other orders fill the lines that a cubic leaves
+)
 #: What the cubic of an output makes of the excited line at three times a light resonance, over its mean on the window.
-#: Of an input it is `LARGEST`, as a special-odd grid reaches 3 (4.77 dB) in a narrow band.
-HARMONIC = 12.0
-COARSEST_SHAPE = 30.0  # of a roughness window over its own line: beyond it lines far below others tell nothing
-STEPS = 2  # of scoring; a third changes the radius by 0.2 % in the median, by 6 % on one line of a hundred
-ENOUGH = 7  # realisations whose scatter tells more than the roughness, which may read too high
-MANY = 20  # lines over which roughness shows most of the distortion
+#: Of an input it is `MAX_SPECIAL_ODD_RATIO`, as a special-odd grid reaches 3 (4.77 dB) in a narrow band.
+MAX_OUTPUT_RATIO = 12.0
+MAX_WINDOW_SHAPE = 30.0  # of a roughness window over its own line: beyond it lines far below others tell nothing
+N_SCORING_STEPS = 2  # of scoring; a third changes the radius by 0.2 % in the median, by 6 % on one line of a hundred
+ENOUGH_REALIZATIONS = 7  # realisations whose scatter tells more than the roughness, which may read too high
+ENOUGH_ROUGHNESS_LINES = 20  # lines over which roughness shows most of the distortion
 #: Of the degrees of freedom that a level loses to a factor which all outputs have in common, the share that the law of
 #: the matrix keeps: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of that factor of 0.06 and 0.15.
 COMMON_ERROR = 0.5
-TAILS = (math.log(0.05), math.log(0.001))  # where the scaled F that stands for the mixture has its quantiles
-STEPS_OF_TAILS = 3, 2  # of Newton's method; more change no radius by 1e-4
+LOG_TAIL_PROBABILITIES = (
+    math.log(0.05),
+    math.log(0.001),
+)  # where the scaled F that stands for the mixture has its quantiles
+N_NEWTON_STEPS = 3, 2  # of Newton's method; more change no radius by 1e-4
 
 
 class DistortionVariance(NamedTuple):
@@ -99,7 +104,7 @@ class DistortionVariance(NamedTuple):
     cov_even: np.ndarray
     detected: np.ndarray
 
-    def at_least(self, power: np.ndarray) -> DistortionVariance:
+    def with_minimum(self, power: np.ndarray) -> DistortionVariance:
         """The same with a variance of at least some power (n_y, F) of each output."""
         if not power.any():
             return self
@@ -110,7 +115,7 @@ class DistortionVariance(NamedTuple):
         return self._replace(cov=cov, cov_bound=cov_bound)
 
 
-class RowVariance(NamedTuple):
+class OutputVariance(NamedTuple):
     """The same of one output, as variances (F,).
 
     Fields
@@ -130,7 +135,7 @@ class RowVariance(NamedTuple):
 
 
 @value(copy=False)
-class Windows:
+class WindowCoordinates:
     """The coordinates of a grid for the log-linear fit, and its normal equations, which no record changes.
 
     Fields
@@ -163,7 +168,7 @@ class Windows:
     n_distinct: np.ndarray
 
 
-class Row(NamedTuple):
+class OutputData(NamedTuple):
     """The data of one output.
 
     Fields
@@ -186,7 +191,7 @@ class Row(NamedTuple):
     Y: np.ndarray
     gain: np.ndarray
     noise: np.ndarray | None
-    uneven: bool
+    gain_varies: bool
     rough: np.ndarray | None
     dof_rough: np.ndarray | None
     scatter: np.ndarray
@@ -222,59 +227,63 @@ def estimate_distortion_variance(
     n_independent : int
         Experiments with phases of their own, whose detection lines count.
     """
-    n_y, R = len(residual.Y), len(frm.each)
-    nu = excited.per_set * (R - 1)
-    rows = [row_of(j, excited, residual, frm, fit) for j in range(n_y)]
-    found = [row_variance(source, excited, row, frm, n_independent, nu) for row in rows]
-    even = np.array([even_variance(excited.where, row) * frm.level_scale for row in rows])
+    n_y, R = len(residual.Y), len(frm.G_each)
+    nu = excited.experiments_per_set * (R - 1)
+    rows = [collect_output_data(j, excited, residual, frm, fit) for j in range(n_y)]
+    found = [estimate_output_variance(source, excited, row, frm, n_independent, nu) for row in rows]
+    even = np.array([variance_on_even_lines(excited.index, row) * frm.level_scale for row in rows])
     dof, scale = found[0].dof, np.array([one.var_bound for one in found])
     rho: np.ndarray | float = 1.0
     rho_even: np.ndarray | float = 1.0
     if n_y > 1:
-        rho, count = correlation(source, excited.where, residual, frm, fit, found, n_independent, nu)
-        rho_even = correlation_on_lines(excited.where.near_even[:, 0], residual) if excited.where.even.size else 1.0
-        dof, scale = common_dof(found, count)
+        rho, count = pool_correlations(source, excited.index, residual, frm, fit, found, n_independent, nu)
+        rho_even = correlation_on_lines(excited.index.even_windows[:, 0], residual) if excited.index.even.size else 1.0
+        dof, scale = pool_dof(found, count)
     return DistortionVariance(
-        cov=covariance_of(np.array([one.variance for one in found]), rho),
-        cov_bound=(1 + coherent) * covariance_of(scale, rho),
+        cov=scale_correlation(np.array([one.variance for one in found]), rho),
+        cov_bound=(1 + coherent) * scale_correlation(scale, rho),
         dof=dof,
         grid_factor=np.add.reduce([one.grid_factor for one in found]) / n_y,
-        cov_even=covariance_of(even, rho_even),
+        cov_even=scale_correlation(even, rho_even),
         detected=np.array([one.detected for one in found]),
     )
 
 
-def row_of(j: int, excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None) -> Row:
+def collect_output_data(
+    j: int, excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None
+) -> OutputData:
     """The data of output j."""
     rough = dof_rough = None
     if fit is not None:
         n = fit.variance[:, j, :, 0].size
         rough = np.add.reduce(fit.variance[:, j] / frm.gamma_of_set, axis=(0, 1)) / n
         dof_rough = np.add.reduce(fit.dof[:, j], axis=(0, 1))
-    return Row(
+    return OutputData(
         power=mean_power(residual.Y[j]),
         Y=excited.Y[j],
         gain=residual.gain[j],
-        noise=residual.noise_known(j),
-        uneven=residual.uneven[j],
+        noise=residual.smoothed_noise(j),
+        gain_varies=residual.gain_varies[j],
         rough=rough,
         dof_rough=dof_rough,
         scatter=frm.cov_scatter[j, j].real,
     )
 
 
-def row_variance(source: str, excited: Spectra, row: Row, frm: FrmEstimate, M: int, nu: int) -> RowVariance:
+def estimate_output_variance(
+    source: str, excited: Spectra, row: OutputData, frm: FrmEstimate, M: int, nu: int
+) -> OutputVariance:
     """The mixture of an output, of M independent experiments and a scatter of nu complex degrees of freedom."""
     F = excited.lines.size
     ones, detected = np.ones(F), np.full(F, np.nan)
     if source == "detection":
-        log_level, dof, log_weight, factors, detected = from_detection_lines(excited, row, frm.level_scale, M)
+        log_level, dof, log_weight, factors, detected = level_from_detection_lines(excited, row, frm.level_scale, M)
     elif row.rough is not None and row.dof_rough is not None:
         log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
-        log_level, dof = from_roughness(excited.where, row.rough, row.dof_rough, log_gamma)
+        log_level, dof = level_from_roughness(excited.index, row.rough, row.dof_rough, log_gamma)
         log_weight, factors = np.zeros(log_level.shape), ones[None]
     else:
-        return RowVariance(
+        return OutputVariance(
             variance=row.scatter,
             var_bound=row.scatter,
             dof=np.full(F, float(nu)),
@@ -285,10 +294,10 @@ def row_variance(source: str, excited: Spectra, row: Row, frm: FrmEstimate, M: i
     n_as_distortion = len(log_level) - len(factors)
     if nu:
         log_level, dof, log_weight = update_by_scatter(log_level, dof, log_weight, len(factors), row.scatter, nu)
-    weight, level = normalized(log_weight), np.exp(log_level)
+    weight, level = normalize_weights(log_weight), np.exp(log_level)
     var_bound, dof = match_scaled_f(level, dof, weight)
     by_hypothesis = np.add.reduce(weight.reshape(-1, len(factors), F))
-    return RowVariance(
+    return OutputVariance(
         variance=row.scatter if nu else np.add.reduce(weight * level),
         var_bound=var_bound,
         dof=dof,
@@ -300,14 +309,14 @@ def row_variance(source: str, excited: Spectra, row: Row, frm: FrmEstimate, M: i
 
 def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
     """(F,) expected variance of the first output's residual by its detection lines alone, noise included."""
-    row = row_of(0, excited, residual, frm, None)
-    return from_detection_lines(excited, row, frm.level_scale, excited.U.shape[1])[-1]
+    row = collect_output_data(0, excited, residual, frm, None)
+    return level_from_detection_lines(excited, row, frm.level_scale, excited.U.shape[1])[-1]
 
 
 # ---- What outputs have in common.
 
 
-def covariance_of(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
+def scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
     """(n, n, F) covariance of variances (n, F) under a correlation (n, n, F)."""
     if len(variance) == 1:
         return variance[None]
@@ -315,34 +324,34 @@ def covariance_of(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
     return np.asarray(size[:, None] * size * rho)
 
 
-def correlation(
+def pool_correlations(
     source: str,
-    where: Places,
+    index: LineIndex,
     residual: NonlinearResidual,
     frm: FrmEstimate,
     fit: LocalFit | None,
-    found: list[RowVariance],
+    found: list[OutputVariance],
     M: int,
     nu: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Correlation (n_y, n_y, F) of the outputs, and the complex degrees of freedom (F,) behind it."""
     parts: list[tuple[np.ndarray, np.ndarray | float]] = []
     if source == "detection":
-        near = where.near_detection[:, 0]
+        near = index.detection_windows[:, 0]
         parts.append((correlation_on_lines(near, residual), float(M * len(near))))
-    if fit is not None and fit.rest is not None:
+    if fit is not None and fit.residual is not None:
         share = np.add.reduce([one.rough_is_distortion for one in found]) / len(found)
-        parts.append((correlation_of_roughness(fit.rest, frm), share * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
+        parts.append((correlation_of_roughness(fit.residual, frm), share * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
     if nu:
         parts.append((to_correlation(frm.cov_scatter)[0], float(nu)))
-    total = np.add.reduce([np.zeros(where.excited.size) + n for _, n in parts])
+    total = np.add.reduce([np.zeros(index.excited.size) + n for _, n in parts])
     return np.asarray(np.add.reduce([rho * n for rho, n in parts]) / total), total
 
 
 def correlation_on_lines(near: np.ndarray, residual: NonlinearResidual) -> np.ndarray:
     """(n_y, n_y, F) correlation of the residuals on windows of lines (n, F), each line over its gain."""
     x = residual.Y.take(near, axis=-1) / np.sqrt(residual.gain.take(near, axis=-1) + TINY)[:, None]
-    return to_correlation(sum_of_squares(x))[0]
+    return to_correlation(sum_outer_products(x))[0]
 
 
 def correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
@@ -352,7 +361,7 @@ def correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
     return to_correlation(np.einsum("rjlfn,rklfn->jkf", weighted, rest.conj()))[0]
 
 
-def common_dof(found: list[RowVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pool_dof(found: list[OutputVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Degrees of freedom (F,) of all rows, and their scales (n_y, F), which keep the 95 % quantile of each.
 
     What a calibration is uncertain by is one factor for all outputs. It widens the law of the matrix as it widens that
@@ -361,26 +370,28 @@ def common_dof(found: list[RowVariance], count: np.ndarray) -> tuple[np.ndarray,
     n_y = len(found)
     own = n_y / np.add.reduce([1 / one.dof for one in found])
     dof = own + COMMON_ERROR * np.maximum(count - own, 0.0)
-    return dof, np.array([one.var_bound * f_quantile(one.dof, TAILS[0]) for one in found]) / f_quantile(dof, TAILS[0])
+    return dof, np.array(
+        [one.var_bound * f_quantile(one.dof, LOG_TAIL_PROBABILITIES[0]) for one in found]
+    ) / f_quantile(dof, LOG_TAIL_PROBABILITIES[0])
 
 
-def normalized(log_weight: np.ndarray) -> np.ndarray:
+def normalize_weights(log_weight: np.ndarray) -> np.ndarray:
     """Weights of sum one over the first axis."""
     weight = np.exp(log_weight - np.maximum.reduce(log_weight))
     return np.asarray(weight / np.add.reduce(weight))
 
 
-def from_detection_lines(
-    excited: Spectra, row: Row, level_scale: np.ndarray | float, M: int
+def level_from_detection_lines(
+    excited: Spectra, row: OutputData, level_scale: np.ndarray | float, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Log level, degrees of freedom and log weight (C, F) of every component; c (H, F); and the expected variance (F,).
 
     Components are the hypotheses, with the roughness as distortion and then as a bend of G.
     """
-    where = excited.where
-    windows = windows_of(where, M)
-    before, relative, factors, prior = hypotheses(excited, row)
-    near, here = where.near_detection[:, 0], where.excited
+    index = excited.index
+    windows = window_coordinates(index, M)
+    before, relative, factors, prior = list_hypotheses(excited, row)
+    near, here = index.detection_windows[:, 0], index.excited
     gain = row.gain.take(near) / row.gain.take(here)
     shape = np.where(before[:, None, None], gain, 1.0) * relative
     # expected |Y_S|^2 on the excited lines but for a constant: how a roughness window spreads
@@ -391,9 +402,9 @@ def from_detection_lines(
     else:
         shape, spread = expected_total(power, row.noise.take(near), shape, factors, row.noise.take(here))
     log_level, slope, likelihood = fit_log_level(power * level_scale / shape, np.log(shape), windows, M)
-    evidence = mean_around(likelihood, EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
+    evidence = windowed_mean(likelihood, EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
     zeros = np.zeros(log_level.shape)
-    detected = np.asarray(np.add.reduce(normalized(evidence) * np.exp(log_level)))
+    detected = np.asarray(np.add.reduce(normalize_weights(evidence) * np.exp(log_level)))
     if row.rough is None or row.dof_rough is None:
         return log_level, windows.dof + zeros, evidence, factors, detected
     # the roughness, as a datum of nu complex degrees of freedom at x_rough
@@ -402,16 +413,16 @@ def from_detection_lines(
     rough = row.rough + TINY
     spread = spread / excited.amplitude**2
     window = np.maximum(
-        np.add.reduce(spread.take(where.near_excited.T, axis=1), axis=1) / len(where.near_excited.T), TINY
+        np.add.reduce(spread.take(index.excited_windows.T, axis=1), axis=1) / len(index.excited_windows.T), TINY
     )
-    over = clipped(window / np.maximum(spread, TINY), 1.0, COARSEST_SHAPE)
+    over = clip(window / np.maximum(spread, TINY), 1.0, MAX_WINDOW_SHAPE)
     ratio = np.log(rough / over) - log_level - slope * x
     var_here, cov_here = var_level + 2 * x * cov_slope + x * x * var_slope, var_level + x * cov_slope
     as_distortion = log_density_of_ratio(ratio, nu, 1 / var_here)
     as_bend = np.minimum(nu * ratio, 0.0) - math.log(BEND_RANGE)
-    both = mean_around(np.stack([as_distortion, as_bend]), EVIDENCE_LINES) * ROUGHNESS_EVIDENCE
+    both = windowed_mean(np.stack([as_distortion, as_bend]), EVIDENCE_LINES) * ROUGHNESS_EVIDENCE
     gain = cov_here / (var_here + 1 / nu)
-    pooled = log_level + np.log(np.maximum(1 + gain * np.expm1(np.minimum(ratio, 50.0)), LEAST_COUNT**2))
+    pooled = log_level + np.log(np.maximum(1 + gain * np.expm1(np.minimum(ratio, 50.0)), MIN_RELATIVE_COUNT**2))
     # by the line count alone two chi-squares are pooled; what the slope leaves open comes on top
     by_count = 1 / (windows.information[0] + nu)
     dof = widened_dof(1 / by_count, var_level - gain * cov_here - by_count)
@@ -424,60 +435,69 @@ def from_detection_lines(
     )
 
 
-def hypotheses(excited: Spectra, row: Row) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Whether each of H hypotheses is before the dynamics; its c on the windows (H, n, F) and here (H, F); log priors.
 
     c is over its mean on the window. Where |G| is even over the band, places and drives are one.
     """
-    laws = [counts_of_inputs(excited)]
-    if row.uneven:
-        laws.append(cubic_counts(rms(row.Y), excited.where, HARMONIC))
+    laws = [input_cubic_counts(excited)]
+    if row.gain_varies:
+        laws.append(cubic_count_ratios(rms(row.Y), excited.index, MAX_OUTPUT_RATIO))
     n_laws = len(laws) + 1
     relative, factors = np.ones((n_laws, *laws[0][0].shape)), np.ones((n_laws, excited.lines.size))
     for i, (on_window, here) in enumerate(laws):
         relative[i], factors[i] = on_window, here
-    if not row.uneven:
-        return ~BEFORE[:n_laws], relative, factors, EVEN_PRIOR
-    return BEFORE, np.concatenate([relative, relative]), np.concatenate([factors, factors]), NO_PRIOR
+    if not row.gain_varies:
+        return ~BEFORE_DYNAMICS[:n_laws], relative, factors, CONSTANT_GAIN_LOG_PRIOR
+    return BEFORE_DYNAMICS, np.concatenate([relative, relative]), np.concatenate([factors, factors]), EQUAL_LOG_PRIOR
 
 
-def counts_of_inputs(excited: Spectra) -> tuple[np.ndarray, np.ndarray]:
-    """`cubic_counts` of the inputs: of their rms spectrum, as their cubes and products have its ratios in a band."""
+def input_cubic_counts(excited: Spectra) -> tuple[np.ndarray, np.ndarray]:
+    """`cubic_count_ratios` of the inputs: of their rms spectrum, as their cubes and products have its ratios in a band."""
     amplitude = excited.amplitude
-    return flat_counts(excited.where) if is_flat(amplitude) else cubic_counts(amplitude, excited.where, LARGEST)
+    return (
+        flat_input_cubic_counts(excited.index)
+        if is_flat(amplitude)
+        else cubic_count_ratios(amplitude, excited.index, MAX_SPECIAL_ODD_RATIO)
+    )
 
 
-BEFORE = np.array([True, True, True, False, False, False])
-NO_PRIOR, EVEN_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])  # the laws of input and output are one where |G| is even
+BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
+EQUAL_LOG_PRIOR, CONSTANT_GAIN_LOG_PRIOR = (
+    np.zeros(6),
+    np.log([2 / 3, 1 / 3]),
+)  # the laws of input and output are one where |G| is even
 
 
-def cubic_counts(drive: np.ndarray, where: Places, highest: float) -> tuple[np.ndarray, np.ndarray]:
+def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) -> tuple[np.ndarray, np.ndarray]:
     """c of the cubic of a drive (F,) on the windows (n, F) and on the excited lines (F,), over its mean on the window.
 
     The latter from 1/3 to `highest`; 3 where the lines of a window hold no combination at all.
     """
-    lines, near = where.lines[where.excited], where.near_odd.T
-    counts = cubic_variance(drive, lines, np.concatenate([lines, where.detection]))
+    lines, near = index.lines[index.excited], index.odd_windows.T
+    counts = cubic_variance(amplitude, lines, np.concatenate([lines, index.detection]))
     on_window = counts[lines.size :].take(near)
     mean = np.add.reduce(on_window) / len(near)
     here = counts[: lines.size]
     # the convolutions are exact to rounding of the largest count; below that a count is noise
     unknown = mean <= 1e-9 * counts.max()
     if unknown.any():
-        mean, here = np.where(unknown, 1.0, mean), np.where(unknown, LARGEST, here)
+        mean, here = np.where(unknown, 1.0, mean), np.where(unknown, MAX_SPECIAL_ODD_RATIO, here)
         on_window = np.where(unknown, 1.0, on_window)
-    return np.maximum(on_window / mean, LEAST_COUNT), np.minimum(np.maximum(here / mean, 1 / LARGEST), highest)
+    return np.maximum(on_window / mean, MIN_RELATIVE_COUNT), np.minimum(
+        np.maximum(here / mean, 1 / MAX_SPECIAL_ODD_RATIO), highest
+    )
 
 
-@lru_cache(maxsize=KEPT)
-def flat_counts(where: Places) -> tuple[np.ndarray, np.ndarray]:
-    """`cubic_counts` of a flat input, which depend on the grid alone."""
-    relative, factors = cubic_counts(np.ones(where.excited.size), where, LARGEST)
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def flat_input_cubic_counts(index: LineIndex) -> tuple[np.ndarray, np.ndarray]:
+    """`cubic_count_ratios` of a flat input, which depend on the grid alone."""
+    relative, factors = cubic_count_ratios(np.ones(index.excited.size), index, MAX_SPECIAL_ODD_RATIO)
     relative.flags.writeable = factors.flags.writeable = False
     return relative, factors
 
 
-LEAST_POWER = 1e-10  # of the largest expected one in a window
+MIN_RELATIVE_POWER = 1e-10  # of the largest expected one in a window
 
 
 def expected_total(
@@ -490,11 +510,11 @@ def expected_total(
     """
     excess, floor = power - noise, noise + TINY
     d = np.maximum(np.add.reduce(excess / shape, axis=1) / len(power), 0.0)
-    for _ in range(STEPS):
+    for _ in range(N_SCORING_STEPS):
         expected = d[:, None] * shape
         expected += floor
         # relative to the largest, as powers of rounding underflow in the square, and some are exactly zero
-        expected = np.maximum(expected / np.maximum.reduce(expected, axis=1)[:, None], LEAST_POWER)
+        expected = np.maximum(expected / np.maximum.reduce(expected, axis=1)[:, None], MIN_RELATIVE_POWER)
         weighted = shape / (expected * expected)
         d = np.maximum(np.add.reduce(weighted * excess, axis=1) / np.add.reduce(weighted * shape, axis=1), 0.0)
     expected = d[:, None] * shape
@@ -504,7 +524,7 @@ def expected_total(
 
 
 def fit_log_level(
-    y: np.ndarray, log_shape: np.ndarray, windows: Windows, M: int
+    y: np.ndarray, log_shape: np.ndarray, windows: WindowCoordinates, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Log level at each line, its slope and the log likelihood of the window (H, F), of whitened powers y (H, n, F).
 
@@ -518,7 +538,7 @@ def fit_log_level(
     mean = np.add.reduce(y, axis=1) / n
     level, slope = np.log(mean), np.zeros(mean.shape)
     rest = y / mean[:, None]
-    for step in range(STEPS):
+    for step in range(N_SCORING_STEPS):
         if step:
             rest = slope[:, None] * x
             rest += level[:, None]
@@ -529,8 +549,8 @@ def fit_log_level(
         by_level = (M - common * n) * sum_rest
         by_slope = M * np.add.reduce(rest * x, axis=1) - common * x_sum * sum_rest - slope
         # steps of at most 1.5: a single line far above the others would throw the first one
-        level += clipped((two * by_level - cross * by_slope) / determinant, -1.5, 1.5)
-        slope += clipped((one * by_slope - cross * by_level) / determinant, -1.5, 1.5)
+        level += clip((two * by_level - cross * by_slope) / determinant, -1.5, 1.5)
+        slope += clip((one * by_slope - cross * by_level) / determinant, -1.5, 1.5)
     expected = slope[:, None] * x
     expected += level[:, None]
     log_shape += expected
@@ -540,8 +560,8 @@ def fit_log_level(
     return level, slope, likelihood - slope * slope / 2 + common / 2 * (relative - n) ** 2
 
 
-def from_roughness(
-    where: Places, rough: np.ndarray, nu: np.ndarray, log_gamma: np.ndarray
+def level_from_roughness(
+    index: LineIndex, rough: np.ndarray, nu: np.ndarray, log_gamma: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Log level and its degrees of freedom (1, F) from the roughness (F,) alone, of nu degrees of freedom.
 
@@ -550,10 +570,10 @@ def from_roughness(
     prior, takes the level there.
     """
     rough = rough + TINY
-    if rough.size < FEW:  # one window, or two that overlap, tell no slope
+    if rough.size < FEW_LINES:  # one window, or two that overlap, tell no slope
         return np.log(rough)[None], nu[None]
-    x, F = rough_positions(where), rough.size
-    width = where.near_excited.shape[1]
+    x, F = roughness_positions(index), rough.size
+    width = index.excited_windows.shape[1]
     k = np.arange(F)
     three = np.clip(k + width * np.array([[-1], [0], [1]]), 0, F - 1)
     at = x[1].take(three) - x[1] + x[0].take(three)  # positions of their centres from this line
@@ -577,7 +597,7 @@ def update_by_scatter(
     weight = np.concatenate([log_weight + math.log(1 - UNRELATED), alone + math.log(UNRELATED)])
     ratio = np.minimum(np.log(scatter + TINY) - level, 500.0)
     n_lines = min(EVIDENCE_LINES, scatter.size)
-    weight = weight + n_lines * mean_around(log_density_of_ratio(ratio, float(nu), dof), EVIDENCE_LINES)
+    weight = weight + n_lines * windowed_mean(log_density_of_ratio(ratio, float(nu), dof), EVIDENCE_LINES)
     return level + np.log((dof + nu * np.exp(ratio)) / (dof + nu)), dof + nu, weight
 
 
@@ -610,9 +630,9 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
     (array([2.]), array([6.]))
     """
     scale = dof * np.maximum(level, TINY)
-    x = np.log(np.add.reduce(weight * scale * np.expm1(-TAILS[0] / dof)))
+    x = np.log(np.add.reduce(weight * scale * np.expm1(-LOG_TAIL_PROBABILITIES[0] / dof)))
     quantiles = []
-    for tail, steps, further in zip(TAILS, STEPS_OF_TAILS, (0.0, FURTHER_TAIL), strict=True):
+    for tail, steps, further in zip(LOG_TAIL_PROBABILITIES, N_NEWTON_STEPS, (0.0, FURTHER_TAIL), strict=True):
         x = x + further
         for _ in range(steps):
             over = np.exp(x) / scale
@@ -624,11 +644,11 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
             over += 1
             survival /= over
             rate = np.add.reduce(survival) / total
-            x = x + clipped((np.log(total) - tail) / np.maximum(rate, 1e-3), -2.0, 2.0)
+            x = x + clip((np.log(total) - tail) / np.maximum(rate, 1e-3), -2.0, 2.0)
         quantiles.append(x)
     ratios, dofs = ratio_of_quantiles()
     matched = np.exp(np.interp(quantiles[0] - quantiles[1], ratios, dofs))
-    return np.exp(quantiles[0]) / f_quantile(matched, TAILS[0]), matched
+    return np.exp(quantiles[0]) / f_quantile(matched, LOG_TAIL_PROBABILITIES[0]), matched
 
 
 def f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
@@ -637,14 +657,14 @@ def f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
 
 
 #: Log of the quantile at the second tail over that at the first, of six degrees of freedom: where the search starts.
-FURTHER_TAIL = float(np.log(f_quantile(6.0, TAILS[1]) / f_quantile(6.0, TAILS[0])))
+FURTHER_TAIL = float(np.log(f_quantile(6.0, LOG_TAIL_PROBABILITIES[1]) / f_quantile(6.0, LOG_TAIL_PROBABILITIES[0])))
 
 
 @lru_cache(maxsize=1)
 def ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
     """Log of the 95 % quantile of F(2, 2 nu) over that at 99.9 %, increasing, and log nu, from 0.2 to 1e5."""
     dofs = np.linspace(np.log(0.2), np.log(1e5), 800)
-    quantiles = np.log([f_quantile(np.exp(dofs), tail) for tail in TAILS])
+    quantiles = np.log([f_quantile(np.exp(dofs), tail) for tail in LOG_TAIL_PROBABILITIES])
     return quantiles[0] - quantiles[1], dofs
 
 
@@ -667,18 +687,18 @@ def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray(log_gamma[0] + log_gamma[1] - log_gamma[2] + 0.5 * math.log(2 * math.pi))
 
 
-def clipped(x: np.ndarray, least: float, most: float) -> np.ndarray:
+def clip(x: np.ndarray, least: float, most: float) -> np.ndarray:
     """`numpy.clip`, without what it checks."""
     return np.minimum(np.maximum(x, least), most)
 
 
-@lru_cache(maxsize=KEPT)
-def windows_of(where: Places, M: int) -> Windows:
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
     """The coordinates and normal equations of a grid, for M realisations."""
-    lines = where.lines[where.excited].astype(float)
-    near = where.near_odd.T
+    lines = index.lines[index.excited].astype(float)
+    near = index.odd_windows.T
     n, F = near.shape
-    x = position(where.detection[near].astype(float), lines)
+    x = slope_coordinate(index.detection[near].astype(float), lines)
     # the calibration error is a normal effect common to the window: Woodbury's identity takes it out of the weights
     common = CALIBRATION_LOG_VARIANCE * M * M / (1 + CALIBRATION_LOG_VARIANCE * n * M)
     x_sum = x.sum(axis=0)
@@ -693,9 +713,9 @@ def windows_of(where: Places, M: int) -> Windows:
     covariance = np.array([two, -cross, one]) / (one * two - cross * cross)
     around = np.clip(np.arange(F) - EVIDENCE_LINES // 2, 0, max(F - EVIDENCE_LINES, 0))
     distinct = np.array([np.unique(near[:, first : first + EVIDENCE_LINES]).size / n for first in around])
-    windows = Windows(
+    windows = WindowCoordinates(
         x=x,
-        x_rough=rough_positions(where)[0],
+        x_rough=roughness_positions(index)[0],
         x_sum=x_sum,
         common=common,
         information=information,
@@ -708,24 +728,24 @@ def windows_of(where: Places, M: int) -> Windows:
     return windows
 
 
-@lru_cache(maxsize=KEPT)
-def rough_positions(where: Places) -> np.ndarray:
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def roughness_positions(index: LineIndex) -> np.ndarray:
     """(2, F) mean position of a roughness window from its line; and the position of each line from the first."""
-    lines = where.lines[where.excited].astype(float)
-    around = position(lines[where.near_excited.T], lines)
-    positions = np.array([around.mean(axis=0), position(lines, lines[:1])])
+    lines = index.lines[index.excited].astype(float)
+    around = slope_coordinate(lines[index.excited_windows.T], lines)
+    positions = np.array([around.mean(axis=0), slope_coordinate(lines, lines[:1])])
     positions.flags.writeable = False
     return positions
 
 
-def position(at: np.ndarray, line: np.ndarray) -> np.ndarray:
+def slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
     """How far lines lie from others, in standard deviations of the change of the log level."""
     by_frequency = SLOPE_PER_LOG_FREQUENCY * np.log((at + LOWEST_LINES) / (line + LOWEST_LINES))
     by_line = SLOPE_PER_LINE * (at - line)
     return np.asarray(np.copysign(np.hypot(by_frequency, by_line), at - line))
 
 
-def mean_around(x: np.ndarray, n: int) -> np.ndarray:
+def windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
     """Mean over the n neighbours of each entry along the last axis; at the ends over the first n, or the last."""
     size = x.shape[-1]
     n = min(n, size)
@@ -735,20 +755,20 @@ def mean_around(x: np.ndarray, n: int) -> np.ndarray:
     return means.take(centred_windows(size, n), axis=-1)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=N_CACHED_GRIDS)
 def centred_windows(size: int, n: int) -> np.ndarray:
     """(size,) which window of n neighbours is nearest to being centred on each entry."""
     return np.clip(np.arange(size) - n // 2, 0, size - n)
 
 
-def even_variance(where: Places, row: Row) -> np.ndarray:
+def variance_on_even_lines(index: LineIndex, row: OutputData) -> np.ndarray:
     """(F,) what the even lines show, as a variance of the residual on the excited lines; nan without them.
 
     It counts as before the dynamics, with no factor.
     """
-    if not where.even.size:
-        return np.full(where.excited.size, np.nan)
-    near, here = where.near_even[:, 0], where.excited
+    if not index.even.size:
+        return np.full(index.excited.size, np.nan)
+    near, here = index.even_windows[:, 0], index.excited
     power = row.power.take(near)
     shape = (row.gain.take(near) / row.gain.take(here))[None]
     if row.noise is not None:
@@ -759,17 +779,17 @@ def even_variance(where: Places, row: Row) -> np.ndarray:
 
 def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.ndarray, LocalFit | None]:
     """(n_y, n_u, F) a matrix to take the linear part off with; and the fit of each set where its roughness counts."""
-    if not is_source and (excited.lines.size < LEAST or len(frm.each) >= ENOUGH):
+    if not is_source and (excited.lines.size < MIN_FIT_LINES or len(frm.G_each) >= ENOUGH_REALIZATIONS):
         return frm.G, None
-    fit = fit_each(frm, excited)
+    fit = fit_sets(frm, excited)
     return np.add.reduce(fit.G) / len(fit.G), fit
 
 
-def fit_each(frm: FrmEstimate, excited: Spectra) -> LocalFit:
+def fit_sets(frm: FrmEstimate, excited: Spectra) -> LocalFit:
     """The matrix of each set, fitted over the excited lines: what remains is its roughness."""
     gamma = diagonal(frm.gamma_each)[:, None]
     noise = frm.noise_each[:, :, None] * gamma if np.isfinite(frm.noise_each).all() else None
-    return fit_locally(frm.each, 1 / np.sqrt(gamma), excited.where, noise)
+    return fit_locally(frm.G_each, 1 / np.sqrt(gamma), excited.index, noise)
 
 
 def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
@@ -781,15 +801,15 @@ def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection
         )
     if level_from != "auto":
         return level_from
-    if calibrates(excited, grid, n_detection):
+    if can_calibrate(excited, grid, n_detection):
         return "detection"
-    if excited.U.shape[1] // excited.per_set >= ENOUGH:
+    if excited.U.shape[1] // excited.experiments_per_set >= ENOUGH_REALIZATIONS:
         return "realizations"
-    data_warning(why_roughness(grid, n_detection))
+    data_warning(describe_roughness_choice(grid, n_detection))
     return "roughness"
 
 
-def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
+def can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
     """Whether odd detection lines tell the level within a known factor on this grid."""
     kind = grid.kind
     if grid.odd.size < n_detection or kind in ("full", "odd", "odd-odd"):
@@ -798,11 +818,11 @@ def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
         return True
     if np.any(grid.excited % 2 == 0):
         return False
-    ratio = variance_ratio(excited.amplitude, grid.excited, excited.where.detection, excited.where.near_odd)
-    return bool(np.mean(ratio <= LARGEST) >= 0.95)
+    ratio = variance_ratio(excited.amplitude, grid.excited, excited.index.detection, excited.index.odd_windows)
+    return bool(np.mean(ratio <= MAX_SPECIAL_ODD_RATIO) >= 0.95)
 
 
-def why_roughness(grid: LineGrid, n_detection: int) -> str:
+def describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
     """The warning that goes with a level from the roughness."""
     kind, n_odd = grid.kind, grid.odd.size
     if kind == "odd-odd":
@@ -815,7 +835,11 @@ def why_roughness(grid: LineGrid, n_detection: int) -> str:
         reason = f"the grid of this record has {n_odd} odd detection lines, fewer than n_detection = {n_detection}"
     else:
         reason = f"the detection lines of this {kind} grid do not calibrate"
-    few = f"; on {grid.excited.size} lines it may read too low as well" if grid.excited.size < MANY else ""
+    few = (
+        f"; on {grid.excited.size} lines it may read too low as well"
+        if grid.excited.size < ENOUGH_ROUGHNESS_LINES
+        else ""
+    )
     return (
         f"{reason}; the level was taken from the roughness of the FRF, which reads too high where the FRF bends within "
         f"a few lines{few}. A special-odd or random-odd multisine gives a level that can be calibrated."

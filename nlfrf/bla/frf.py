@@ -13,43 +13,43 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, power, squared_modulus
-from nlfrf.bla.calibration import FEW
-from nlfrf.bla.covariance import adjoint, diagonal, inverse, product, sum_of_squares
+from nlfrf.bla.calibration import FEW_LINES
+from nlfrf.bla.covariance import adjoint, diagonal, inverse, product, sum_outer_products
+from nlfrf.bla.line_index import LineIndex
 from nlfrf.bla.local_models import LocalFit, leave_one_out_residual
-from nlfrf.bla.neighbours import Places
-from nlfrf.bla.realizations import equal_steps
+from nlfrf.bla.realizations import pair_equal_steps
 from nlfrf.bla.spectra import Spectra, residual_scatter
 
 __all__ = [
-    "MIXED",
-    "ROUNDING",
-    "SHARE",
+    "MAX_MATRIX_ROUGHNESS_OVER_GAIN",
+    "MAX_ROUGHNESS_OVER_GAIN",
+    "OUTPUT_ROUNDING",
     "FrmEstimate",
+    "check_input_follows_reference",
+    "check_outputs_follow_input",
     "estimate_frm",
-    "refuse_another_reference",
-    "refuse_unrelated_output",
     "warn_of_outlier_lines",
     "warn_of_rough_frf",
 ]
 
 
 #: Roughness over the level and over |G|^2 past which u and y do not belong together, where most lines have it.
-JUMPING, SHARE = 2.5, 0.03
+MAX_ROUGHNESS_OVER_LEVEL, MAX_ROUGHNESS_OVER_GAIN = 2.5, 0.03
 #: The same of an output of several experiments: where those of others were taken it is 0.3 and more; a sound matrix
 #: that bends within a few lines has up to 0.3, and one experiment that differs from the others is told before.
-MIXED = 0.2
-SPARE = 2  # lines more than the half: few lines are rough by chance
-FEWEST = 4  # pairs of equal steps that can tell phases apart
+MAX_MATRIX_ROUGHNESS_OVER_GAIN = 0.2
+N_SPARE_LINES = 2  # lines more than the half: few lines are rough by chance
+MIN_STEP_PAIRS = 4  # pairs of equal steps that can tell phases apart
 #: Power over that of chance from which a line stands out: over the level, and over the scatter of the lines around it,
 #: by which alone one of 4e5 sound lines does; and that of a local fit from which it is looked for.
-ABOVE_LEVEL, ABOVE_SCATTER, SUSPECT = 25.0, 60.0, 5.0
-MAINS = 50.0, 60.0  # Hz
-ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
-UNRELATED = 3.0  # standard deviations of chance up to which phases agree by it
-RELATED = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
-TELLING = 30  # pairs of equal steps from which it is said that y follows no input
-HIDDEN = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
-NOISY = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
+OUTLIER_OVER_LEVEL, OUTLIER_OVER_SCATTER, OUTLIER_CANDIDATE = 25.0, 60.0, 5.0
+MAINS_FREQUENCIES = 50.0, 60.0  # Hz
+OUTPUT_ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
+MAX_CHANCE_SIGMAS = 3.0  # standard deviations of chance up to which phases agree by it
+CHANCE_MATCH_PROBABILITY = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
+MIN_WARNING_STEP_PAIRS = 30  # pairs of equal steps from which it is said that y follows no input
+MIN_RELATIVE_SCATTER = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
+MAX_RELATIVE_NOISE = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
 
 
 class FrmEstimate(NamedTuple):
@@ -63,7 +63,7 @@ class FrmEstimate(NamedTuple):
     ------
     G : (n_y, n_u, F) complex ndarray
         The matrix: the mean over sets, or the least squares over all of them where a reference was given.
-    each : (R, n_y, n_u, F) complex ndarray
+    G_each : (R, n_y, n_u, F) complex ndarray
         That of each set, Y U^-1.
     gamma : (n_u, n_u, F) ndarray
         What the covariance of one experiment's residual is multiplied by.
@@ -83,7 +83,7 @@ class FrmEstimate(NamedTuple):
     """
 
     G: np.ndarray
-    each: np.ndarray
+    G_each: np.ndarray
     gamma: np.ndarray
     gamma_each: np.ndarray
     noise_each: np.ndarray
@@ -101,7 +101,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
     common residual and be under-read (Pintelon & Schoukens, 2.7, 3.7 and 4.3.1).
     """
     n_u, n_y = len(excited.U), len(excited.Y)
-    U, Y = in_sets(excited.U, n_u), in_sets(excited.Y, n_u)
+    U, Y = split_into_sets(excited.U, n_u), split_into_sets(excited.Y, n_u)
     R = len(U)
     W = inverse(U)
     each, gamma_each = product(Y, W), product(adjoint(W), W)
@@ -117,7 +117,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
         if R > 1:  # the error of a set of small inputs is as large a part of that of G as its gamma is
             share = np.add.reduce(np.sqrt(diagonal(gamma_each) / of_set), axis=1)[:, None] / n_u
     else:
-        Z = in_sets(excited.R, n_u)
+        Z = split_into_sets(excited.R, n_u)
         Z = adjoint(Z / np.sqrt(np.add.reduce(squared_modulus(Z), axis=2, keepdims=True) / n_u))
         inverted = inverse(np.add.reduce(product(U, Z)))
         G = product(np.add.reduce(product(Y, Z)), inverted)
@@ -129,18 +129,18 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
     cov_noise = cov_scatter = np.full((n_y, n_y, G.shape[-1]), np.nan)
     if excited.dY.shape[2]:
         by_set = scatter.reshape(n_y, R, -1, scatter.shape[-1])
-        cov_noise = sum_of_squares(by_set if share is None else by_set * share) / (R * n_u)
+        cov_noise = sum_outer_products(by_set if share is None else by_set * share) / (R * n_u)
     else:
         noise_each = np.full(noise_each.shape, np.nan)
     scale: np.ndarray | float = 1.0
     if R > 1:
         V = np.swapaxes(V, 0, 1)
-        cov_scatter = sum_of_squares(V if share is None else V * share) / (n_u * (R - 1))
+        cov_scatter = sum_outer_products(V if share is None else V * share) / (n_u * (R - 1))
         power_U = diagonal(inverse(np.add.reduce(product(U, adjoint(U))) / R))
         scale = np.add.reduce(power_U / of_set) / n_u
     return FrmEstimate(
         G=G,
-        each=each,
+        G_each=each,
         gamma=gamma,
         gamma_each=gamma_each,
         noise_each=noise_each,
@@ -151,13 +151,13 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
     )
 
 
-def in_sets(X: np.ndarray, n_u: int) -> np.ndarray:
+def split_into_sets(X: np.ndarray, n_u: int) -> np.ndarray:
     """(R, n, n_u, F) channels x experiments of each set, from (n, R n_u, F)."""
     return X.reshape(len(X), -1, n_u, X.shape[-1]).swapaxes(0, 1)
 
 
 def warn_of_rough_frf(
-    rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G", share: float = SHARE
+    rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G", share: float = MAX_ROUGHNESS_OVER_GAIN
 ) -> bool:
     """Warn where an FRF jumps from line to line by more than its distortion can make it.
 
@@ -170,8 +170,8 @@ def warn_of_rough_frf(
     share : float
         Roughness over |G|^2 past which it is no bend.
     """
-    jumps = (rough > JUMPING * level) & (rough > share * size)
-    strange = np.count_nonzero(jumps) > jumps.size / 2 + SPARE
+    jumps = (rough > MAX_ROUGHNESS_OVER_LEVEL * level) & (rough > share * size)
+    strange = np.count_nonzero(jumps) > jumps.size / 2 + N_SPARE_LINES
     if strange:
         of_size, above = (float(np.median(rough / np.maximum(one, TINY))) for one in (size, level))
         data_warning(
@@ -186,7 +186,7 @@ def warn_of_outlier_lines(
     G: np.ndarray,
     fitted: np.ndarray,
     level: np.ndarray,
-    where: Places,
+    index: LineIndex,
     f: np.ndarray,
     gamma: np.ndarray,
     what: str = "G",
@@ -203,7 +203,7 @@ def warn_of_outlier_lines(
         FRFs of one output in one realisation, and fitted locally.
     level : (F,) ndarray
         Their variance, over gamma.
-    where : Places
+    index : LineIndex
     f : (F,) ndarray
         Their frequencies [Hz].
     gamma : (n_u, F) ndarray
@@ -216,10 +216,13 @@ def warn_of_outlier_lines(
     (F,) ndarray
         Power by which such lines stand apart, over gamma; zeros elsewhere.
     """
-    if f.size < FEW or not (np.add.reduce(squared_modulus(G - fitted) / gamma) > SUSPECT * len(G) * level).any():
+    if (
+        f.size < FEW_LINES
+        or not (np.add.reduce(squared_modulus(G - fitted) / gamma) > OUTLIER_CANDIDATE * len(G) * level).any()
+    ):
         return np.zeros(f.size)
-    apart, scatter, spread = leave_one_out_residual(G, where)
-    by_chance = spread * np.maximum(ABOVE_SCATTER * np.mean(scatter / gamma, axis=0), ABOVE_LEVEL * level)
+    apart, scatter, spread = leave_one_out_residual(G, index)
+    by_chance = spread * np.maximum(OUTLIER_OVER_SCATTER * np.mean(scatter / gamma, axis=0), OUTLIER_OVER_LEVEL * level)
     power_beyond = np.mean(squared_modulus(apart) / gamma, axis=0)
     told = np.where(power_beyond > by_chance, power_beyond, 0.0)
     out = np.flatnonzero(told)
@@ -228,7 +231,10 @@ def warn_of_outlier_lines(
     said = ", ".join(f"{f[k]:g}" for k in out[:6]) + (", ..." if out.size > 6 else "")
     worst = int(out[np.argmax(told[out] / level[out])])
     half = (f[1:] - f[:-1]).min() / 2
-    hum = next((m for m in MAINS if all(round(f[k] / m) and abs(f[k] - round(f[k] / m) * m) < half for k in out)), None)
+    hum = next(
+        (m for m in MAINS_FREQUENCIES if all(round(f[k] / m) and abs(f[k] - round(f[k] / m) * m) < half for k in out)),
+        None,
+    )
     mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
     data_warning(
         f"{what} stands out of its neighbours at {said} Hz, by {np.sqrt(told[worst] / level[worst]):.0f} times its "
@@ -238,7 +244,9 @@ def warn_of_outlier_lines(
     return told
 
 
-def refuse_unrelated_output(frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, outputs: Sequence[str]) -> bool:
+def check_outputs_follow_input(
+    frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, outputs: Sequence[str]
+) -> bool:
     """Refuse outputs that follow the input of another realisation, or turned round; warn of one that follows none.
 
     Their distortion and scatter would be those of random phases, and without detection lines nothing else tells.
@@ -263,88 +271,94 @@ def refuse_unrelated_output(frm: FrmEstimate, excited: Spectra, fit: LocalFit | 
     ValueError
         An output that follows the input of another realisation, not its own, or that has another sign than the others.
     """
-    n, steps, strange = len(frm.each), equal_steps(excited.where), False
+    n, steps, strange = len(frm.G_each), pair_equal_steps(excited.index), False
     gamma = frm.gamma_of_set[0]
-    for j, (name, each) in enumerate(zip(outputs, frm.each[:, :, 0].swapaxes(0, 1), strict=True)):
+    for j, (name, each) in enumerate(zip(outputs, frm.G_each[:, :, 0].swapaxes(0, 1), strict=True)):
         spread = (n - 1) * frm.cov_scatter[j, j].real * gamma if n > 1 else None
         if n == 1 and fit is not None:
             spread = fit.variance[0, j, 0]
-        if spread is not None and np.add.reduce(spread) <= HIDDEN * power(frm.G[j, 0]):
+        if spread is not None and np.add.reduce(spread) <= MIN_RELATIVE_SCATTER * power(frm.G[j, 0]):
             continue  # one that follows another input would scatter by more
         noise = frm.noise_each[:, j] * frm.gamma_each[:, 0, 0].real / np.maximum(squared_modulus(each), TINY)
-        strange |= is_unrelated(name, excited.Y[j], "u", excited.U[0], noise, steps)
+        strange |= check_follows(name, excited.Y[j], "u", excited.U[0], noise, steps)
     return strange
 
 
-def refuse_another_reference(excited: Spectra) -> None:
+def check_input_follows_reference(excited: Spectra) -> None:
     """The same of an only input that follows the reference of another realisation, or none."""
     if excited.R is not None and len(excited.U) == 1:
         scatter = np.add.reduce(squared_modulus(excited.dU[0]), axis=1)
         noise = (scatter if excited.dU.shape[2] else np.nan) / np.maximum(excited.power_U[0], TINY)
-        is_unrelated("u", excited.U[0], "r", excited.R[0], noise, equal_steps(excited.where))
+        check_follows("u", excited.U[0], "r", excited.R[0], noise, pair_equal_steps(excited.index))
 
 
-def is_unrelated(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray) -> bool:
+def check_follows(
+    output_name: str, Y: np.ndarray, input_name: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray
+) -> bool:
     """Whether an answer Y (M, F) was warned of that follows no cause U; refused where it is that of another.
 
     `noise` (M, F) is what Y / U has over its size squared, nan where it is not known.
     """
     n, n_steps = len(Y), steps.shape[1]
-    if n_steps < FEWEST:
+    if n_steps < MIN_STEP_PAIRS:
         return False
     chance = 1 / np.sqrt(2 * n_steps)
-    each = unit(Y) * unit(U).conj()
-    alone = np.add.reduce(second_steps(each, steps).real, axis=1) < UNRELATED * chance * n_steps
+    each = unit_phasors(Y) * unit_phasors(U).conj()
+    alone = np.add.reduce(second_phase_differences(each, steps).real, axis=1) < MAX_CHANCE_SIGMAS * chance * n_steps
     if not alone.any():
-        refuse_sign_flip(answer, each)
+        require_same_sign(output_name, each)
         return False
-    common = (second_steps(unit(Y), steps) @ second_steps(unit(U), steps).conj().T).real / n_steps
-    sure = beyond_chance(n * n) * chance
+    common = (
+        second_phase_differences(unit_phasors(Y), steps) @ second_phase_differences(unit_phasors(U), steps).conj().T
+    ).real / n_steps
+    sure = chance_sigmas(n * n) * chance
     pairs = [(m, int(common[m].argmax())) for m in np.flatnonzero(alone) if common[m].max() > sure]
     if pairs:
-        who = ", ".join(f"that of realisation {m} follows {cause} of realisation {other}" for m, other in pairs[:4])
+        who = ", ".join(
+            f"that of realisation {m} follows {input_name} of realisation {other}" for m, other in pairs[:4]
+        )
         raise ValueError(
-            f"{answer} must stand beside the {cause} that it answers, got {who}{', ...' if len(pairs) > 4 else ''}, by "
+            f"{output_name} must stand beside the {input_name} that it answers, got {who}{', ...' if len(pairs) > 4 else ''}, by "
             "the phases of all lines: are the files of both in one order?"
         )
-    quiet = ~(np.median(noise, axis=1) > NOISY)  # or nothing is known of it
+    quiet = ~(np.median(noise, axis=1) > MAX_RELATIVE_NOISE)  # or nothing is known of it
     strange = np.flatnonzero(alone & quiet)
-    told = strange.size > 0 and n_steps >= TELLING
+    told = strange.size > 0 and n_steps >= MIN_WARNING_STEP_PAIRS
     if told:
         who = ", ".join(map(str, strange[:6])) + (", ..." if strange.size > 6 else "")
         data_warning(
-            f"{answer} does not follow {cause} in realisation {who}: from line to line its phase is random. Is it of "
+            f"{output_name} does not follow {input_name} in realisation {who}: from line to line its phase is random. Is it of "
             "another run, or all noise and distortion?"
         )
     return told
 
 
-def refuse_sign_flip(answer: str, each: np.ndarray) -> None:
+def require_same_sign(output_name: str, phases: np.ndarray) -> None:
     """Refuse phases (M, F) of another sign than those of the other realisations."""
-    n, n_lines = each.shape
-    agree = np.add.reduce((each * np.add.reduce(each).conj()).real, axis=1) - n_lines  # with the others
-    turned = np.flatnonzero(agree < -beyond_chance(n) * np.sqrt((n - 1) * n_lines / 2))
+    n, n_lines = phases.shape
+    agree = np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines  # with the others
+    turned = np.flatnonzero(agree < -chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
         told = (
             "realisations 0 and 1 differ by it" if n == 2 else f"it turns in realisation {', '.join(map(str, turned))}"
         )
-        raise ValueError(f"{answer} must have one sign, got: {told}; was it rewired, or is it half a turn late?")
+        raise ValueError(f"{output_name} must have one sign, got: {told}; was it rewired, or is it half a turn late?")
 
 
-def beyond_chance(n: int) -> float:
-    """How many standard deviations the largest of n means of random phases stays under, but for `RELATED`.
+def chance_sigmas(n: int) -> float:
+    """How many standard deviations the largest of n means of random phases stays under, but for `CHANCE_MATCH_PROBABILITY`.
 
     They have lighter tails than a normal distribution.
     """
-    return float(np.sqrt(2 * np.log(n / RELATED)))
+    return float(np.sqrt(2 * np.log(n / CHANCE_MATCH_PROBABILITY)))
 
 
-def unit(x: np.ndarray) -> np.ndarray:
+def unit_phasors(x: np.ndarray) -> np.ndarray:
     """Complex numbers of size one, with the phases of x; zero where x is."""
     return np.asarray(x / np.maximum(np.abs(x), TINY))
 
 
-def second_steps(phases: np.ndarray, steps: np.ndarray) -> np.ndarray:
+def second_phase_differences(phases: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """(M, n) by how much phases (M, F) turn more over one step between lines than over the next equal one."""
     step = phases[:, 1:] * phases[:, :-1].conj()
     return np.asarray(step.take(steps[0], axis=1) * step.take(steps[1], axis=1).conj())

@@ -15,8 +15,8 @@ __all__ = ["bla_from_frf"]
 
 
 #: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
-KNOWN = 1e6
-RAISED = 2.0  # times that a standard deviation of an entry may be raised without a word
+KNOWN_DOF = 1e6
+MAX_RAISED_STD = 2.0  # times that a standard deviation of an entry may be raised without a word
 
 
 def bla_from_frf(
@@ -101,7 +101,7 @@ def bla_from_frf(
         raise ValueError("f must be positive and increasing frequencies [Hz]; sort the lines by frequency")
     if G.ndim not in (1, 3) or G.shape[-1] != f.size:
         raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}), as f has it, got {G.shape}")
-    variance, dof = variance_of(G.astype(complex), std, coherence, n_averages)
+    variance, dof = entry_variances(G.astype(complex), std, coherence, n_averages)
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
         raise ValueError('fs must be given where hold is "zoh": the hold of 1/fs is in G')
@@ -109,7 +109,7 @@ def bla_from_frf(
     source = "std" if coherence is None else "coherence"
     several = G.ndim == 3
     n_y, n_u = G.shape[:2] if several else (1, 1)
-    of_output, of_input = as_product(variance.reshape(n_y, n_u, f.size))
+    of_output, of_input = bound_by_product(variance.reshape(n_y, n_u, f.size))
     cov = np.einsum("jf,jk->jkf", of_output, np.eye(n_y)).astype(complex)
     nan = np.full(cov.shape, np.nan, dtype=complex)
     return Bla(
@@ -141,7 +141,7 @@ def bla_from_frf(
     )
 
 
-def variance_of(G: np.ndarray, std: Any, coherence: Any, n_averages: float | None) -> tuple[np.ndarray, float]:
+def entry_variances(G: np.ndarray, std: Any, coherence: Any, n_averages: float | None) -> tuple[np.ndarray, float]:
     """E|.|^2 of each entry, of the shape of G, and the complex degrees of freedom behind it."""
     if (std is None) == (coherence is None):
         got = "neither" if std is None else "both"
@@ -158,7 +158,7 @@ def variance_of(G: np.ndarray, std: Any, coherence: Any, n_averages: float | Non
     if coherence is None:
         if np.any(numbers <= 0):
             raise ValueError(f"std must be positive on every line, got {numbers.min():g}")
-        return numbers**2, KNOWN if n is None else n - 1
+        return numbers**2, KNOWN_DOF if n is None else n - 1
     if n is None:
         raise ValueError("n_averages must be given with coherence: how far G scatters depends on it")
     if np.any((numbers <= 0) | (numbers > 1)):
@@ -184,13 +184,13 @@ def unknown_levels(f: np.ndarray) -> DistortionLevels:
     )
 
 
-def as_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n_y, F) and (n_u, F) whose products are the variances (n_y, n_u, F), or the next larger that are one."""
     # rank one in the logarithm: exact where every input meets the same residual of an output
     of_output = np.exp(np.mean(np.log(np.maximum(variance, np.finfo(float).tiny)), axis=1))
     of_input = np.max(variance / of_output[:, None], axis=0)
     raised = np.sqrt(np.max(of_output[:, None] * of_input / np.maximum(variance, np.finfo(float).tiny), axis=2))
-    if raised.max() > RAISED:
+    if raised.max() > MAX_RAISED_STD:
         j, i = np.unravel_index(int(np.argmax(raised)), raised.shape)
         data_warning(
             f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large as given: with "

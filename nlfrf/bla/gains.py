@@ -169,13 +169,14 @@ def singular_values(
         for i in range(sigma.shape[1]):
             first, rest = slice(0, i + 1), slice(i, None)
             moved = [
-                largest(out[:, first] / sigma[:, first, None] ** a)
-                * largest(into[:, :, first] / sigma[:, None, first] ** (1 - a))
+                largest_singular_values(out[:, first] / sigma[:, first, None] ** a)
+                * largest_singular_values(into[:, :, first] / sigma[:, None, first] ** (1 - a))
                 for a in (0.0, 0.5, 1.0)
             ]
             low[:, i] = sigma[:, i] * np.maximum(1 - np.nan_to_num(np.min(moved, axis=0), nan=np.inf), 0.0)
             high[:, i] = sigma[:, i] + np.minimum(
-                largest(left) * largest(into[:, :, rest]), largest(out[:, rest]) * largest(right)
+                largest_singular_values(left) * largest_singular_values(into[:, :, rest]),
+                largest_singular_values(out[:, rest]) * largest_singular_values(right),
             )
     low = np.where(sigma > 0, low, 0.0)
     return SingularValues(f=frm.f, sigma=sigma.T, low=low.T, high=high.T, confidence=float(confidence))
@@ -267,7 +268,7 @@ def rga_radius(frm: Bla, confidence: float) -> np.ndarray:
     return np.sqrt(scale * np.moveaxis(variance, 0, 2))
 
 
-def largest(matrices: np.ndarray) -> np.ndarray:
+def largest_singular_values(matrices: np.ndarray) -> np.ndarray:
     """(F,) largest singular value of each matrix; inf where it holds an infinite number."""
     finite = np.isfinite(matrices).all(axis=(1, 2))
     size = np.linalg.norm(np.where(finite[:, None, None], matrices, 0.0), 2, (1, 2))

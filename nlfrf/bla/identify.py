@@ -16,25 +16,25 @@ from nlfrf._base.arguments import data_warning, require_choice, require_integer,
 from nlfrf._base.numbers import power, squared_modulus
 from nlfrf.bla.bla import COVARIANCES, Bla, DistortionLevels
 from nlfrf.bla.channel_mismatch import warn_of_mismatch
-from nlfrf.bla.conditions import check_experiments, independent_experiments, warn_of_loud
 from nlfrf.bla.covariance import psd_difference
 from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frm
+from nlfrf.bla.experiment_checks import check_experiments, count_independent_experiments, warn_of_noisy_experiment
 from nlfrf.bla.frf import (
-    MIXED,
-    ROUNDING,
-    SHARE,
+    MAX_MATRIX_ROUGHNESS_OVER_GAIN,
+    MAX_ROUGHNESS_OVER_GAIN,
+    OUTPUT_ROUNDING,
     FrmEstimate,
+    check_input_follows_reference,
+    check_outputs_follow_input,
     estimate_frm,
-    refuse_another_reference,
-    refuse_unrelated_output,
     warn_of_outlier_lines,
     warn_of_rough_frf,
 )
+from nlfrf.bla.line_index import WINDOW_LINES, index_lines
 from nlfrf.bla.local_models import LocalFit
-from nlfrf.bla.neighbours import WIDTH, place_lines
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
 from nlfrf.bla.spectra import TREATMENTS, Spectra, channel_dft, period_spectra
-from nlfrf.bla.zippered import spread_between, zippered_frm
+from nlfrf.bla.zippered import bound_interpolated_columns, estimate_zippered_frm
 from nlfrf.records.record import Record
 
 __all__ = ["identify"]
@@ -112,7 +112,7 @@ def identify(
     require_choice("level_from", level_from, ("auto", "detection", "roughness"))
     n_detection = require_integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):
-        return identify_one(record, None, transient, level_from, n_detection)
+        return identify_record(record, None, transient, level_from, n_detection)
     if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
         raise ValueError(
             f"record must be a Record or a list of them, got {short_form(record)}; see record_from_samples"
@@ -122,19 +122,19 @@ def identify(
     for one in record:
         U = next((U for other, U in known if other.u is one.u and other.lines is one.lines), None)
         if U is None:
-            U = channel_dft(one.u, place_lines(one.lines, n_detection).lines)
+            U = channel_dft(one.u, index_lines(one.lines, n_detection).lines)
             known.append((one, U))
-        blas.append(identify_one(one, U, transient, level_from, n_detection))
+        blas.append(identify_record(one, U, transient, level_from, n_detection))
     return blas
 
 
-def identify_one(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
+def identify_record(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
     """`identify` for one record, with the spectra of its inputs where they are known."""
-    spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
-    spectra, excited, peaks = check_experiments(record, spectra)
-    refuse_another_reference(excited)
+    spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient, U)
+    spectra, excited, crest = check_experiments(record, spectra)
+    check_input_follows_reference(excited)
     zippered = excited.is_zippered
-    frm, between = zippered_frm(excited) if zippered else (estimate_frm(excited), None)
+    frm, between = estimate_zippered_frm(excited) if zippered else (estimate_frm(excited), None)
     if spectra.n_periods < 2 and not record.is_single:
         data_warning("one period does not tell noise from distortion: noise counts as distortion; record two")
     source = choose_source(level_from, excited, record.lines, n_detection)
@@ -145,24 +145,26 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
         )
     smooth, fit = smooth_frm(frm, excited, source == "roughness")
     names = ("y",) if record.is_single else record.outputs
-    mispaired = record.n_inputs == 1 and refuse_unrelated_output(frm, excited, fit, names)
+    mispaired = record.n_inputs == 1 and check_outputs_follow_input(frm, excited, fit, names)
     residual = nonlinear_residual(spectra, excited, frm.G, smooth)
     # chosen phases leave more of the distortion to one gain on all lines, and that is not rough
-    rough = None if zippered or (peaks.low and source == "detection") else fit
+    rough = None if zippered or (crest.has_low_crest and source == "detection") else fit
     distortion = estimate_distortion_variance(
-        source, excited, residual, frm, rough, peaks.coherent, independent_experiments(excited)
+        source, excited, residual, frm, rough, crest.coherent_share, count_independent_experiments(excited)
     )
     if source == "detection" and not mispaired:
-        distortion = with_outlier_lines(record, excited, frm, fit, residual, distortion)
+        distortion = add_outlier_power(record, excited, frm, fit, residual, distortion)
     if not record.is_single:
-        warn_of_loud(excited, distortion.cov)
+        warn_of_noisy_experiment(excited, distortion.cov)
     gamma, cov_bound = frm.gamma, distortion.cov_bound
     if between is not None:
-        gamma, cov_bound = spread_between(between, gamma, cov_bound, len(frm.each))
-    return assemble_bla(record, treatment, source, excited, frm, residual, distortion, peaks.typical, gamma, cov_bound)
+        gamma, cov_bound = bound_interpolated_columns(between, gamma, cov_bound, len(frm.G_each))
+    return assemble_bla(
+        record, treatment, source, excited, frm, residual, distortion, crest.distortion_ratio, gamma, cov_bound
+    )
 
 
-def with_outlier_lines(
+def add_outlier_power(
     record: Record,
     excited: Spectra,
     frm: FrmEstimate,
@@ -174,11 +176,11 @@ def with_outlier_lines(
 
     Warns of a channel that differs in one experiment, or where there is none of an output of other experiments.
     """
-    R, F, zippered = len(frm.each), excited.lines.size, excited.is_zippered
+    R, F, zippered = len(frm.G_each), excited.lines.size, excited.is_zippered
     if not record.is_single:
-        if F <= 2 * WIDTH:  # of fewer a bend looks like anything
+        if F <= 2 * WINDOW_LINES:  # of fewer a bend looks like anything
             return distortion
-        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WIDTH  # of a line in its own fit
+        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES  # of a line in its own fit
         # zippered: what experiments differ by does not jump
         left = 1.0 if zippered else 1 - own * record.n_inputs / excited.U.shape[1]
         if left > 0 and warn_of_mismatch(record, excited, residual, distortion.detected, left):
@@ -189,17 +191,17 @@ def with_outlier_lines(
     rough = np.add.reduce(fit.variance / gamma, axis=(0, 2)) / (R * len(gamma))  # (n_y, F)
     size = np.add.reduce(squared_modulus(frm.G) / gamma, axis=1) / len(gamma)
     labels = ("G",) if record.is_single else [f"G of {name}" for name in record.outputs]
-    share = SHARE if record.is_single else MIXED
+    share = MAX_ROUGHNESS_OVER_GAIN if record.is_single else MAX_MATRIX_ROUGHNESS_OVER_GAIN
     for j, what in enumerate(labels):
         if warn_of_rough_frf(rough[j] / R, distortion.detected[j] / R, size[j], what, share) and not record.is_single:
             return distortion
     if R > 1:
         return distortion
     for j, what in enumerate(labels):
-        level = distortion.detected[j] + ROUNDING**2 * power(excited.Y[j]).max()
+        level = distortion.detected[j] + OUTPUT_ROUNDING**2 * power(excited.Y[j]).max()
         f = record.lines.excited * record.f0
-        power_beyond[j] = warn_of_outlier_lines(frm.each[0, j], fit.G[0, j], level, excited.where, f, gamma, what)
-    return distortion.at_least(power_beyond)
+        power_beyond[j] = warn_of_outlier_lines(frm.G_each[0, j], fit.G[0, j], level, excited.index, f, gamma, what)
+    return distortion.with_minimum(power_beyond)
 
 
 def assemble_bla(
@@ -215,7 +217,7 @@ def assemble_bla(
     cov_bound: np.ndarray,
 ) -> Bla:
     """The `Bla` of what was found; of one input and one output gamma is one, and covariances are variances of G."""
-    grid, R = record.lines, len(frm.each)
+    grid, R = record.lines, len(frm.G_each)
     total = distortion.cov if R == 1 else frm.cov_scatter
     # without periods to tell them apart, noise counts as distortion
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
@@ -252,7 +254,7 @@ def assemble_bla(
 
 def output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> tuple[DistortionLevels, ...]:
     """What every output holds on each kind of line."""
-    grid, where, f0 = record.lines, excited.where, record.f0
+    grid, index, f0 = record.lines, excited.index, record.f0
     noise = np.sqrt(residual.noise)
     n = excited.dY.shape[1] if excited.dY.shape[2] else np.nan
     noise_excited = np.sqrt(np.add.reduce(squared_modulus(excited.dY), axis=(1, 2)) / n)
@@ -262,11 +264,11 @@ def output_levels(record: Record, excited: Spectra, residual: NonlinearResidual)
             f_odd=grid.odd * f0,
             f_even=grid.even * f0,
             excited=Y,
-            odd=rest.take(where.odd, axis=1),
-            even=rest.take(where.even, axis=1),
+            odd=rest.take(index.odd, axis=1),
+            even=rest.take(index.even, axis=1),
             noise_excited=of_output,
-            noise_odd=of_rest.take(where.odd),
-            noise_even=of_rest.take(where.even),
+            noise_odd=of_rest.take(index.odd),
+            noise_even=of_rest.take(index.even),
         )
         for Y, rest, of_output, of_rest in zip(excited.Y, residual.Y, noise_excited, noise, strict=True)
     )

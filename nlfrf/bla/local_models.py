@@ -18,16 +18,16 @@ from typing import NamedTuple
 import numpy as np
 
 from nlfrf._base.numbers import EPS, SMALL_NORM, TINY, power, squared_modulus, two_unknowns
-from nlfrf.bla.calibration import FEW
-from nlfrf.bla.neighbours import KEPT, Places
+from nlfrf.bla.calibration import FEW_LINES
+from nlfrf.bla.line_index import N_CACHED_GRIDS, LineIndex
 from nlfrf.signals.lines import local_mean
 
 __all__ = [
-    "EARNED",
-    "LEAST",
-    "NOISE_LINES",
-    "ORDER",
-    "POOLED",
+    "MIN_FIT_LINES",
+    "NOISE_SMOOTHING_LINES",
+    "N_POOLED_WINDOWS",
+    "POLYNOMIAL_ORDER",
+    "RATIONAL_VARIANCE_RATIO",
     "LocalFit",
     "fit_locally",
     "is_flat",
@@ -35,21 +35,27 @@ __all__ = [
 ]
 
 
-ORDER = 2  # of both polynomials, which are written out here
-N_POWERS = ORDER + 1  # columns r^k G that they are fitted to
-N_RATIONAL = 2 * ORDER + 1  # unknowns of the rational function
-EARNED = 0.25  # the denominator has to earn its place: at 0.5 noise alone was fitted by it in one window of five
-POOLED = 9  # neighbouring lines over which it is judged
-LEAST_NOISE = 0.5  # share of the known noise that a roughness shows at least
-NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
-SMALLEST = 0.1  # denominator, against that at the line itself: a pole of the fit near the window is no distortion
-LEAST = ORDER + 3  # lines that leave two degrees of freedom
-ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
-LEFT = 7.0  # complex degrees of freedom that it leaves at least
-STEPS = 6  # towards the output error of the rational function, each with the denominator of the one before
-FLAT = 1 - 1e-9  # least over largest weight of a spectrum that is flat
-FITS_KEPT = 4  # grids whose fits are remembered: two kilobytes a line
-HALVED = 0.5  # of the variance about the local fits, beyond which it is left at those: chance has as much
+POLYNOMIAL_ORDER = 2  # of both polynomials, which are written out here
+N_POWERS = POLYNOMIAL_ORDER + 1  # columns r^k G that they are fitted to
+N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1  # unknowns of the rational function
+RATIONAL_VARIANCE_RATIO = (
+    0.25  # the denominator has to earn its place: at 0.5 noise alone was fitted by it in one window of five
+)
+N_POOLED_WINDOWS = 9  # neighbouring lines over which it is judged
+MIN_NOISE_SHARE = 0.5  # share of the known noise that a roughness shows at least
+NOISE_SMOOTHING_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
+MIN_DENOMINATOR = (
+    0.1  # denominator, against that at the line itself: a pole of the fit near the window is no distortion
+)
+MIN_FIT_LINES = POLYNOMIAL_ORDER + 3  # lines that leave two degrees of freedom
+GLOBAL_ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
+MIN_RESIDUAL_DOF = 7.0  # complex degrees of freedom that it leaves at least
+N_REWEIGHTED_STEPS = 6  # towards the output error of the rational function, each with the denominator of the one before
+MIN_FLATNESS = 1 - 1e-9  # least over largest weight of a spectrum that is flat
+N_CACHED_FITS = 4  # grids whose fits are remembered: two kilobytes a line
+MAX_GLOBAL_VARIANCE_RATIO = (
+    0.5  # of the variance about the local fits, beyond which it is left at those: chance has as much
+)
 
 
 class LocalFit(NamedTuple):
@@ -63,7 +69,7 @@ class LocalFit(NamedTuple):
         Variance of the FRF about the fit.
     dof : ndarray
         Complex degrees of freedom behind it.
-    rest : (M, n_y, n_u, F, n) complex ndarray or None
+    residual : (M, n_y, n_u, F, n) complex ndarray or None
         What the fit left on the lines of each window, times the weight there; None of one output, whose long records
         would keep it for nothing.
     """
@@ -71,10 +77,10 @@ class LocalFit(NamedTuple):
     G: np.ndarray
     variance: np.ndarray
     dof: np.ndarray
-    rest: np.ndarray | None
+    residual: np.ndarray | None
 
 
-def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndarray | None = None) -> LocalFit:
+def fit_locally(G: np.ndarray, weight: np.ndarray, index: LineIndex, noise: np.ndarray | None = None) -> LocalFit:
     """Fit each FRF at each line over the nine lines around it.
 
     The poles of a machine are those of all its entries: the entries of a row share their denominators (Voorhoeve and
@@ -86,7 +92,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
         FRF, or matrix, of each realisation.
     weight : ndarray, of the shape of G or (M, 1, n_u, F)
         |U|: the variance of G is taken as a smooth variance at the output over |U|^2.
-    where : Places
+    index : LineIndex
         Its excited lines are those of G.
     noise : ndarray of the shape of G, optional
         Variance of each G by noise, where it is known: noise need not follow |G| as distortion does.
@@ -96,60 +102,67 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
     ValueError
         Fewer than five excited lines.
     """
-    if where.excited.size < LEAST:
-        raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {where.excited.size}")
-    shape, n = G.shape, where.near_excited.shape[1]
+    if index.excited.size < MIN_FIT_LINES:
+        raise ValueError(
+            f"lines must hold at least {MIN_FIT_LINES} excited lines for the roughness, got {index.excited.size}"
+        )
+    shape, n = G.shape, index.excited_windows.shape[1]
     n_u, several = 1 if G.ndim == 2 else shape[-2], G.ndim == 4 and shape[1] > 1
     weight = weight if weight.shape == shape else np.broadcast_to(weight, shape)
     G, weight = (x.reshape(-1, n_u, shape[-1]) for x in (G, weight))
-    both = fit_polynomial_and_rational(G, weight, where)
-    variance, better, rest = both.variance, both.better[:, None], both.rest
-    dof = np.full(variance.shape, float(n - ORDER - 1))
+    both = fit_polynomial_and_rational(G, weight, index)
+    variance, better, rest = both.polynomial_variance, both.use_rational[:, None], both.polynomial_residual
+    dof = np.full(variance.shape, float(n - POLYNOMIAL_ORDER - 1))
     denominator: np.ndarray | float = 1.0
     least = np.zeros(variance.shape)
     if better.any():
-        _, powers, _ = local_powers(where)
+        _, powers, _ = local_powers(index)
         inverse = np.where(better[..., None], np.abs(1 - np.vecmat(both.a.conj(), powers[:, 1:]))[:, None], 1.0)
-        dof_r = n - ORDER - 1 - 2 / n_u
+        dof_r = n - POLYNOMIAL_ORDER - 1 - 2 / n_u
         # the residual under the denominator follows |G|; without it, it is flat: nobody knows which the distortion does
-        flat = power(both.remainder / np.maximum(inverse, SMALLEST)) / dof_r
-        variance = np.where(better, np.maximum(both.variance_r, flat), variance)
+        flat = power(both.rational_residual / np.maximum(inverse, MIN_DENOMINATOR)) / dof_r
+        variance = np.where(better, np.maximum(both.rational_variance, flat), variance)
         dof = np.where(better, dof_r, dof)
-        rest = np.where(better[..., None], both.remainder, rest) if several else rest
+        rest = np.where(better[..., None], both.rational_residual, rest) if several else rest
         if noise is not None:
-            denominator = np.where(flat[..., None] > both.variance_r[..., None], 1.0, inverse)
+            denominator = np.where(flat[..., None] > both.rational_variance[..., None], 1.0, inverse)
     if noise is not None:
-        smooth = local_mean(noise.reshape(G.shape) * weight**2, NOISE_LINES)
+        smooth = local_mean(noise.reshape(G.shape) * weight**2, NOISE_SMOOTHING_LINES)
         # and not far under the noise that is known to be there
-        share = noise_share(variance, denominator, smooth, where.near_excited)
-        least = LEAST_NOISE * smooth
+        share = noise_correction(variance, denominator, smooth, index.excited_windows)
+        least = MIN_NOISE_SHARE * smooth
         variance = np.maximum(variance * share, least)
-    value, square = both.value(), weight**2
+    value, square = both.value_at_line(), weight**2
     variance, least = variance / square, least / square
-    if where.excited.size < FEW:
+    if index.excited.size < FEW_LINES:
         value, variance = apply_global_model(
-            value, variance, G, weight, where.lines[where.excited].astype(float), least
+            value, variance, G, weight, index.lines[index.excited].astype(float), least
         )
     return LocalFit(
         G=value.reshape(shape),
         variance=variance.reshape(shape),
         dof=dof.reshape(shape),
-        rest=rest.reshape(*shape, n) if several else None,
+        residual=rest.reshape(*shape, n) if several else None,
     )
 
 
 def apply_global_model(
-    value: np.ndarray, variance: np.ndarray, G: np.ndarray, weight: np.ndarray, lines: np.ndarray, least: np.ndarray
+    value: np.ndarray,
+    variance: np.ndarray,
+    G: np.ndarray,
+    weight: np.ndarray,
+    lines: np.ndarray,
+    noise_variance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Value and variance of the same fits, but for FRFs (M, E, F) that one rational function explains much better.
 
     What it leaves may be flat at the output or follow |G|: both readings weigh as likely as they make it, their root
     mean square is what a bound asks for. The degrees of freedom stay those of a window, as a level that varies
-    otherwise has no more; `least` is the variance that noise alone makes.
+    otherwise has no more; `noise_variance` is the variance that noise alone makes.
     """
     value, variance = value.copy(), variance.copy()
     for m in np.ndindex(G.shape[:-1]):
-        whole, left = fit_whole_band(G[m], weight[m], lines)
+        whole, left = fit_global_rational(G[m], weight[m], lines)
         if not left:
             continue
         shape = np.array([np.ones(lines.size), np.maximum(squared_modulus(whole), TINY)]) / (weight[m] * weight[m])
@@ -159,14 +172,14 @@ def apply_global_model(
         likely = np.exp(fits - fits.max())
         highest = readings.max()
         about = highest * np.sqrt(likely @ (readings / highest) ** 2 / likely.sum())
-        about = np.maximum(about, least[m])
-        if np.mean(np.log(about) - np.log(np.maximum(variance[m], TINY))) < np.log(HALVED):
+        about = np.maximum(about, noise_variance[m])
+        if np.mean(np.log(about) - np.log(np.maximum(variance[m], TINY))) < np.log(MAX_GLOBAL_VARIANCE_RATIO):
             less = about < variance[m]
             value[m][less], variance[m][less] = whole[less], about[less]
     return value, variance
 
 
-def fit_whole_band(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, float]:
+def fit_global_rational(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, float]:
     """The rational function (F,) nearest to an FRF over all its lines, and the complex degrees of freedom it leaves.
 
     Real coefficients in s, stable poles, relative errors; each step takes the denominator of the one before as a weight
@@ -176,15 +189,15 @@ def fit_whole_band(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tupl
     relative = weight / np.maximum(size, EPS * size.max() + SMALL_NORM)
     s = 1j * lines / np.sqrt(lines[0] * lines[-1])
     best, lowest, degrees = G, np.inf, 0.0
-    for order in ORDERS:
+    for order in GLOBAL_ORDERS:
         left = lines.size - order - 0.5  # half of 2 n + 1 real coefficients
-        if left < LEFT:
+        if left < MIN_RESIDUAL_DOF:
             break
         powers = s[:, None] ** np.arange(order + 1)
         columns = np.concatenate([powers, -G[:, None] * powers[:, 1:]], axis=1)
         scale = relative
-        for _ in range(STEPS):
-            x = real_solution(columns * scale[:, None], G * scale)
+        for _ in range(N_REWEIGHTED_STEPS):
+            x = solve_real_least_squares(columns * scale[:, None], G * scale)
             denominator = 1 + powers[:, 1:] @ x[order + 1 :]
             if not denominator.all():
                 break
@@ -196,7 +209,7 @@ def fit_whole_band(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tupl
     return best, degrees
 
 
-def real_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+def solve_real_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(p,) real least squares of complex rows (n, p), with columns scaled alike."""
     stacked = np.concatenate([A.real, A.imag])
     scale = np.sqrt(np.vecdot(stacked.T, stacked.T))
@@ -220,7 +233,7 @@ class LocalModels(NamedTuple):
 
     Fields
     ------
-    at_zero : (M, E, F, 3) complex ndarray
+    at_line : (M, E, F, 3) complex ndarray
         At the line itself the polynomials fitted to G, -r G and -r^2 G.
     a : (M, F, 2) complex ndarray
         Coefficients of the denominator 1 + a1 r + a2 r^2, which all E entries share.
@@ -228,69 +241,75 @@ class LocalModels(NamedTuple):
         What the polynomial leaves, and the rational function.
     variance, variance_r : (M, E, F) ndarray
         Of either.
-    better : (M, F) bool ndarray
+    use_rational : (M, F) bool ndarray
         Where the denominator has earned its place.
     """
 
-    at_zero: np.ndarray
+    at_line: np.ndarray
     a: np.ndarray
-    rest: np.ndarray
-    remainder: np.ndarray
-    variance: np.ndarray
-    variance_r: np.ndarray
-    better: np.ndarray
+    polynomial_residual: np.ndarray
+    rational_residual: np.ndarray
+    polynomial_variance: np.ndarray
+    rational_variance: np.ndarray
+    use_rational: np.ndarray
 
-    def value(self) -> np.ndarray:
+    def value_at_line(self) -> np.ndarray:
         """(M, E, F) the better of the two at the line itself."""
-        polynomial = self.at_zero[..., 0]
-        if not self.better.any():
+        polynomial = self.at_line[..., 0]
+        if not self.use_rational.any():
             return polynomial
-        rational = polynomial - np.vecdot(self.a[:, None].conj(), self.at_zero[..., 1:])
-        return np.where(self.better[:, None], rational, polynomial)
+        rational = polynomial - np.vecdot(self.a[:, None].conj(), self.at_line[..., 1:])
+        return np.where(self.use_rational[:, None], rational, polynomial)
 
 
 def is_flat(amplitude: np.ndarray) -> bool:
     """Whether each of some spectra (..., F) is the same on all lines."""
-    return bool((amplitude.min(axis=-1) >= FLAT * amplitude.max(axis=-1)).all())
+    return bool((amplitude.min(axis=-1) >= MIN_FLATNESS * amplitude.max(axis=-1)).all())
 
 
-def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, where: Places) -> LocalModels:
-    """Fit FRFs (M, E, F) over the windows of `where`, weighted by `weight` (M, E, F)."""
-    window, (r, powers, centred) = where.near_excited, local_powers(where)
+def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, index: LineIndex) -> LocalModels:
+    """Fit FRFs (M, E, F) over the windows of `index`, weighted by `weight` (M, E, F)."""
+    window, (r, powers, centred) = index.excited_windows, local_powers(index)
     (M, E, F), n = G.shape, window.shape[1]
     w = weight.take(window, axis=-1)
     row = w * G.take(window, axis=-1)
     if is_flat(weight):  # as it was designed: then the grid alone tells the fits
-        fitted = (flat_fits(where) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
+        fitted = (unweighted_fits(index) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
         rest, at_zero = fitted[..., :-N_POWERS].reshape(M, E, F, N_POWERS, n), fitted[..., -N_POWERS:]
         at_zero = at_zero / weight[..., None]
     else:
-        basis, basis_at_zero = polynomials(r, w)
-        spanned, rest = split(basis, row, powers)
+        basis, basis_at_zero = orthonormal_polynomials(r, w)
+        spanned, rest = project_onto_rows(basis, row, powers)
         at_zero = np.matvec(spanned, basis_at_zero)
     left = rest[..., 0, :]
-    variance = variance_r = power(left) / (n - ORDER - 1)
+    variance = variance_r = power(left) / (n - POLYNOMIAL_ORDER - 1)
     a, remainder, better = at_zero[:, 0, :, 1:], left, np.zeros((M, F), dtype=bool)
-    if n >= N_RATIONAL + 3:
+    if n >= N_RATIONAL_UNKNOWNS + 3:
         a, remainder = two_unknowns(rest.transpose(0, 2, 3, 1, 4).reshape(M, F, N_POWERS, E * n))
         remainder = remainder.reshape(M, F, E, n).swapaxes(1, 2)
-        variance_r = power(remainder) / (n - ORDER - 1 - 2 / E)
+        variance_r = power(remainder) / (n - POLYNOMIAL_ORDER - 1 - 2 / E)
         # at the ends of the band windows are one-sided and the same: there it is as where they are centred
         first, last = centred[0], centred[-1] + 1
-        gained = np.add.reduce(EARNED * variance - variance_r, axis=1)
-        better = (local_mean(gained[:, first:last], POOLED) > 0).take(centred - first, axis=1)
+        gained = np.add.reduce(RATIONAL_VARIANCE_RATIO * variance - variance_r, axis=1)
+        better = (local_mean(gained[:, first:last], N_POOLED_WINDOWS) > 0).take(centred - first, axis=1)
     return LocalModels(
-        at_zero=at_zero, a=a, rest=left, remainder=remainder, variance=variance, variance_r=variance_r, better=better
+        at_line=at_zero,
+        a=a,
+        polynomial_residual=left,
+        rational_residual=remainder,
+        polynomial_variance=variance,
+        rational_variance=variance_r,
+        use_rational=better,
     )
 
 
-@lru_cache(maxsize=KEPT)
-def local_powers(where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distances r in the windows of neighbours (F, n), from -1 to 1, and the columns of the fit (F, 3, n).
 
     And for each line the nearest one whose window is centred (F,).
     """
-    window, lines = where.near_excited, where.lines[where.excited]
+    window, lines = index.excited_windows, index.lines[index.excited]
     r = (lines[window] - lines[:, None]).astype(float)
     r /= np.abs(r).max(axis=1, keepdims=True)
     # b0 + b1 r + b2 r^2 = G, and (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: the residual of the second is weighted
@@ -304,7 +323,7 @@ def local_powers(where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return r, powers, centred
 
 
-def noise_share(
+def noise_correction(
     variance: np.ndarray, denominator: np.ndarray | float, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
     """Correction (M, F) for smoothed noise that differs over the window, weighted as the residual is."""
@@ -314,15 +333,15 @@ def noise_share(
     return np.asarray((distortion + smooth) / total)
 
 
-def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def orthonormal_polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The polynomials p of order 0, 1 and 2 that are orthonormal on the points r (F, n) under the weights w^2.
 
     Returns w p (..., F, 3, n) and p(0) (..., F, 3), by their three-term recurrence (Forsythe, 1957).
     """
-    basis = np.empty((*w.shape[:-1], ORDER + 1, r.shape[1]))
-    at_zero = np.empty((*w.shape[:-1], ORDER + 1))
+    basis = np.empty((*w.shape[:-1], POLYNOMIAL_ORDER + 1, r.shape[1]))
+    at_zero = np.empty((*w.shape[:-1], POLYNOMIAL_ORDER + 1))
     p, p_0 = w, np.ones(w.shape[:-1])
-    for k in range(ORDER + 1):
+    for k in range(POLYNOMIAL_ORDER + 1):
         if k:
             known = basis[..., max(k - 2, 0) : k, :]
             p = r * known[..., -1, :]
@@ -335,7 +354,7 @@ def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return basis, at_zero
 
 
-def leave_one_out_residual(G: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def leave_one_out_residual(G: np.ndarray, index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """By how much each line of FRFs (..., F) differs from what the lines around it tell without it.
 
     Returns
@@ -347,31 +366,31 @@ def leave_one_out_residual(G: np.ndarray, where: Places) -> tuple[np.ndarray, np
     spread : (F,) ndarray
         Variance of `apart` over that of one line.
     """
-    around = G.take(where.near_excited[:, 1:], axis=-1)
-    (basis,), (at_zero,) = flat_polynomials(where, itself=False)
+    around = G.take(index.excited_windows[:, 1:], axis=-1)
+    (basis,), (at_zero,) = unweighted_polynomials(index, with_center=False)
     spanned = np.vecdot(basis, around[..., None, :])
-    scatter = np.maximum(power(around) - power(spanned), 0.0) / (around.shape[-1] - ORDER - 1)
+    scatter = np.maximum(power(around) - power(spanned), 0.0) / (around.shape[-1] - POLYNOMIAL_ORDER - 1)
     return G - np.vecdot(at_zero, spanned), scatter, 1 + power(at_zero)
 
 
-@lru_cache(maxsize=KEPT)
-def flat_polynomials(where: Places, *, itself: bool) -> tuple[np.ndarray, np.ndarray]:
-    """`polynomials` under a weight of one, over each line and its neighbours or over these alone."""
-    r = local_powers(where)[0][:, 0 if itself else 1 :]
-    both = polynomials(r, np.ones((1, *r.shape)))
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.ndarray, np.ndarray]:
+    """`orthonormal_polynomials` under a weight of one, over each line and its neighbours or over these alone."""
+    r = local_powers(index)[0][:, 0 if with_center else 1 :]
+    both = orthonormal_polynomials(r, np.ones((1, *r.shape)))
     for array in both:
         array.flags.writeable = False
     return both
 
 
-@lru_cache(maxsize=FITS_KEPT)
-def flat_fits(where: Places) -> np.ndarray:
+@lru_cache(maxsize=N_CACHED_FITS)
+def unweighted_fits(index: LineIndex) -> np.ndarray:
     """(F, 3 n + 3, n) what a fit under a weight of one makes of a window: the rest of each column r^k G, then its value
     at the line.
     """
-    _, powers, _ = local_powers(where)
-    (basis,), (at_zero,) = flat_polynomials(where, itself=True)
-    n_lines, n = where.near_excited.shape
+    _, powers, _ = local_powers(index)
+    (basis,), (at_zero,) = unweighted_polynomials(index, with_center=True)
+    n_lines, n = index.excited_windows.shape
     fits = np.empty((n_lines, N_POWERS * (n + 1), n))
     rest, value = fits[:, :-N_POWERS].reshape(n_lines, N_POWERS, n, n), fits[:, -N_POWERS:]
     np.multiply((np.eye(n) - np.swapaxes(basis, -1, -2) @ basis)[:, None], powers[:, :, None], out=rest)
@@ -380,7 +399,7 @@ def flat_fits(where: Places) -> np.ndarray:
     return fits
 
 
-def split(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def project_onto_rows(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What the real orthonormal rows of `basis` (..., p, n) span of a complex row (..., n) times `powers` (c, n).
 
     The first is (..., c, p) coefficients, the second (..., c, n) the rest.
@@ -391,10 +410,10 @@ def split(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.nd
     np.multiply(row.imag[..., None, :], powers, out=parts[..., c:, :])
     spanned = parts @ np.swapaxes(basis, -1, -2)
     parts -= spanned @ basis
-    return as_complex(spanned, c), as_complex(parts, c)
+    return join_real_and_imaginary(spanned, c), join_real_and_imaginary(parts, c)
 
 
-def as_complex(parts: np.ndarray, c: int) -> np.ndarray:
+def join_real_and_imaginary(parts: np.ndarray, c: int) -> np.ndarray:
     """(..., c, n) complex rows from c real parts and c imaginary ones."""
     joined = np.empty((*parts.shape[:-2], c, parts.shape[-1]), dtype=complex)
     joined.real, joined.imag = parts[..., :c, :], parts[..., c:, :]

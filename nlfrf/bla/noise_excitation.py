@@ -25,14 +25,18 @@ from nlfrf.signals.lines import LineGrid
 __all__ = ["identify_noise"]
 
 
-HANN = 1.5  # lines that the power in one line of a Hann window comes from
-SIDE = 6  # DFT lines on either side that a local polynomial sees
-PARTS = 16  # of the record, over which the power of stationary noise stays
-BANDS = 8  # of the band that is excited
-UNSTEADY = 4.0  # how many times the scatter of noise that power may have from part to part
-OWN = 1e-3  # of the power of an input around a line: of noise a third and more is no transient, by chance a tenth
-ROUNDING = 1e-12  # of the largest line of an input, below which there is none
-FAR = 3.0  # in 95 % bounds: how far leakage takes a line at least; by chance some of 265 lines are 2 to 2.5 off
+HANN_NOISE_BANDWIDTH = 1.5  # lines that the power in one line of a Hann window comes from
+LINES_PER_SIDE = 6  # DFT lines on either side that a local polynomial sees
+N_RECORD_PARTS = 16  # of the record, over which the power of stationary noise stays
+N_BANDS = 8  # of the band that is excited
+MAX_POWER_SCATTER = 4.0  # how many times the scatter of noise that power may have from part to part
+MIN_ROUGH_SHARE = (
+    1e-3  # of the power of an input around a line: of noise a third and more is no transient, by chance a tenth
+)
+MIN_INPUT_AMPLITUDE = 1e-12  # of the largest line of an input, below which there is none
+MIN_LEAKAGE_ERROR = (
+    3.0  # in 95 % bounds: how far leakage takes a line at least; by chance some of 265 lines are 2 to 2.5 off
+)
 
 
 def identify_noise(
@@ -93,11 +97,11 @@ def identify_noise(
     """
     u, y = check_signals(u, y, n_samples, method)
     fs, n_samples = require_positive("fs", fs), require_integer("n_samples", n_samples, least=16)
-    lines = band_of(require_positive("f_min", f_min), require_positive("f_max", f_max), fs, n_samples)
+    lines = band_lines(require_positive("f_min", f_min), require_positive("f_max", f_max), fs, n_samples)
     u, y = u - u.mean(), y - y.mean()
-    found = local(u, y, n_samples, lines, fs)
-    G, variance, dof, coherence, power_y = welch(u, y, n_samples, lines) if method == "welch" else found
-    warn_of_other_signals(u)
+    found = estimate_frf_local(u, y, n_samples, lines, fs)
+    G, variance, dof, coherence, power_y = estimate_frf_welch(u, y, n_samples, lines) if method == "welch" else found
+    warn_of_nonstationary_input(u)
     if method == "welch":
         warn_of_coarse_segments(lines * fs / n_samples, G, variance, dof, found[0])
     nan = np.full(lines.size, np.nan)
@@ -118,7 +122,7 @@ def identify_noise(
         var_even=nan,
         dof=np.full(lines.size, float(dof)),
         grid_factor=np.ones(lines.size),
-        levels=output_level(lines * fs / n_samples, power_y),
+        levels=output_amplitudes(lines * fs / n_samples, power_y),
         var_bound=variance,
         coherence=coherence,
     )
@@ -136,7 +140,7 @@ def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> 
     return u, y
 
 
-def band_of(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndarray:
+def band_lines(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndarray:
     """(F,) lines of the band, both ends included whatever the rounding of the frequencies."""
     first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
     lines = np.arange(max(1, first), last + 1)
@@ -145,7 +149,7 @@ def band_of(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndarray
     return lines
 
 
-def output_level(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
+def output_amplitudes(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
     """The output as amplitudes of cosines of its power in one line; there are no detection lines."""
     nothing = np.empty((1, 0))
     return DistortionLevels(
@@ -161,7 +165,7 @@ def output_level(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
     )
 
 
-def welch(
+def estimate_frf_welch(
     u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
     """G, its variance and degrees of freedom, coherence, output power by line, from half-overlapping Hann segments."""
@@ -175,16 +179,16 @@ def welch(
     n_segments = 2 * (u.size // n) - 1
     dof = n_segments / (1 + 2 / 36)  # half-overlapping Hann windows correlate by 1/6: 11 effective of 12
     rest = np.maximum(S_yy - np.abs(S_yu) ** 2 / S_uu, 0.0)
-    return G, rest / S_uu / (dof - 1), dof - 1, 1 - rest / np.maximum(S_yy, TINY), S_yy / HANN
+    return G, rest / S_uu / (dof - 1), dof - 1, 1 - rest / np.maximum(S_yy, TINY), S_yy / HANN_NOISE_BANDWIDTH
 
 
-def local(
+def estimate_frf_local(
     u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray, fs: float
 ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
     """The same from local polynomials over the lines of the whole record around each frequency."""
     ratio = u.size / n
     U, Y = np.fft.rfft(u), np.fft.rfft(y)
-    side = max(SIDE, int(ratio / 2))
+    side = max(LINES_PER_SIDE, int(ratio / 2))
     centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
     around = centre[:, None] + np.arange(-side, side + 1)
     # from the frequency that is wanted, which lies between the lines or, at the ends of the band, off the middle
@@ -197,7 +201,7 @@ def local(
     projected = (np.swapaxes(Q, -1, -2).conj() @ Y[around][..., None])[..., 0]
     pivot = R[:, -1, -1] * norm[:, -1]
     own = np.abs(pivot) ** 2 / np.maximum(norm[:, -1] ** 2, TINY)
-    refuse_undetermined(lines * fs / n, np.where(norm[:, -1] > ROUNDING * np.max(np.abs(U)), own, 0.0))
+    require_determined_lines(lines * fs / n, np.where(norm[:, -1] > MIN_INPUT_AMPLITUDE * np.max(np.abs(U)), own, 0.0))
     rest = Y[around] - (Q @ projected[..., None])[..., 0]
     dof = A.shape[-2] - A.shape[-1]
     S_yy, S_rest = power(Y[around]) / around.shape[1], power(rest) / dof
@@ -206,17 +210,17 @@ def local(
     return projected[:, -1] / pivot, variance, float(dof), coherence, 2 * S_yy / (u.size * n)
 
 
-def refuse_undetermined(f: np.ndarray, own: np.ndarray) -> None:
+def require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
     """Refuse lines on which the input is all but a transient, by the share (F,) of its power that is not.
 
     At the ends of its band a sweep is smooth over frequency, as transients are: which of the two the output answers
     cannot be told, and G there is anything, with a bound that looks narrow.
     """
-    bad = own < OWN
+    bad = rough_share < MIN_ROUGH_SHARE
     if bad.any():
         good = f[~bad]
         cure = f", or ask for a band inside {good[0]:.4g} to {good[-1]:.4g} Hz" if good.size else ""
-        at = int(np.argmin(own))
+        at = int(np.argmin(rough_share))
         raise ValueError(
             f"u must have power of its own on every line, got {format_count(int(bad.sum()), 'line')} of {f.size} "
             f"without, worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a "
@@ -225,16 +229,16 @@ def refuse_undetermined(f: np.ndarray, own: np.ndarray) -> None:
         )
 
 
-def warn_of_other_signals(u: np.ndarray) -> None:
+def warn_of_nonstationary_input(u: np.ndarray) -> None:
     """Warn of an input (n,) whose power wanders over time and frequency as that of noise does not: chirps, bursts.
 
     The power of noise in a band scatters from part to part of the record by 1 over the root of the lines it has there.
     """
-    size = u.size // PARTS
-    power = np.abs(np.fft.rfft(u[: PARTS * size].reshape(PARTS, size), axis=1)[:, 1:]) ** 2
+    size = u.size // N_RECORD_PARTS
+    power = np.abs(np.fft.rfft(u[: N_RECORD_PARTS * size].reshape(N_RECORD_PARTS, size), axis=1)[:, 1:]) ** 2
     mean = power.mean(axis=0)
     share = np.cumsum(mean) / mean.sum()
-    edges = np.searchsorted(share, np.linspace(0.005, 0.995, BANDS + 1))
+    edges = np.searchsorted(share, np.linspace(0.005, 0.995, N_BANDS + 1))
     ratios = []
     for first, last in pairwise(edges.tolist()):
         if last - first < 4:
@@ -242,19 +246,21 @@ def warn_of_other_signals(u: np.ndarray) -> None:
         band = power[:, first:last].sum(axis=1)
         lines = mean[first:last].sum() ** 2 / np.sum(mean[first:last] ** 2)
         ratios.append(float(np.var(band, ddof=1) / band.mean() ** 2 * lines))
-    if ratios and np.mean(ratios) > UNSTEADY:
+    if ratios and np.mean(ratios) > MAX_POWER_SCATTER:
         data_warning(
             f"u must be stationary noise for its bounds to hold: its power scatters {np.mean(ratios) ** 0.5:.1f} times "
             "as much over time as that of noise, as chirps and bursts do; play a multisine, or noise all the time"
         )
 
 
-def warn_of_coarse_segments(f: np.ndarray, G: np.ndarray, variance: np.ndarray, dof: float, better: np.ndarray) -> None:
-    """Warn where segments smear a resonance: G is further from a `better` estimate than its variance lets it be."""
+def warn_of_coarse_segments(
+    f: np.ndarray, G: np.ndarray, variance: np.ndarray, dof: float, G_local: np.ndarray
+) -> None:
+    """Warn where segments smear a resonance: G is further from a `G_local` estimate than its variance lets it be."""
     bound = np.sqrt(dof * np.expm1(-np.log(0.05) / dof) * variance)  # as of `Bla.bound`
-    far = np.abs(G - better) > FAR * bound
+    far = np.abs(G - G_local) > MIN_LEAKAGE_ERROR * bound
     if far.any():
-        at = int(np.argmax(np.where(far, np.abs(G - better) / bound, 0.0)))
+        at = int(np.argmax(np.where(far, np.abs(G - G_local) / bound, 0.0)))
         data_warning(
             f"n_samples must resolve the resonances: on {far.sum()} of {f.size} lines, worst at {f[at]:g} Hz, leakage "
             'moves G further than its bound; take method="local" or longer segments'

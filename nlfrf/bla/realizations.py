@@ -16,27 +16,33 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import fast_length, power, squared_modulus
-from nlfrf.bla.neighbours import KEPT, Places, place_lines
+from nlfrf.bla.line_index import N_CACHED_GRIDS, LineIndex, index_lines
 from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.crest import expected_peaks, is_improbable
 from nlfrf.signals.lines import LineGrid, chance_correlation
 
-__all__ = ["equal_steps", "group_by_phases", "join_repeats", "refuse_unequal_spectra", "warn_of_low_peaks"]
+__all__ = ["group_by_phases", "join_repeats", "pair_equal_steps", "require_equal_spectra", "warn_of_low_crest"]
 
 
-N_PARTS = 8  # of the band, over which the input power of realisations is compared
-STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together, if it does not scatter
-SIGMAS = 5.0  # how many times its scatter it may be apart
-BY_CHANCE = 1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
-ALIKE = 0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
-SILENT = 1e-3  # of the largest amplitude of an input of a zippered record: lines below it are not its own
-FEWEST = 4  # lines that can tell phases apart
-FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
-PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
-MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
+N_BAND_PARTS = 8  # of the band, over which the input power of realisations is compared
+MAX_LEVEL_DIFFERENCE = 2.0  # how far it may be apart [dB] in realisations that belong together, if it does not scatter
+MAX_LEVEL_SIGMAS = 5.0  # how many times its scatter it may be apart
+FALSE_MATCH_PROBABILITY = (
+    1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
+)
+MIN_SHARED_POWER = (
+    0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
+)
+MIN_OWN_AMPLITUDE = 1e-3  # of the largest amplitude of an input of a zippered record: lines below it are not its own
+MIN_PHASE_LINES = 4  # lines that can tell phases apart
+MIN_CREST_LINES = 6  # lines whose sum has peaks as of a normal distribution
+ENOUGH_STEP_PAIRS = (
+    30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
+)
+MAX_REFERENCES = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> np.ndarray:
+def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> np.ndarray:
     """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped.
 
     Returns
@@ -44,7 +50,7 @@ def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, n
     (M,) ndarray
         How many peaks above its own random phases would have, on average one; zeros where lines are too few to tell.
     """
-    if amplitude.size < FEWEST_SUMMED:
+    if amplitude.size < MIN_CREST_LINES:
         return np.zeros(len(u))
     middle = np.add.reduce(u, axis=1) / u.shape[1]
     peak = np.maximum(u.max(axis=1) - middle, middle - u.min(axis=1))
@@ -70,21 +76,21 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
     be left all stay as they are.
     """
     n = excited.U.shape[1]
-    groups = find_repeats(excited) if excited.per_set < n else []
-    if not 0 < len(groups) < n or len(groups) % excited.per_set:
+    groups = find_repeats(excited) if excited.experiments_per_set < n else []
+    if not 0 < len(groups) < n or len(groups) % excited.experiments_per_set:
         return spectra, list(range(n))
     told = "; ".join(", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1)
     data_warning(
         f"u holds {kind}s with the same phases ({told}): they repeat one another, so their distortion does not "
         f"average out. They were taken as periods of one {kind}, which leaves M = {len(groups)} of {n}; "
-        f"play others, as of multisine(n_realizations={n // excited.per_set})"
+        f"play others, as of multisine(n_realizations={n // excited.experiments_per_set})"
     )
     P, D = spectra.n_periods, max(spectra.dU.shape[2], spectra.dY.shape[2])
     scatters: list[list[np.ndarray]] = []
     parts: list[list[np.ndarray]] = []
     for group, delays in groups:
         g, turn = len(group), np.exp(2j * np.pi * np.multiply.outer(delays, spectra.lines))
-        turned = [x[:, group] * turn for x in (spectra.U, spectra.Y, spectra.known)]
+        turned = [x[:, group] * turn for x in (spectra.U, spectra.Y, spectra.excitation)]
         parts.append([x.mean(axis=1) for x in turned])
         scatters.append([])
         for x, mean, dx in zip(turned, parts[-1], (spectra.dU, spectra.dY), strict=False):
@@ -102,13 +108,13 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
                 for k in (0, 1)
             ]
     U, Y, R = (np.stack(x, axis=1) for x in zip(*parts, strict=True))
-    dU, dY = (of_one_length(x) for x in zip(*scatters, strict=True))
+    dU, dY = (pad_scatters(x) for x in zip(*scatters, strict=True))
     periods = P * n // len(groups)
     joined = replace(spectra, U=U, Y=Y, R=None if spectra.R is None else R, dU=dU, dY=dY, n_periods=periods)
     return joined, [group[0] for group, _ in groups]
 
 
-def of_one_length(scatters: Sequence[np.ndarray]) -> np.ndarray:
+def pad_scatters(scatters: Sequence[np.ndarray]) -> np.ndarray:
     """(n, M, D, K) of scatters (n, D, K), with those of fewer columns filled up by zeros, which say nothing."""
     most = max(one.shape[1] for one in scatters)
     return np.stack([np.pad(one, ((0, 0), (0, most - one.shape[1]), (0, 0))) for one in scatters], axis=1)
@@ -116,25 +122,25 @@ def of_one_length(scatters: Sequence[np.ndarray]) -> np.ndarray:
 
 def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
     """Experiments that repeat one another, by their numbers, and their delays behind the first of each [periods]."""
-    known, lines, M = excited.known, excited.lines, excited.U.shape[1]
+    known, lines, M = excited.excitation, excited.lines, excited.U.shape[1]
     labels = np.zeros((len(known), M), dtype=int)
     for of_input, U in zip(labels, known, strict=True):
-        where = excited.where
+        index = excited.index
         if excited.is_zippered:
             size = np.abs(U).max(axis=0)
-            own = size > SILENT * size.max()
-            if np.count_nonzero(own) <= FEWEST:
+            own = size > MIN_OWN_AMPLITUDE * size.max()
+            if np.count_nonzero(own) <= MIN_PHASE_LINES:
                 return [([m], [0.0]) for m in range(M)]
-            U, where = U[:, own], place_lines(LineGrid(excited=lines[own]))
-        for number, group in enumerate(group_by_phases(U, where)):
+            U, index = U[:, own], index_lines(LineGrid(excited=lines[own]))
+        for number, group in enumerate(group_by_phases(U, index)):
             of_input[group] = number
     alike: dict[tuple[int, ...], list[tuple[list[int], list[float]]]] = {}
     for m, label in enumerate(map(tuple, labels.T.tolist())):
         for members, delays in alike.setdefault(label, []):
-            products = in_common_of(known[:, m], known[:, members[0]])  # of inputs of one size
+            products = normalized_products(known[:, m], known[:, members[0]])  # of inputs of one size
             delay, _ = estimate_delay(np.add.reduce(products) / len(products), lines)
             turned = (products * np.exp(-2j * np.pi * lines * delay)).real.sum(axis=1)
-            if np.all(turned > ALIKE):
+            if np.all(turned > MIN_SHARED_POWER):
                 members.append(m)
                 delays.append(delay)
                 break
@@ -143,42 +149,42 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
     return sorted(group for groups in alike.values() for group in groups)
 
 
-def in_common_of(U: np.ndarray, other: np.ndarray) -> np.ndarray:
+def normalized_products(U: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Products of spectra (..., F), line by line, over the size of both."""
     return np.asarray(other * U.conj() / np.sqrt(power(U) * power(other))[..., None])
 
 
-def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
+def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
     """Which realisations (M, F) have the same phases but for a delay, as lists of their numbers."""
     n, n_lines = U.shape
-    steps = equal_steps(where)
+    steps = pair_equal_steps(index)
     same: Any = False
-    if steps.shape[1] < PLENTY:
-        same = alike(U, squared_modulus(U @ U[:MOST].conj().T), 1)
+    if steps.shape[1] < ENOUGH_STEP_PAIRS:
+        same = match_phases(U, squared_modulus(U @ U[:MAX_REFERENCES].conj().T), 1)
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
         even = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
         step = even[:, 1:] * even[:, :-1].conj()
         turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
-        same = same | alike(turned, squared_modulus(turned @ turned[:MOST].conj().T), 1)
-    elif n <= MOST:  # few lines are equally far apart: every delay is tried
-        n_delays = fast_length(8 * int(where.lines[-1]))
+        same = same | match_phases(turned, squared_modulus(turned @ turned[:MAX_REFERENCES].conj().T), 1)
+    elif n <= MAX_REFERENCES:  # few lines are equally far apart: every delay is tried
+        n_delays = fast_length(8 * int(index.lines[-1]))
         products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
         for m in range(n):
-            products[:, where.lines[where.excited]] = U[m].conj() * U
+            products[:, index.lines[index.excited]] = U[m].conj() * U
             most[m] = squared_modulus(np.fft.fft(products)).max(axis=-1)
-        same = same | alike(U, most, 4 * n_delays)
-    if np.count_nonzero(same) <= min(n, MOST):  # each with itself
+        same = same | match_phases(U, most, 4 * n_delays)
+    if np.count_nonzero(same) <= min(n, MAX_REFERENCES):  # each with itself
         return [[m] for m in range(n)]
     groups: list[list[int]] = []
-    lines = where.lines[where.excited]
+    lines = index.lines[index.excited]
     for m in range(n):
         for group in groups:
             if (
-                group[0] < MOST
+                group[0] < MAX_REFERENCES
                 and same[m, group[0]]
-                and estimate_delay(in_common_of(U[m], U[group[0]]), lines)[1] > ALIKE
+                and estimate_delay(normalized_products(U[m], U[group[0]]), lines)[1] > MIN_SHARED_POWER
             ):
                 group.append(m)
                 break
@@ -187,37 +193,37 @@ def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
     return groups
 
 
-@lru_cache(maxsize=KEPT)
-def equal_steps(where: Places) -> np.ndarray:
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def pair_equal_steps(index: LineIndex) -> np.ndarray:
     """(2, n) excited lines i and j, by their order, of which the next ones are equally far."""
-    steps = np.diff(where.lines[where.excited])
+    steps = np.diff(index.lines[index.excited])
     order = np.lexsort((np.arange(steps.size), steps))
     return np.array([order[:-1], order[1:]])[:, np.diff(steps[order]) == 0]
 
 
-def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
+def match_phases(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     """(M, m) bool: whether rows of x (M, n) agree with the first m more than chance has it, by their products squared.
 
     Whether what they have in common is the whole of them is left to `estimate_delay`.
     """
-    if x.shape[1] < FEWEST:
+    if x.shape[1] < MIN_PHASE_LINES:
         return np.eye(*common.shape, dtype=bool)
     size = power(x)
     whole = size[:, None] * size[: common.shape[1]]
-    chance = BY_CHANCE / (common.size * n_delays)
+    chance = FALSE_MATCH_PROBABILITY / (common.size * n_delays)
     like = common > chance_correlation(chance, x.shape[1]) * whole
     if np.count_nonzero(like) <= common.shape[1]:
         return np.asarray(like)  # no more than n lines weigh something: each is like itself alone
     n = float(
         np.median(size**2 / np.add.reduce(squared_modulus(squared_modulus(x)), axis=1))
     )  # lines that weigh something
-    if n < FEWEST:
+    if n < MIN_PHASE_LINES:
         return np.eye(*common.shape, dtype=bool)
     return np.asarray(common > chance_correlation(chance, n) * whole)
 
 
 def estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
-    """The delay behind a signal of the same phases [periods], and the share in common then, by `in_common_of` (F,)."""
+    """The delay behind a signal of the same phases [periods], and the share in common then, by `normalized_products` (F,)."""
     at_once = float(product.sum().real)
     fine = fast_length(8 * int(lines[-1]))
     spectrum = np.zeros(fine, dtype=complex)
@@ -232,22 +238,24 @@ def estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float
     return (0.0, at_once) if 1 - at_once < 2 * (1 - shared) + 1e-9 else (delay, shared)
 
 
-def refuse_unequal_spectra(known: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
+def require_equal_spectra(powers: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
     """Refuse realisations of another amplitude spectrum, by their powers (M, F): their BLA is another one.
 
     A measured force scatters from line to line and from realisation to realisation where the shaker gives way, at a
     resonance above all: the limit is as wide as the mean over a part of the band then scatters.
     """
-    if (np.maximum.reduce(known) <= 10 ** (STRANGE / 10) * np.minimum.reduce(known)).all():
+    if (np.maximum.reduce(powers) <= 10 ** (MAX_LEVEL_DIFFERENCE / 10) * np.minimum.reduce(powers)).all():
         return  # not even a line is so far apart
-    first = np.arange(0, known.shape[1], max(1, known.shape[1] // N_PARTS))
-    level = 10 * np.log10(known)
+    first = np.arange(0, powers.shape[1], max(1, powers.shape[1] // N_BAND_PARTS))
+    level = 10 * np.log10(powers)
     level -= level[:1] if len(level) == 2 else np.median(level, axis=0)
     jumps = np.zeros((1, level.shape[1]))
     jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter has them, another spectrum has none
-    apart, scatter = np.abs(over_parts(level, first)), over_parts(jumps, first)
-    n_lines = np.diff(np.append(first, [known.shape[1], 2 * known.shape[1]]))
-    beyond = apart / np.maximum(STRANGE, SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines))
+    apart, scatter = np.abs(mean_over_band_parts(level, first)), mean_over_band_parts(jumps, first)
+    n_lines = np.diff(np.append(first, [powers.shape[1], 2 * powers.shape[1]]))
+    beyond = apart / np.maximum(
+        MAX_LEVEL_DIFFERENCE, MAX_LEVEL_SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines)
+    )
     worst, part = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     if beyond[worst, part] > 1:
         raise ValueError(
@@ -256,7 +264,7 @@ def refuse_unequal_spectra(known: np.ndarray, kind: str = "realisation", first_n
         )
 
 
-def over_parts(x: np.ndarray, first: np.ndarray) -> np.ndarray:
+def mean_over_band_parts(x: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Means over parts of the last axis, each from its first index on, and over all of it."""
     size = x.shape[-1]
     means = np.add.reduceat(x, first, axis=-1) / np.diff(np.append(first, size))

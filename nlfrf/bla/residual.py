@@ -7,16 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from nlfrf._base.numbers import EPS, SMALL_NORM, TINY, squared_modulus
-from nlfrf.bla.local_models import NOISE_LINES
-from nlfrf.bla.neighbours import Places
+from nlfrf.bla.line_index import LineIndex
+from nlfrf.bla.local_models import NOISE_SMOOTHING_LINES
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
 __all__ = ["NonlinearResidual", "gain_varies", "nonlinear_residual"]
 
 
-UNEVEN = 1.5  # largest over least |G|^2, of means over the lines around, from which the place of distortion matters
-JAGGED = 2.0  # the same line by line, as one realisation scatters
+MIN_GAIN_VARIATION = (
+    1.5  # largest over least |G|^2, of means over the lines around, from which the place of distortion matters
+)
+CLEAR_GAIN_VARIATION = 2.0  # the same line by line, as one realisation scatters
 AROUND = 9  # lines over which |G|^2 is averaged
 
 
@@ -31,7 +33,7 @@ class NonlinearResidual(NamedTuple):
         Mean square of each output over what experiments as strong on all lines would make of the matrix as measured,
         sum_i |G_ji|^2 a_i^2, interpolated. A local fit smears a light mode, and takes its level with it; in a loop U
         dips at a resonance, and distortion does not.
-    uneven : (n_y,) tuple of bool
+    gain_varies : (n_y,) tuple of bool
         Whether it changes over the band, so that it matters what drives the distortion, and where.
     Y : (n_y, M, K) complex ndarray
         Y - G U: a real actuator, or a loop, puts some input on detection lines too.
@@ -41,39 +43,39 @@ class NonlinearResidual(NamedTuple):
 
     G: np.ndarray
     gain: np.ndarray
-    uneven: tuple[bool, ...]
+    gain_varies: tuple[bool, ...]
     Y: np.ndarray
     noise: np.ndarray
 
-    def noise_known(self, output: int) -> np.ndarray | None:
+    def smoothed_noise(self, output: int) -> np.ndarray | None:
         """(K,) the noise of an output, over neighbouring lines; None where it is not known, or there is none."""
         noise = self.noise[output]
         if np.isnan(noise[0]) or not noise.any():
             return None
-        return local_mean(noise, NOISE_LINES)
+        return local_mean(noise, NOISE_SMOOTHING_LINES)
 
 
 def gain_varies(gain: np.ndarray) -> bool:
     """Whether |G|^2 (F,) changes over the band, by more than scatter."""
     ratio = gain.max() / max(gain.min(), TINY)
-    if ratio > JAGGED or ratio <= UNEVEN:
-        return bool(ratio > JAGGED)
+    if ratio > CLEAR_GAIN_VARIATION or ratio <= MIN_GAIN_VARIATION:
+        return bool(ratio > CLEAR_GAIN_VARIATION)
     around = local_mean(gain, AROUND)
-    return bool(around.max() > UNEVEN * around.min())
+    return bool(around.max() > MIN_GAIN_VARIATION * around.min())
 
 
 def nonlinear_residual(
     spectra: Spectra, excited: Spectra, measured: np.ndarray, smooth: np.ndarray
 ) -> NonlinearResidual:
     """What the linear model leaves of the outputs, by a matrix (n_y, n_u, F) as measured and one that is smoothed."""
-    where = spectra.where
-    G = interpolate_frf(smooth, where)
+    index = spectra.index
+    G = interpolate_frf(smooth, index)
     a = np.add.reduce(excited.mean_power_U, axis=1) / excited.lines.size
     of_smooth = np.vecmat(a, squared_modulus(smooth))
     if smooth is measured:
         gain = np.vecmat(a, squared_modulus(G))
     else:  # a local fit smears a light mode, and takes its level with it
-        gain = interpolate_gain(np.vecmat(a, squared_modulus(measured)), where)
+        gain = interpolate_gain(np.vecmat(a, squared_modulus(measured)), index)
     scatter = residual_scatter(G, spectra)
     noise = np.add.reduce(squared_modulus(scatter), axis=(1, 2)) / (scatter.shape[1] if scatter.shape[2] else np.nan)
     linear = G * spectra.U if len(spectra.U) == 1 else np.einsum("jik,imk->jmk", G, spectra.U)
@@ -81,19 +83,19 @@ def nonlinear_residual(
         G=G,
         gain=gain,
         # one realisation scatters more than a static gain changes
-        uneven=tuple(map(gain_varies, of_smooth)),
+        gain_varies=tuple(map(gain_varies, of_smooth)),
         Y=spectra.Y - linear,
         noise=noise,
     )
 
 
-def interpolate_gain(gain: np.ndarray, where: Places) -> np.ndarray:
+def interpolate_gain(gain: np.ndarray, index: LineIndex) -> np.ndarray:
     """|G|^2 (..., F) between its lines, linear in log magnitude; held at the ends."""
     floor = np.maximum(EPS**2 * gain.max(axis=-1, keepdims=True), SMALL_NORM**2)
-    return np.asarray(np.exp(between_lines(np.log(np.maximum(gain, floor)), where)))
+    return np.asarray(np.exp(interpolate_to_lines(np.log(np.maximum(gain, floor)), index)))
 
 
-def interpolate_frf(G: np.ndarray, where: Places) -> np.ndarray:
+def interpolate_frf(G: np.ndarray, index: LineIndex) -> np.ndarray:
     """G (..., F) between its lines, linear in log magnitude and in phase; held at the ends."""
     magnitude = np.abs(G)
     # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
@@ -101,14 +103,16 @@ def interpolate_frf(G: np.ndarray, where: Places) -> np.ndarray:
     logarithm = np.empty(G.shape, dtype=complex)
     np.log(np.maximum(magnitude, floor), out=logarithm.real)
     np.arctan2(G.imag, G.real, out=logarithm.imag)
-    return np.exp(between_lines(logarithm, where))
+    return np.exp(interpolate_to_lines(logarithm, index))
 
 
-def between_lines(x: np.ndarray, where: Places) -> np.ndarray:
+def interpolate_to_lines(x: np.ndarray, index: LineIndex) -> np.ndarray:
     """x (..., F) on all lines, linear between the excited ones; its imaginary part is an angle."""
     rise = np.zeros(x.shape, dtype=x.dtype)
     np.subtract(x[..., 1:], x[..., :-1], out=rise[..., :-1])
     if x.dtype == complex:
         turns = rise.imag / (2 * np.pi)
         rise.imag -= 2 * np.pi * np.rint(turns, out=turns)  # phase goes the shorter way round
-    return np.asarray(x.take(where.below, axis=-1) + where.share * rise.take(where.below, axis=-1))
+    return np.asarray(
+        x.take(index.excited_below, axis=-1) + index.interpolation_weight * rise.take(index.excited_below, axis=-1)
+    )

@@ -17,11 +17,11 @@ from nlfrf._base.numbers import (
     squared_modulus,
 )
 from nlfrf._base.values import value
-from nlfrf.bla.neighbours import Places
+from nlfrf.bla.line_index import LineIndex
 from nlfrf.records.record import Record
 from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transient
 
-__all__ = ["TREATMENTS", "Spectra", "channel_dft", "dft", "period_spectra", "residual_scatter"]
+__all__ = ["TREATMENTS", "Spectra", "channel_dft", "period_dft", "period_spectra", "residual_scatter"]
 
 
 # ---- The transient: whether it is there, and taking it off by local fits between the harmonics.
@@ -34,12 +34,12 @@ __all__ = ["TREATMENTS", "Spectra", "channel_dft", "dft", "period_spectra", "res
 TREATMENTS = ("auto", "none", "discard", "local")  # of what has not died away when the first period begins
 
 
-SIDE = 6  # lines on either side of a harmonic used for one fit
-BESIDE = 0.03  # amplitude beside that of the owner below which a line drives one input only
-EARNED = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
+LINES_PER_SIDE = 6  # lines on either side of a harmonic used for one fit
+MAX_FOREIGN_AMPLITUDE = 0.03  # amplitude beside that of the owner below which a line drives one input only
+RATIONAL_POWER_RATIO = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
 
 
-def find_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
+def choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
     """What a signal y (M, P, N) and the spectra of its periods (M, P or 1, K) ask for: "none", "discard" or "local"."""
     n_periods = Y.shape[1]
 
@@ -48,14 +48,14 @@ def find_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
         if is_transient(one, other):
             return False
         rise = (np.add.reduce(y[:, -1], axis=1) - np.add.reduce(y[:, first], axis=1)) / y.shape[2]
-        return not is_drift(one, other, rise / (n_periods - 1 - first), lines)
+        return not has_drift(one, other, rise / (n_periods - 1 - first), lines)
 
     if n_periods < 2 or settled(0):
         return "none"
     return "discard" if n_periods > 2 and settled(1) else "local"
 
 
-def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.ndarray) -> bool:
+def has_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.ndarray) -> bool:
     """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so they agree.
 
     Parameters
@@ -73,7 +73,7 @@ def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.n
     return bool(leaked > max(noise, 1e-20 * whole))
 
 
-def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Transient at the harmonics of a record, and what remains around them.
 
     Parameters
@@ -94,14 +94,14 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
         Variance of T over that variance.
     """
     n_realizations, n_periods, n_samples = x.shape
-    r = offsets(n_periods)
+    r = nonharmonic_offsets(n_periods)
     n_total = n_periods * n_samples
-    where = (lines[:, None] * n_periods + r) % n_total
-    mirrored = where > n_total // 2  # beyond 0 and Nyquist a real signal repeats itself, conjugated
-    index = np.where(mirrored, n_total - where, where)
+    at = (lines[:, None] * n_periods + r) % n_total
+    mirrored = at > n_total // 2  # beyond 0 and Nyquist a real signal repeats itself, conjugated
+    places = np.where(mirrored, n_total - at, at)
     X = np.empty((n_realizations, lines.size, r.size), dtype=complex)
     for m in range(n_realizations):
-        X[m] = rfft_at(x[m].reshape(-1), index.ravel()).reshape(index.shape) * (2 / n_total)
+        X[m] = rfft_at(x[m].reshape(-1), places.ravel()).reshape(places.shape) * (2 / n_total)
     X = np.where(mirrored, X.conj(), X)
     s = r / np.abs(r).max()
     powers = (s[:, None] ** np.arange(N_POLYNOMIAL - 1, -1, -1)).astype(complex)
@@ -109,7 +109,7 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     polynomial = np.broadcast_to(powers, (*X.shape, N_POLYNOMIAL))
     rational = np.concatenate([-s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None], polynomial], axis=-1)
     T_r, residual_r, leverage_r = least_squares(rational, X)
-    better = power(residual_r) < EARNED * power(residual)
+    better = power(residual_r) < RATIONAL_POWER_RATIO * power(residual)
     return (
         np.where(better, T_r, T),
         np.where(better[..., None], residual_r, residual),
@@ -117,10 +117,10 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     )
 
 
-def offsets(n_periods: int) -> np.ndarray:
+def nonharmonic_offsets(n_periods: int) -> np.ndarray:
     """Offsets from a harmonic to the lines nearest to it that are not harmonics, SIDE on either side."""
-    right = np.arange(1, SIDE * n_periods + n_periods)
-    right = right[right % n_periods != 0][:SIDE]
+    right = np.arange(1, LINES_PER_SIDE * n_periods + n_periods)
+    right = right[right % n_periods != 0][:LINES_PER_SIDE]
     return np.concatenate([-right[::-1], right])
 
 
@@ -141,7 +141,7 @@ class Spectra:
         one of zero; D = 0 for one period.
     n_periods : int
         Periods behind the means.
-    where : Places
+    index : LineIndex
         Where each kind of line stands among all lines of the grid, and its neighbours.
     """
 
@@ -152,10 +152,10 @@ class Spectra:
     dU: np.ndarray
     dY: np.ndarray
     n_periods: int
-    where: Places
+    index: LineIndex
 
     @cached_property
-    def known(self) -> np.ndarray:
+    def excitation(self) -> np.ndarray:
         """(n_u, M, K) what was played, as well as it is known: the references, else the inputs."""
         return self.U if self.R is None else self.R
 
@@ -182,21 +182,21 @@ class Spectra:
         """Whether each line drives one input only."""
         if len(self.U) == 1:
             return False
-        size = np.sqrt(np.mean(squared_modulus(self.known), axis=1))
+        size = np.sqrt(np.mean(squared_modulus(self.excitation), axis=1))
         size = np.sort(size / size.max(axis=1, keepdims=True), axis=0)
-        return bool(np.mean(size[-2] < BESIDE * size[-1]) > 0.95)
+        return bool(np.mean(size[-2] < MAX_FOREIGN_AMPLITUDE * size[-1]) > 0.95)
 
     @cached_property
-    def per_set(self) -> int:
+    def experiments_per_set(self) -> int:
         """Experiments that make one realisation of the matrix."""
         return 1 if self.is_zippered else len(self.U)
 
-    def on_excited(self) -> Spectra:
+    def select_excited(self) -> Spectra:
         """The spectra on the excited lines alone."""
-        at = self.where.excited
+        at = self.index.excited
         some = {name: getattr(self, name).take(at, axis=-1) for name in ("lines", "U", "Y", "dU", "dY")}
         R = None if self.R is None else self.R.take(at, axis=-1)
-        return Spectra(**some, R=R, n_periods=self.n_periods, where=self.where)
+        return Spectra(**some, R=R, n_periods=self.n_periods, index=self.index)
 
 
 def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
@@ -211,14 +211,14 @@ def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
 
 
 def period_spectra(
-    record: Record, where: Places, transient: str = "none", U: np.ndarray | None = None
+    record: Record, index: LineIndex, transient: str = "none", U: np.ndarray | None = None
 ) -> tuple[Spectra, str]:
     """Spectra of a record on all its excited and detection lines, and what was done about the transient.
 
     Parameters
     ----------
     record : Record
-    where : Places
+    index : LineIndex
         Of the lines of its grid.
     transient : str
         "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
@@ -231,7 +231,7 @@ def period_spectra(
     ValueError
         One period only, where the transient is to be discarded or fitted.
     """
-    n_periods, lines = record.n_periods, where.lines
+    n_periods, lines = record.n_periods, index.lines
     if transient in ("discard", "local") and n_periods < 2:
         raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
     U = channel_dft(record.u, lines) if U is None else U.copy()
@@ -239,20 +239,20 @@ def period_spectra(
     R = None if record.r is None else channel_dft(record.r, lines)
     if transient == "auto":
         y = record.y.reshape(-1, *record.y.shape[-2:])
-        transient = find_treatment(Y.reshape(-1, *Y.shape[2:]), y, lines)
+        transient = choose_transient_treatment(Y.reshape(-1, *Y.shape[2:]), y, lines)
     if transient == "discard":
-        U, Y, R = after_first(U), after_first(Y), None if R is None else after_first(R)
+        U, Y, R = drop_first_period(U), drop_first_period(Y), None if R is None else drop_first_period(R)
         n_periods -= 1
     R = None if R is None else R.mean(axis=2)
     (U, dU), (Y, dY) = (mean_and_scatter(X, n_periods) for X in (U, Y))
     if transient == "local":
         if dU.shape[2] > 1:
-            U, dU = take_off_transient(record.u, U, lines)
-        Y, dY = take_off_transient(record.y, Y, lines)
-    return Spectra(lines=lines, U=U, Y=Y, R=R, dU=dU, dY=dY, n_periods=n_periods, where=where), transient
+            U, dU = subtract_transient(record.u, U, lines)
+        Y, dY = subtract_transient(record.y, Y, lines)
+    return Spectra(lines=lines, U=U, Y=Y, R=R, dU=dU, dY=dY, n_periods=n_periods, index=index), transient
 
 
-def after_first(X: np.ndarray) -> np.ndarray:
+def drop_first_period(X: np.ndarray) -> np.ndarray:
     """Periods of X (n, M, P, K) but the first; one that stands for all of them stays."""
     return X[:, :, 1:] if X.shape[2] > 1 else X
 
@@ -268,20 +268,20 @@ def mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndar
     return mean, X
 
 
-def take_off_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def subtract_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean (n, M, K) less the transient of x at every line, and its scatter as read between the harmonics."""
-    T, residual, leverage = local_fit(x.reshape(-1, *x.shape[-2:]), lines)
+    T, residual, leverage = fit_transient(x.reshape(-1, *x.shape[-2:]), lines)
     scatter = np.swapaxes(residual * np.sqrt(1 + leverage)[..., None], 1, 2)
     return mean - T.reshape(mean.shape), scatter.reshape(*mean.shape[:2], *scatter.shape[1:])
 
 
 def channel_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """(n, M, P or 1, K) `dft` of every channel of x ((n,) M, P, N)."""
-    X = dft(x.reshape(-1, *x.shape[-2:]), lines)
+    """(n, M, P or 1, K) `period_dft` of every channel of x ((n,) M, P, N)."""
+    X = period_dft(x.reshape(-1, *x.shape[-2:]), lines)
     return X.reshape(-1, x.shape[-3], *X.shape[1:])
 
 
-def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def period_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """(M, P, K) amplitudes of the lines in each period of x (M, P, N); (M, 1, K) where all periods are the same.
 
     A generator's signal repeats so: its periods need one transform.

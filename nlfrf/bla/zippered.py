@@ -15,22 +15,24 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, squared_modulus, two_unknowns
 from nlfrf._base.values import value
-from nlfrf.bla.covariance import diagonal, sum_of_squares, to_correlation
+from nlfrf.bla.covariance import diagonal, sum_outer_products, to_correlation
 from nlfrf.bla.frf import FrmEstimate
-from nlfrf.bla.local_models import EARNED, ORDER, POOLED
-from nlfrf.bla.neighbours import WIDTH, nearest_lines
+from nlfrf.bla.line_index import WINDOW_LINES, nearest_lines
+from nlfrf.bla.local_models import N_POOLED_WINDOWS, POLYNOMIAL_ORDER, RATIONAL_VARIANCE_RATIO
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["Between", "spread_between", "zippered_frm"]
+__all__ = ["ColumnInterpolation", "bound_interpolated_columns", "estimate_zippered_frm"]
 
 
-REWEIGHTED, REFINED = 3, 3  # rounds of either kind
-SMALLEST = 0.02  # of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands
+N_REWEIGHTED_ROUNDS, N_GAUSS_NEWTON_ROUNDS = 3, 3  # rounds of either kind
+MIN_ZIPPERED_DENOMINATOR = (
+    0.02  # of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands
+)
 
 
 @value(copy=False)
-class Between:
+class ColumnInterpolation:
     """What the columns are between their own lines.
 
     Fields
@@ -46,12 +48,12 @@ class Between:
     """
 
     owner: np.ndarray
-    own: np.ndarray
+    line_variance: np.ndarray
     window: np.ndarray
-    weights: np.ndarray
+    error_weights: np.ndarray
 
 
-def zippered_frm(excited: Spectra) -> tuple[FrmEstimate, Between]:
+def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpolation]:
     """The matrix in open loop; the scatter over experiments is that of the column that a line drives."""
     lines, U, Y = excited.lines, excited.U, excited.Y
     (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(lines.size)
@@ -59,48 +61,50 @@ def zippered_frm(excited: Spectra) -> tuple[FrmEstimate, Between]:
     owner = (size / size.max(axis=1, keepdims=True)).argmax(axis=0)
     measured = Y / U[owner, :, k].T  # (n_y, M, F) of the column that the line drives
     column = measured.mean(axis=1)
-    G, between = fitted_between(column, lines, owner, 1 / (M * size[owner, k] ** 2))
+    G, between = interpolate_columns(column, lines, owner, 1 / (M * size[owner, k] ** 2))
     each = np.broadcast_to(G, (M, *G.shape)).copy()
     each[:, :, owner, k] = np.moveaxis(measured, 1, 0)
     V = (measured - column[:, None]) * size[owner, k]
     gamma = np.zeros((n_u, n_u, F), dtype=complex)
     for i in range(n_u):
-        gamma[i, i] = np.interp(lines, lines[owner == i], between.own[owner == i])
+        gamma[i, i] = np.interp(lines, lines[owner == i], between.line_variance[owner == i])
     scatter = residual_scatter(G, excited)
     known = scatter.shape[2] > 0
     frm = FrmEstimate(
         G=G,
-        each=each,
+        G_each=each,
         gamma=gamma,
         gamma_each=np.broadcast_to(M * gamma, (M, *gamma.shape)),
         noise_each=np.sum(squared_modulus(scatter), axis=2).swapaxes(0, 1) if known else np.full((M, n_y, F), np.nan),
-        cov_noise=sum_of_squares(scatter) / M if known else np.full((n_y, n_y, F), np.nan),
+        cov_noise=sum_outer_products(scatter) / M if known else np.full((n_y, n_y, F), np.nan),
         gamma_of_set=M * diagonal(gamma),
-        cov_scatter=sum_of_squares(V) / (M - 1) if M > 1 else np.full((n_y, n_y, F), np.nan),
+        cov_scatter=sum_outer_products(V) / (M - 1) if M > 1 else np.full((n_y, n_y, F), np.nan),
     )
     return frm, between
 
 
-def fitted_between(
-    column: np.ndarray, lines: np.ndarray, owner: np.ndarray, own: np.ndarray
-) -> tuple[np.ndarray, Between]:
+def interpolate_columns(
+    column: np.ndarray, lines: np.ndarray, owner: np.ndarray, line_variance: np.ndarray
+) -> tuple[np.ndarray, ColumnInterpolation]:
     """(n_y, n_u, F) with every column on every line, from (n_y, F) the column that each line drives."""
     n_y, F = column.shape
     n_u = int(owner.max()) + 1
     places = [np.flatnonzero(owner == i) for i in range(n_u)]
-    width = min(WIDTH, *(place.size for place in places))
+    width = min(WINDOW_LINES, *(place.size for place in places))
     window = np.stack([place[nearest_lines(lines, lines[place], width)] for place in places], axis=1)
     r = (lines[window] - lines[:, None, None]).astype(float)
     r /= np.abs(r).max(axis=(1, 2), keepdims=True)  # (F, n_u, n)
     g = np.moveaxis(column[:, window], 0, 2)  # (F, n_u, n_y, n)
-    known = np.sqrt(np.mean(own[window], axis=2))[:, :, None, None]  # of each column, in the units of its input
+    known = np.sqrt(np.mean(line_variance[window], axis=2))[
+        :, :, None, None
+    ]  # of each column, in the units of its input
     size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + TINY)
-    D = denominator(r, g, size)
-    plain, rational = (power_left(r, g, one, size) for one in (np.ones(D.shape), D))
-    dof = n_y * n_u * (width - ORDER - 1)
-    better = local_mean(EARNED * plain / dof - rational / (dof - 2), POOLED) > 0
-    D = np.where(better[:, None, None] & (width >= 2 * ORDER + 4), D, 1.0)
-    at_zero, _, _, slopes, rest = solved(r, g, D)
+    D = fit_denominator(r, g, size)
+    plain, rational = (residual_power(r, g, one, size) for one in (np.ones(D.shape), D))
+    dof = n_y * n_u * (width - POLYNOMIAL_ORDER - 1)
+    better = local_mean(RATIONAL_VARIANCE_RATIO * plain / dof - rational / (dof - 2), N_POOLED_WINDOWS) > 0
+    D = np.where(better[:, None, None] & (width >= 2 * POLYNOMIAL_ORDER + 4), D, 1.0)
+    at_zero, _, _, slopes, rest = fit_numerator(r, g, D)
     value_at_zero = (g @ at_zero[..., None])[..., 0]  # (F, n_u, n_y)
     # a step of (a1, a2) by the error of a window, and what it does to the fitted value
     rows = (rest / size[..., None]).reshape(F, -1, 2)
@@ -113,56 +117,58 @@ def fitted_between(
             weights[:, i, j, i, :, j] += at_zero[:, i]
     G = np.moveaxis(value_at_zero, 0, 2).swapaxes(0, 1).copy()
     G[:, owner, np.arange(F)] = column
-    return G, Between(owner=owner, own=own, window=window, weights=weights)
+    return G, ColumnInterpolation(owner=owner, line_variance=line_variance, window=window, error_weights=weights)
 
 
-def solved(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...]:
+def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...]:
     """Of a given denominator: row of B_0, basis, fitted values, slopes by (a1, a2), and what the numerator leaves."""
     w = 1 / D
-    basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(ORDER + 1))  # (F, n_u, n, 3)
-    first = np.linalg.solve(np.swapaxes(T, -1, -2), np.eye(ORDER + 1)[0][:, None])
+    basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(POLYNOMIAL_ORDER + 1))  # (F, n_u, n, 3)
+    first = np.linalg.solve(np.swapaxes(T, -1, -2), np.eye(POLYNOMIAL_ORDER + 1)[0][:, None])
     at_zero = (basis @ first)[..., 0].conj()  # B_0 = at_zero @ g
 
-    fit = g - left_over(g, basis)
+    fit = g - numerator_residual(g, basis)
     slopes = [-fit * (w * r**m)[:, :, None] for m in (1, 2)]
-    rest = [left_over(slope, basis) for slope in slopes]
+    rest = [numerator_residual(slope, basis) for slope in slopes]
     return at_zero, basis, fit, np.stack(slopes, axis=-1), np.stack(rest, axis=-1)
 
 
-def left_over(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
+def numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """What a numerator leaves of x (F, n_u, n_y, n)."""
     return np.asarray(x - (x @ basis.conj()) @ np.swapaxes(basis, -1, -2))
 
 
-def power_left(r: np.ndarray, g: np.ndarray, D: np.ndarray, size: np.ndarray) -> np.ndarray:
+def residual_power(r: np.ndarray, g: np.ndarray, D: np.ndarray, size: np.ndarray) -> np.ndarray:
     """(F,) what a denominator leaves, with rows of one size."""
-    return np.asarray(np.sum(np.abs((g - solved(r, g, D)[2]) / size) ** 2, axis=(1, 2, 3)))
+    return np.asarray(np.sum(np.abs((g - fit_numerator(r, g, D)[2]) / size) ** 2, axis=(1, 2, 3)))
 
 
-def denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
+def fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
     """(F, n_u, n) 1 + a1 r + a2 r^2 on the lines of each window."""
     D = np.ones(r.shape, dtype=complex)
     a = np.zeros((len(r), 2), dtype=complex)
-    for turn in range(REWEIGHTED + REFINED):
-        _, basis, fit, _, rest = solved(r, g, D)
+    for turn in range(N_REWEIGHTED_ROUNDS + N_GAUSS_NEWTON_ROUNDS):
+        _, basis, fit, _, rest = fit_numerator(r, g, D)
         aim = g - fit
-        if turn < REWEIGHTED:
-            first, second = (left_over(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
-            aim, rest = left_over(g / D[:, :, None], basis), np.stack([first, second], axis=-1)
+        if turn < N_REWEIGHTED_ROUNDS:
+            first, second = (numerator_residual(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
+            aim, rest = numerator_residual(g / D[:, :, None], basis), np.stack([first, second], axis=-1)
         found, _ = two_unknowns(
             np.stack([one / size for one in (aim, *np.moveaxis(rest, -1, 0))], 1).reshape(len(r), 3, -1)
         )
-        trial = found if turn < REWEIGHTED else a + found
+        trial = found if turn < N_REWEIGHTED_ROUNDS else a + found
         there = 1 + r * trial[:, 0, None, None] + r**2 * trial[:, 1, None, None]
-        good = np.abs(there).min(axis=(1, 2)) > SMALLEST
-        if turn >= REWEIGHTED:
-            good &= power_left(r, g, there, size) <= power_left(r, g, D, size)
+        good = np.abs(there).min(axis=(1, 2)) > MIN_ZIPPERED_DENOMINATOR
+        if turn >= N_REWEIGHTED_ROUNDS:
+            good &= residual_power(r, g, there, size) <= residual_power(r, g, D, size)
         a = np.where(good[:, None], trial, a)
         D = np.where(good[:, None, None], there, D)
     return D
 
 
-def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets: int) -> tuple[np.ndarray, np.ndarray]:
+def bound_interpolated_columns(
+    interpolation: ColumnInterpolation, gamma: np.ndarray, cov: np.ndarray, n_sets: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Gamma and covariance that lie over those of every column, own or fitted.
 
     Parameters
@@ -183,9 +189,15 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets:
     """
     n_y, F = len(cov), cov.shape[2]
     C = np.moveaxis(cov, 2, 0)
-    lines = between.own[:, None, None] * C  # of the column that each line drives
-    around = lines[between.window]  # (F, n_u, n, n_y, n_y)
-    columns = np.einsum("fijanl,fanlm,fipanm->fijp", between.weights, around, between.weights.conj(), optimize=True)
+    lines = interpolation.line_variance[:, None, None] * C  # of the column that each line drives
+    around = lines[interpolation.window]  # (F, n_u, n, n_y, n_y)
+    columns = np.einsum(
+        "fijanl,fanlm,fipanm->fijp",
+        interpolation.error_weights,
+        around,
+        interpolation.error_weights.conj(),
+        optimize=True,
+    )
     correlation, scale = (np.moveaxis(part, -1, 0) for part in to_correlation(cov))
     values, vectors = np.linalg.eigh(correlation)
     values = np.maximum(values, 1e-8 * values[:, -1:] + TINY)
@@ -193,12 +205,14 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets:
     inverse = ((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, -1, -2).conj()) / scale[:, None]
     gamma, more = gamma.copy(), np.zeros((F, n_y, n_y), dtype=complex)
     for i in range(columns.shape[1]):
-        fitted = between.owner != i
+        fitted = interpolation.owner != i
         ratio = np.einsum("fjj->fj", columns[:, i]).real / np.einsum("fjj->fj", C).real
         own, smooth = gamma[i, i].real, ratio.max(axis=1)
         # a fit scatters less than a line, but a new set may have measured where this one fitted: its share in
         # bound(of="realization") is n_sets times one
-        gamma[i, i] = np.where(fitted, np.maximum(smooth, (smooth + n_sets * own) / (1 + n_sets)), between.own)
+        gamma[i, i] = np.where(
+            fitted, np.maximum(smooth, (smooth + n_sets * own) / (1 + n_sets)), interpolation.line_variance
+        )
         T = inverse @ columns[:, i] @ np.swapaxes(inverse, -1, -2).conj() / gamma[i, i].real[:, None, None]
         beyond, along = np.linalg.eigh(T)
         part = (along * np.maximum(beyond - 1, 0.0)[:, None]) @ np.swapaxes(along, -1, -2).conj()

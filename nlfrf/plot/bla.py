@@ -18,7 +18,7 @@ from nlfrf._base.axes import (
     to_decibel,
 )
 from nlfrf.bla.bla import Bla
-from nlfrf.bla.second_opinion import DISAGREE, SecondOpinion
+from nlfrf.bla.cross_check import DISAGREEMENT_DB, SecondOpinion
 from nlfrf.plot.look import COLOR, MARKER, OVER_100, crop_rounding
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
         ax.plot(opinion.f, read, "-", lw=1.4, color=COLOR["odd"], label="odd detection lines, calibrated")
         disagreement = opinion.disagree
         if disagreement.any():
-            label = f"more than {DISAGREE:g} dB apart"
+            label = f"more than {DISAGREEMENT_DB:g} dB apart"
             ax.plot(
                 opinion.f[disagreement], read[disagreement], "o", ms=5, mfc="none", color=COLOR["even"], label=label
             )

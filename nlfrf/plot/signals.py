@@ -9,8 +9,8 @@ import numpy as np
 
 from nlfrf._base.arguments import label_with_unit, require_choice, require_kind
 from nlfrf._base.axes import add_note, axes_or_new, finish_axes, to_decibel
-from nlfrf.bla.neighbours import place_lines
-from nlfrf.bla.spectra import dft
+from nlfrf.bla.line_index import index_lines
+from nlfrf.bla.spectra import period_dft
 from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, ROUNDING_DB
 from nlfrf.records.record import Record
 from nlfrf.signals.multisine import Multisine
@@ -126,8 +126,8 @@ def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
     """Input spectrum by kind of line: what stands where nothing was to be excited; arguments as in `plot_bla`."""
     require_kind("record", record, Record)
     ax, grid = axes_or_new(ax), record.lines
-    lines = place_lines(grid).lines
-    U = np.sqrt(np.mean(np.abs(dft(record.u, lines)) ** 2, axis=(0, 1)))
+    lines = index_lines(grid).lines
+    U = np.sqrt(np.mean(np.abs(period_dft(record.u, lines)) ** 2, axis=(0, 1)))
     top, lower = np.nanmax(to_decibel(U)), []
     for kind, marker in MARKER.items():
         mine = getattr(grid, kind)

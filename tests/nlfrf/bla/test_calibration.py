@@ -14,8 +14,8 @@ from nlfrf.bla.calibration import (
     cubic_variance,
     variance_ratio,
 )
-from nlfrf.bla.distortion import cubic_counts
-from nlfrf.bla.neighbours import nearest_lines, place_lines
+from nlfrf.bla.distortion import cubic_count_ratios
+from nlfrf.bla.line_index import index_lines, nearest_lines
 
 LINES = np.array([1, 3, 9, 11, 17, 19])
 
@@ -55,26 +55,26 @@ def test_counts_equal_brute_force_over_all_triples():
 def test_narrow_band_special_odd_under_reads_by_three_and_odd_odd_without_limit():
     for kind, factor in (("special-odd", 3.0), ("odd-odd", np.inf)):
         grid = multisine(kind, fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines
-        where = place_lines(grid)
-        ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, where.detection, where.near_odd)
+        where = index_lines(grid)
+        ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, where.detection, where.odd_windows)
         middle = ratio[ratio.size // 3 : -ratio.size // 3]
         np.testing.assert_allclose(middle, factor, rtol=0.05)
 
 
 def test_random_odd_needs_no_factor():
     grid = multisine("random-odd", fs=4096, n_samples=4096, f_min=1, f_max=1600, rng=0).lines
-    where = place_lines(grid)
-    ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, where.detection, where.near_odd)
+    where = index_lines(grid)
+    ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, where.detection, where.odd_windows)
     assert abs(10 * np.log10(ratio.mean())) < 0.1
 
 
 def test_lines_below_the_band_detect_too():
     """One-sided windows read a level that falls with frequency too low on the first lines: 72 % of a 95 % bound."""
-    assert place_lines(LineGrid(excited=[9, 11, 17, 19])).detection.tolist() == [5, 7, 13, 15]
-    assert place_lines(LineGrid(excited=[3, 9, 11])).detection.tolist() == [5, 7]  # within an octave
-    assert place_lines(LineGrid(excited=[9, 11, 17, 19], odd=[13, 15][1:])).detection.tolist() == [15]  # as chosen
-    assert place_lines(LineGrid(excited=[9, 11, 13])).detection.tolist() == []
-    where = place_lines(LineGrid(excited=[9, 11, 17, 19]))
+    assert index_lines(LineGrid(excited=[9, 11, 17, 19])).detection.tolist() == [5, 7, 13, 15]
+    assert index_lines(LineGrid(excited=[3, 9, 11])).detection.tolist() == [5, 7]  # within an octave
+    assert index_lines(LineGrid(excited=[9, 11, 17, 19], odd=[13, 15][1:])).detection.tolist() == [15]  # as chosen
+    assert index_lines(LineGrid(excited=[9, 11, 13])).detection.tolist() == []
+    where = index_lines(LineGrid(excited=[9, 11, 17, 19]))
     assert where.lines[where.odd].tolist() == [13, 15]
 
 
@@ -83,15 +83,15 @@ def test_a_plant_driven_by_its_output_is_read_as_one():
     rng = np.random.default_rng(1)
     ms = multisine("special-odd", fs=1024, n_samples=1024, f_min=10, f_max=200, rng=rng)
     u, y = played(ms, wiener, 3000, rng)
-    k, where = ms.lines.excited, place_lines(ms.lines)
+    k, where = ms.lines.excited, index_lines(ms.lines)
     U, Y = (np.fft.rfft(x) * 2 / ms.n_samples for x in (u, y))
     G = np.mean(Y[:, k] / U[:, k], axis=0)
     there = np.mean(np.abs(Y[:, k] - G * U[:, k]) ** 2, axis=0)
     detected = np.mean(np.abs(Y[:, where.detection]) ** 2, axis=0)
     amplitude = np.abs(U[0, k])
-    by_input, by_output = (cubic_counts(drive, where, 12.0) for drive in (amplitude, np.abs(G) * amplitude))
+    by_input, by_output = (cubic_count_ratios(drive, where, 12.0) for drive in (amplitude, np.abs(G) * amplitude))
     inside = slice(2, -2)  # but for the clipped ends of the profile
-    near = detected[where.near_odd].T
+    near = detected[where.odd_windows].T
     told = np.array([factor * np.mean(near / relative, axis=0) for relative, factor in (by_input, by_output)])
     wrong = 10 * np.log10(told / there)[:, inside]
     assert np.median(np.abs(wrong[1])) < 0.3 < 5 < np.median(np.abs(wrong[0]))

@@ -7,8 +7,8 @@ from benchmarks.coverage import frfs, measure_hard, subset_of
 from benchmarks.drawn import drawn_case
 from benchmarks.plants import cubic, fifth_power, mode, played, spring
 from nlfrf import LineGrid, Record, identify, multisine, reduce_crest
+from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.local_models import fit_locally
-from nlfrf.bla.neighbours import place_lines
 
 FINE = dict(n_samples=2048, f_min=0.5, f_max=90)
 
@@ -95,7 +95,7 @@ def test_a_stepped_mass_on_a_linear_spring_is_the_mode():
 def test_a_denominator_is_not_fitted_to_noise():
     """One window in five had one, and at the ends of the band it took a level with it."""
     rng = np.random.default_rng(0)
-    where = place_lines(LineGrid(excited=np.arange(1, 101)))
+    where = index_lines(LineGrid(excited=np.arange(1, 101)))
     noise = complex_normal(rng, (400, 100))
     fit = fit_locally(1 + 0.1 * noise, np.ones(noise.shape), where)
     assert np.mean(fit.dof < 6) < 0.01

@@ -8,18 +8,18 @@ from benchmarks.coverage import frfs, relative_loss
 from benchmarks.plants import PLANTS, played
 from nlfrf import LineGrid, Record, identify, multisine, reduce_crest
 from nlfrf.bla.distortion import (
-    Windows,
-    cubic_counts,
+    WindowCoordinates,
+    cubic_count_ratios,
     expected_total,
     fit_log_level,
     log_density_of_ratio,
     match_scaled_f,
-    position,
+    slope_coordinate,
     update_by_scatter,
     widened_dof,
-    windows_of,
+    window_coordinates,
 )
-from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.line_index import index_lines
 
 GRID = LineGrid(
     excited=np.concatenate([8 * np.arange(25) + 1, 8 * np.arange(25) + 3])[
@@ -77,7 +77,7 @@ def test_widened_degrees_of_freedom_have_the_variance_that_was_added():
 @pytest.mark.parametrize("M", [1, 4])
 def test_the_level_of_exponential_powers_is_found_with_its_degrees_of_freedom(M, slope):
     """Over many draws: no bias but that of the prior, and the variance of the log that the windows say."""
-    rng, windows = np.random.default_rng(1), windows_of(place_lines(GRID), M)
+    rng, windows = np.random.default_rng(1), window_coordinates(index_lines(GRID), M)
     n, F = windows.x.shape
     found = []
     for _ in range(600):
@@ -95,9 +95,9 @@ def test_the_level_of_exponential_powers_is_found_with_its_degrees_of_freedom(M,
 
 def test_the_normal_equations_are_those_of_a_common_error():
     """Woodbury's identity, against the inverse of the full covariance of a window."""
-    M, where = 3, place_lines(GRID)
-    windows = windows_of(where, M)
-    assert isinstance(windows, Windows)
+    M, where = 3, index_lines(GRID)
+    windows = window_coordinates(where, M)
+    assert isinstance(windows, WindowCoordinates)
     n = len(windows.x)
     weight = np.linalg.inv(np.eye(n) / M + 0.06 * np.ones((n, n)))
     for k in (0, 10, 49):
@@ -111,9 +111,11 @@ def test_the_normal_equations_are_those_of_a_common_error():
 
 def test_distance_grows_with_lines_and_with_the_logarithm_of_frequency():
     at = np.array([1.0, 5.0, 50.0])
-    assert np.all(np.diff(position(at, np.full(3, 5.0))) > 0)
-    assert position(at, at).tolist() == [0, 0, 0]
-    assert abs(position(np.array(1.0), np.array(11.0))) > 2 * abs(position(np.array(1001.0), np.array(1011.0)))
+    assert np.all(np.diff(slope_coordinate(at, np.full(3, 5.0))) > 0)
+    assert slope_coordinate(at, at).tolist() == [0, 0, 0]
+    assert abs(slope_coordinate(np.array(1.0), np.array(11.0))) > 2 * abs(
+        slope_coordinate(np.array(1001.0), np.array(1011.0))
+    )
 
 
 def test_noise_that_is_known_is_not_distortion():
@@ -142,11 +144,11 @@ def test_scatter_that_agrees_is_pooled_and_scatter_that_does_not_stands_alone():
 
 def test_counts_of_a_flat_spectrum_on_the_special_odd_grid_are_the_known_ones():
     """In a narrow band a cubic makes three times as much of excited lines as of detection lines."""
-    narrow = place_lines(multisine("special-odd", fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines)
-    relative, factor = cubic_counts(np.ones(narrow.excited.size), narrow, 4.0)
+    narrow = index_lines(multisine("special-odd", fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines)
+    relative, factor = cubic_count_ratios(np.ones(narrow.excited.size), narrow, 4.0)
     assert np.median(factor) == pytest.approx(3.0, rel=0.05)
     np.testing.assert_allclose(relative.mean(axis=0), 1.0, rtol=0.05)
-    assert cubic_counts(np.ones(narrow.excited.size), narrow, 2.0)[1].max() == 2.0
+    assert cubic_count_ratios(np.ones(narrow.excited.size), narrow, 2.0)[1].max() == 2.0
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")

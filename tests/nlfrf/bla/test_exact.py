@@ -8,8 +8,8 @@ import pytest
 
 import nlfrf
 from nlfrf import identify
-from nlfrf.bla.distortion import cubic_counts
-from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.distortion import cubic_count_ratios
+from nlfrf.bla.line_index import index_lines
 from nlfrf.signals.orthogonal import orthogonal_matrix
 
 EXCITED = (1, 3, 9, 11, 17, 19)
@@ -101,10 +101,10 @@ def test_the_counts_are_those_of_the_terms():
 def test_a_product_of_inputs_stands_over_its_detection_lines_as_a_cube_does(kind, f_min, f_max):
     """So the hypotheses of a cubic hold for products of inputs, within what a calibration is uncertain by."""
     ms = nlfrf.multisine(kind, fs=4096, n_samples=4096, f_min=f_min, f_max=f_max, rng=1)
-    where, excited = place_lines(ms.lines), ms.lines.excited
-    relative, cube = cubic_counts(ms.amplitude, where, 3.0)
+    where, excited = index_lines(ms.lines), ms.lines.excited
+    relative, cube = cubic_count_ratios(ms.amplitude, where, 3.0)
     counts = cross_variance(ms.amplitude, excited, np.concatenate([excited, where.detection]))
-    window = counts[excited.size :].take(where.near_odd.T)
+    window = counts[excited.size :].take(where.odd_windows.T)
     product = counts[: excited.size] / window.mean(axis=0)
     assert np.abs(10 * np.log10(product / cube)).max() < 0.3
     assert np.abs(10 * np.log10(window / window.mean(axis=0) / relative)).max() < 0.8

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 import nlfrf
-from nlfrf.bla.from_frf import KNOWN
+from nlfrf.bla.from_frf import KNOWN_DOF
 
 F = np.geomspace(1, 100, 30)
 G = 1 / (1 + 0.1j * F)
@@ -114,7 +114,7 @@ def test_it_is_stored_drawn_and_told(ending, tmp_path, ax):
 
 def test_a_known_variance_has_the_law_of_a_chi_square():
     assert nlfrf.bla_from_frf(F, G, std=1.0).bound() == pytest.approx(np.full(F.size, np.sqrt(-np.log(0.05))), rel=3e-6)
-    assert nlfrf.bla_from_frf(F, G, std=1.0).dof[0] == KNOWN
+    assert nlfrf.bla_from_frf(F, G, std=1.0).dof[0] == KNOWN_DOF
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ import pytest
 
 from benchmarks.plants import PLANTS, mode, played
 from nlfrf import Record, identify, multisine, second_opinion
+from nlfrf.bla.cross_check import UNKNOWN_ORDER, detect_nonlinearity, odd_powers_on_lines
 from nlfrf.bla.distortion import smooth_frm
 from nlfrf.bla.frf import estimate_frm
-from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.residual import gain_varies, nonlinear_residual
-from nlfrf.bla.second_opinion import UNKNOWN_ORDER, detect_nonlinearity, powers_on
 from nlfrf.bla.spectra import period_spectra
 
 DESIGN = dict(fs=1024, n_samples=1024, f_min=3, f_max=170)
@@ -24,8 +24,8 @@ def law_of(u, y, ms, n_periods=1, noise=0.0, rng=None):
     if noise:
         y = y + noise * rng.standard_normal(shape)
     record = Record(u=np.broadcast_to(u[:, None], shape), y=y, fs=ms.fs, lines=ms.lines)
-    spectra, _ = period_spectra(record, place_lines(ms.lines))
-    excited = spectra.on_excited()
+    spectra, _ = period_spectra(record, index_lines(ms.lines))
+    excited = spectra.select_excited()
     frm = estimate_frm(excited)
     smooth, _fit = smooth_frm(frm, excited, False)
     return detect_nonlinearity(excited, nonlinear_residual(spectra, excited, frm.G, smooth))
@@ -52,7 +52,7 @@ def beside(u, fs):
 )
 def test_one_record_tells_what_drives_a_cubic_and_where_it_stands(plant, reading, kind):
     laws = laws_of(plant, kind=kind)
-    assert [law.reading for law in laws] == [reading] * len(laws)
+    assert [law.hypothesis for law in laws] == [reading] * len(laws)
     assert np.median([law.coherence for law in laws]) > 0.85
     assert np.mean([law.order == 3 for law in laws]) > 0.3  # of a spring a fifth power has nearly as much
     assert all(law.order != 1 for law in laws)
@@ -87,14 +87,14 @@ def test_noise_that_is_known_makes_no_other_law_of_a_cubic(noise):
     """It may hide it: of 8 % noise at the output most records do not tell it, the others what it is."""
     laws = laws_of(PLANTS["Wiener"], n_periods=4, noise=noise)
     assert all(law.order != 1 for law in laws)
-    assert all(law.reading == 3 for law in laws if law.order == 3)
+    assert all(law.hypothesis == 3 for law in laws if law.order == 3)
     if noise < 0.02:
         assert np.median([law.coherence for law in laws]) > 0.9
 
 
 def test_realisations_tell_it_together():
     one, four = (laws_of(PLANTS["sensor"], M=M, n_periods=1, noise=0.05) for M in (1, 4))
-    assert [law.reading for law in four] == [3] * 20
+    assert [law.hypothesis for law in four] == [3] * 20
     assert np.std([law.coherence for law in four]) < np.std([law.coherence for law in one])
 
 
@@ -105,21 +105,21 @@ def test_it_does_not_depend_on_units():
     plain = law_of(u, y, ms)
     for a, b in ((1e-20, 1e20), (1e30, 1e-30), (1e-40, 1e-40), (1e60, 1e60)):
         scaled = law_of(a * u, b * y, ms)
-        assert (scaled.order, scaled.reading) == (plain.order, plain.reading)
+        assert (scaled.order, scaled.hypothesis) == (plain.order, plain.hypothesis)
         assert scaled.coherence == pytest.approx(plain.coherence, rel=1e-6)
 
 
 def test_it_is_said_in_words():
     """With its place where there is one, and with the noise that one period does not tell."""
     (wiener,), (jumping,) = laws_of(PLANTS["Wiener"], n=1), laws_of(PLANTS["jump"], n=1)
-    said = wiener.describe(uneven=True, one_period=True)
+    said = wiener.describe(gain_varies=True, one_period=True)
     assert re.fullmatch(
         r"(9\d|100) % of .* the phases of the cube of the output, behind the dynamics as by a sensor", said
     )
-    assert wiener.describe(uneven=False, one_period=True).endswith("the cube of its drive")
-    assert jumping.describe(uneven=False, one_period=False).endswith("saturates or jumps, or has a memory")
-    assert jumping.describe(uneven=False, one_period=True).endswith("or much of them is noise")
-    assert UNKNOWN_ORDER.describe(uneven=True, one_period=True) == ""
+    assert wiener.describe(gain_varies=False, one_period=True).endswith("the cube of its drive")
+    assert jumping.describe(gain_varies=False, one_period=False).endswith("saturates or jumps, or has a memory")
+    assert jumping.describe(gain_varies=False, one_period=True).endswith("or much of them is noise")
+    assert UNKNOWN_ORDER.describe(gain_varies=True, one_period=True) == ""
     ms = multisine(**DESIGN, rng=4)
     u, y = played(ms, PLANTS["Wiener"], 1, np.random.default_rng(4))
     opinion = second_opinion(Record(u=u[:, None], y=y[:, None], fs=ms.fs, lines=ms.lines))
@@ -133,9 +133,9 @@ def test_of_long_periods_few_realisations_are_asked(monkeypatch):
 
     def noted(lines, drives, excited):
         asked.append(drives[0].shape[0])
-        return powers_on(lines, drives, excited)
+        return odd_powers_on_lines(lines, drives, excited)
 
-    monkeypatch.setattr("nlfrf.bla.second_opinion.powers_on", noted)
+    monkeypatch.setattr("nlfrf.bla.cross_check.odd_powers_on_lines", noted)
     rng = np.random.default_rng(6)
     for n_samples, expected in ((1024, 5), (65536, 1)):
         ms = multisine(fs=n_samples, n_samples=n_samples, f_min=3, f_max=n_samples / 3, n_log=60, rng=rng)
@@ -152,7 +152,7 @@ def test_powers_are_those_of_the_samples():
     rng = np.random.default_rng(0)
     ms = multisine("full", fs=256, n_samples=256, f_min=1, f_max=20, n_realizations=3, rng=rng)
     U = 2 / 256 * np.fft.rfft(ms.u)[:, ms.lines.excited]
-    (found,) = powers_on(ms.lines.excited, [U], ms.lines.excited)
+    (found,) = odd_powers_on_lines(ms.lines.excited, [U], ms.lines.excited)
     size = np.sqrt(np.sum(np.abs(U) ** 2))
     for power, told in zip((3, 5), found, strict=True):
         expected = np.fft.rfft((ms.u / size) ** power)[:, ms.lines.excited]

@@ -8,11 +8,11 @@ import pytest
 from benchmarks import hum
 from nlfrf import DataWarning, LineGrid, identify, record_from_samples
 from nlfrf.bla.frf import warn_of_outlier_lines
+from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.local_models import fit_locally, leave_one_out_residual
-from nlfrf.bla.neighbours import place_lines
 
 GRID = LineGrid(excited=np.sort(np.concatenate([np.arange(1, 401, 8), np.arange(3, 401, 8)])))
-WHERE = place_lines(GRID)
+WHERE = index_lines(GRID)
 
 
 def scattered(G, n, rng, sigma=0.02):

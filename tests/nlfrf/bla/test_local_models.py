@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from nlfrf import LineGrid
-from nlfrf.bla.local_models import fit_locally, fit_whole_band, is_stable
-from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.line_index import index_lines
+from nlfrf.bla.local_models import fit_global_rational, fit_locally, is_stable
 
 LINES = np.arange(5, 30, 2)  # thirteen
 N = 400
@@ -28,7 +28,7 @@ def resonance(zeta, line=17.0):
 def test_a_mode_a_line_wide_is_no_roughness(follows, most, zeta):
     """Windows read a mode as 7 dB of roughness on half of the lines, beside scatter that is flat as 3 dB."""
     each, known = scattered(resonance(zeta), follows, np.random.default_rng(1))
-    fit = fit_locally(each, np.ones(each.shape), place_lines(LineGrid(excited=LINES)))
+    fit = fit_locally(each, np.ones(each.shape), index_lines(LineGrid(excited=LINES)))
     ratio = np.sqrt(np.mean(fit.variance / known, axis=0))
     assert np.all(ratio > 0.85)
     assert np.median(ratio) < most
@@ -37,7 +37,7 @@ def test_a_mode_a_line_wide_is_no_roughness(follows, most, zeta):
 def test_without_a_mode_the_windows_are_left_as_they_are():
     """What chance alone lets a rational function explain costs the level no more than 3 %."""
     each, known = scattered(np.ones(LINES.size, dtype=complex), True, np.random.default_rng(2))
-    fit = fit_locally(each, np.ones(each.shape), place_lines(LineGrid(excited=LINES)))
+    fit = fit_locally(each, np.ones(each.shape), index_lines(LineGrid(excited=LINES)))
     mean = fit.variance.mean() / known.mean()
     assert 0.97 - 3 / np.sqrt(6 * N) < mean < 1 + 3 / np.sqrt(6 * N)
 
@@ -45,7 +45,7 @@ def test_without_a_mode_the_windows_are_left_as_they_are():
 def test_two_modes_without_scatter_are_found_exactly():
     s = 1j * LINES
     G = 1 / (s**2 + 0.8 * s + 121) + 2 / (s**2 + 1.2 * s + 400)
-    whole, left = fit_whole_band(G, np.ones(G.size), LINES.astype(float))
+    whole, left = fit_global_rational(G, np.ones(G.size), LINES.astype(float))
     np.testing.assert_allclose(whole, G, rtol=1e-6)
     assert left == LINES.size - 4.5
 
@@ -53,14 +53,14 @@ def test_two_modes_without_scatter_are_found_exactly():
 @pytest.mark.parametrize("scale", [1e-60, 1e60])
 def test_the_unit_of_an_frf_does_not_matter(scale):
     each, _ = scattered(resonance(0.05), True, np.random.default_rng(3))
-    where, ones = place_lines(LineGrid(excited=LINES)), np.ones(each.shape)
+    where, ones = index_lines(LineGrid(excited=LINES)), np.ones(each.shape)
     one, other = fit_locally(each, ones, where), fit_locally(scale * each, ones, where)
     np.testing.assert_allclose(other.variance / scale**2, one.variance, rtol=1e-6)
 
 
 @pytest.mark.parametrize("G", [np.zeros(13, dtype=complex), np.ones(13, dtype=complex)], ids=["zero", "one"])
 def test_an_frf_without_dynamics_or_scatter_has_no_roughness(G):
-    fit = fit_locally(G[None], np.ones((1, 13)), place_lines(LineGrid(excited=LINES)))
+    fit = fit_locally(G[None], np.ones((1, 13)), index_lines(LineGrid(excited=LINES)))
     assert np.all(fit.variance < 1e-28)
     np.testing.assert_allclose(fit.G[0], G, atol=1e-14)
 
@@ -77,7 +77,7 @@ def test_stability_is_that_of_the_roots():
 def test_a_spectrum_that_is_flat_is_fitted_as_one_that_hardly_is_not(grid, noise):
     """Of a flat one the grid tells the fits, of any other the weights do: both are the same mathematics."""
     rng = np.random.default_rng(4)
-    where, s = place_lines(LineGrid(excited=grid)), 1j * grid / 60.0
+    where, s = index_lines(LineGrid(excited=grid)), 1j * grid / 60.0
     G = 1 / (s**2 + 0.04 * s + 1) + 0.01 * rng.standard_normal((3, grid.size, 2)).view(complex)[..., 0]
     known = None if noise is None else np.full(G.shape, noise)
     tilted = 2.5 + 1e-7 * np.linspace(-1, 1, grid.size)

@@ -9,16 +9,16 @@ import numpy as np
 from nlfrf._base.values import value
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["KEPT", "WIDTH", "Places", "nearest_lines", "place_lines"]
+__all__ = ["N_CACHED_GRIDS", "WINDOW_LINES", "LineIndex", "index_lines", "nearest_lines"]
 
 
-KEPT = 16  # grids that are remembered: those of one experiment, and of the next
-BELOW = 2  # detection lines below the band
-WIDTH = 9  # excited lines over which an FRF is fitted locally
+N_CACHED_GRIDS = 16  # grids that are remembered: those of one experiment, and of the next
+N_ODD_BELOW_BAND = 2  # detection lines below the band
+WINDOW_LINES = 9  # excited lines over which an FRF is fitted locally
 
 
 @value(copy=False)
-class Places:
+class LineIndex:
     """The excited and detection lines of a grid in one row, and who is near whom; it travels with the spectra.
 
     Fields
@@ -48,18 +48,18 @@ class Places:
     odd: np.ndarray
     even: np.ndarray
     detection: np.ndarray
-    near_excited: np.ndarray
-    near_odd: np.ndarray
-    near_detection: np.ndarray
-    near_even: np.ndarray
-    below: np.ndarray
-    share: np.ndarray
+    excited_windows: np.ndarray
+    odd_windows: np.ndarray
+    detection_windows: np.ndarray
+    even_windows: np.ndarray
+    excited_below: np.ndarray
+    interpolation_weight: np.ndarray
 
 
-@lru_cache(maxsize=KEPT)
-def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def index_lines(grid: LineGrid, n_detection: int = 6) -> LineIndex:
     """All lines of a grid in one row, with windows of `n_detection` detection lines."""
-    detection = np.concatenate([odd_below(grid), grid.odd])
+    detection = np.concatenate([odd_lines_below_band(grid), grid.odd])
     lines = np.sort(np.concatenate([grid.excited, detection, grid.even]))
     excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
     near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (detection, grid.even))
@@ -69,22 +69,22 @@ def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
         row[:, : one.shape[1]] = one
     below = np.maximum(np.searchsorted(grid.excited, lines, side="right") - 1, 0)
     step = np.append(np.diff(grid.excited), np.inf)[below]
-    return Places(
+    return LineIndex(
         lines=lines,
         excited=excited,
         odd=odd,
         even=even,
         detection=detection,
-        near_excited=nearest_lines(grid.excited, grid.excited, WIDTH),
-        near_odd=near_odd,
-        near_detection=windows_first(near_detection),
-        near_even=windows_first(even[near_even][None]),
-        below=below,
-        share=np.maximum(lines - grid.excited[below], 0) / step,
+        excited_windows=nearest_lines(grid.excited, grid.excited, WINDOW_LINES),
+        odd_windows=near_odd,
+        detection_windows=move_window_axis_first(near_detection),
+        even_windows=move_window_axis_first(even[near_even][None]),
+        excited_below=below,
+        interpolation_weight=np.maximum(lines - grid.excited[below], 0) / step,
     )
 
 
-def odd_below(grid: LineGrid) -> np.ndarray:
+def odd_lines_below_band(grid: LineGrid) -> np.ndarray:
     """The odd lines just below the band, within an octave: without them the windows of the first lines are one-sided.
 
     A level that falls with frequency, as that of a hysteresis does, is read too low in such a window. A grid whose
@@ -94,19 +94,19 @@ def odd_below(grid: LineGrid) -> np.ndarray:
     n_odd = grid.odd.size + np.count_nonzero(grid.excited % 2)
     if not grid.odd.size or n_odd < (last + 1) // 2 - first // 2:
         return np.empty(0, dtype=np.int64)
-    below = np.arange(first - 2 * BELOW, first, 2)
+    below = np.arange(first - 2 * N_ODD_BELOW_BAND, first, 2)
     return below[(2 * below > first) & (below % 2 == 1)]
 
 
-def windows_first(windows: np.ndarray) -> np.ndarray:
+def move_window_axis_first(windows: np.ndarray) -> np.ndarray:
     """(k, F, n) -> (n, k, F)."""
     return np.ascontiguousarray(np.moveaxis(windows, -1, 0))
 
 
-def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
-    """(F, n) indices into `lines` of the n lines nearest to each of `at`, nearest first; one-sided at the ends."""
+def nearest_lines(targets: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
+    """(F, n) indices into `lines` of the n lines nearest to each of `targets`, nearest first; one-sided at the ends."""
     n, reach = min(n, lines.size), min(2 * n, lines.size)
-    first = np.clip(np.searchsorted(lines, at) - n, 0, lines.size - reach)
+    first = np.clip(np.searchsorted(lines, targets) - n, 0, lines.size - reach)
     near = first[:, None] + np.arange(reach)
-    order = np.argsort(np.abs(lines[near] - at[:, None]), axis=1, kind="stable")[:, :n]
+    order = np.argsort(np.abs(lines[near] - targets[:, None]), axis=1, kind="stable")[:, :n]
     return np.asarray(first[:, None] + order)

@@ -9,30 +9,34 @@ import numpy as np
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, mean_power, power, rms, squared_modulus
 from nlfrf.bla.calibration import crest_correction
-from nlfrf.bla.realizations import join_repeats, refuse_unequal_spectra, warn_of_low_peaks
+from nlfrf.bla.realizations import join_repeats, require_equal_spectra, warn_of_low_crest
 from nlfrf.bla.spectra import Spectra
 from nlfrf.records.excited_lines import check_lines
 from nlfrf.records.record import Record
 from nlfrf.signals.crest import have_low_crest, is_improbable
 
-__all__ = ["Peaks", "check_experiments", "independent_experiments", "warn_of_loud"]
+__all__ = ["CrestCorrection", "check_experiments", "count_independent_experiments", "warn_of_noisy_experiment"]
 
 
-SILENT = 1e-18  # of the largest power of an input on a line, below which there is none
-LOST_POWER, MANY = (
+MIN_LINE_POWER = 1e-18  # of the largest power of an input on a line, below which there is none
+MIN_POWER_OVER_NOISE, MAX_LOST_SHARE = (
     4.0,
     0.1,
 )  # power over that of its noise below which an input is lost, and the share of lines that may
-FEWEST = 5  # lines that do not tell phases apart
-LOOSE, LOST = 10.0, 1e6  # condition of the inputs: warned of, refused
-COPIED = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
-NOISY = 0.3  # power of the noise on an input over its own: bounds hold up to there, at 1 G is off by a third
-LOUD = 1.3  # covariance of one experiment over the mean of all, above which the law of the matrix is off
-ROUNDING = 1e-12  # of |Y|: scatter below it is none
-APART = 0.03  # of the largest amplitude, below which an input is not played on a line, or in an experiment
+FEW_PHASE_LINES = 5  # lines that do not tell phases apart
+HIGH_CONDITION, MAX_CONDITION = 10.0, 1e6  # condition of the inputs: warned of, refused
+MIN_COPY_COHERENCE = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
+MAX_INPUT_NOISE = 0.3  # power of the noise on an input over its own: bounds hold up to there, at 1 G is off by a third
+MAX_EXPERIMENT_NOISE = (
+    1.3  # covariance of one experiment over the mean of all, above which the law of the matrix is off
+)
+SCATTER_ROUNDING = 1e-12  # of |Y|: scatter below it is none
+MIN_PLAYED_AMPLITUDE = (
+    0.03  # of the largest amplitude, below which an input is not played on a line, or in an experiment
+)
 
 
-class Peaks(NamedTuple):
+class CrestCorrection(NamedTuple):
     """What the peaks of the inputs tell of their distortion; see `crest_correction`.
 
     Fields
@@ -44,12 +48,12 @@ class Peaks(NamedTuple):
         Whether some input has lower peaks than usual.
     """
 
-    typical: float
-    coherent: float
-    low: bool
+    distortion_ratio: float
+    coherent_share: float
+    has_low_crest: bool
 
 
-def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectra, Peaks]:
+def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectra, CrestCorrection]:
     """Experiments of which a matrix can be made: with input on the lines said, of one excitation, told apart.
 
     Returns
@@ -65,7 +69,7 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
         than random phases have them.
     """
     single, n_u = record.is_single, record.n_inputs
-    excited = spectra.on_excited()
+    excited = spectra.select_excited()
     played = record.u if record.r is None else record.r
     played = played.reshape(n_u, *played.shape[-3:])
     if n_u == 1:
@@ -73,24 +77,24 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
             played[0], excited.lines, excited.mean_power_U[0] if excited.R is None else mean_power(excited.R[0])
         )
     if not excited.is_zippered:
-        refuse_unexcited(record, excited)
+        require_excited_lines(record, excited)
     elif record.r is not None:
         raise ValueError("r must be left out for a zippered record, which is for open loop, got references")
-    if excited.per_set == 1:
-        refuse_other_sets(record, excited)
+    if excited.experiments_per_set == 1:
+        require_equal_sets(record, excited)
     before = excited
     spectra, distinct = join_repeats(spectra, excited, *(("realisation", 0) if single else ("experiment", 1)))
     if len(distinct) < excited.U.shape[1]:
-        excited, played = spectra.on_excited(), played[:, distinct]
-    if excited.per_set > 1:
+        excited, played = spectra.select_excited(), played[:, distinct]
+    if excited.experiments_per_set > 1:
         if excited.U.shape[1] % n_u:
             raise ValueError(
                 f"record must hold n_inputs = {n_u} experiments a set, or a whole number of sets, got "
                 f"{excited.U.shape[1]}. A zippered multisine needs one experiment only."
             )
-        refuse_other_sets(record, excited)
+        require_equal_sets(record, excited)
         warn_of_noisy_inputs(record, excited)
-        if not warned_of_condition(excited):  # inputs that are nearly the same have the same phases, too
+        if not warn_of_dependent_inputs(excited):  # inputs that are nearly the same have the same phases, too
             warn_of_copies(excited)
     elif excited.is_zippered:
         data_warning(
@@ -100,64 +104,67 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
         )
     elif before.R is not None:
         warn_of_lost_input(before)
-    return spectra, excited, peaks_of_inputs(record, before, excited, played[:, :, 0])
+    return spectra, excited, correct_for_crest(record, before, excited, played[:, :, 0])
 
 
-def peaks_of_inputs(record: Record, before: Spectra, excited: Spectra, played: np.ndarray) -> Peaks:
+def correct_for_crest(record: Record, before: Spectra, excited: Spectra, played: np.ndarray) -> CrestCorrection:
     """What the peaks of each input tell, as it was played (n_u, M, N), on average over the inputs.
 
     Warns of the first input whose peaks are lower than random phases have them.
     """
     told, any_low, lines = [], False, excited.lines
     names = ("u",) if record.is_single else record.inputs
-    for u, U, known, name in zip(played, excited.U, before.known, names, strict=True):
+    for u, U, known, name in zip(played, excited.U, before.excitation, names, strict=True):
         size, own = rms(known), slice(None)
         if len(names) > 1:  # the experiments in which it was played, and its own lines
-            known = known[are_on(known)]
-            size, u, U = rms(known), u[are_on(U)], U[are_on(U)]
+            known = known[played_experiments(known)]
+            size, u, U = rms(known), u[played_experiments(U)], U[played_experiments(U)]
         if excited.is_zippered:
-            own = size > APART * size.max()
-        peaks = warn_of_low_peaks(u, size[own], lines[own], name)
+            own = size > MIN_PLAYED_AMPLITUDE * size.max()
+        peaks = warn_of_low_crest(u, size[own], lines[own], name)
         low = have_low_crest(peaks)
         told.append(crest_correction(U[:, own], lines[own], low))
         any_low |= low
         if is_improbable(peaks):
             break
     typical, coherent = (sum(one) / len(told) for one in zip(*told, strict=True))
-    return Peaks(typical=typical, coherent=coherent, low=any_low)
+    return CrestCorrection(distortion_ratio=typical, coherent_share=coherent, has_low_crest=any_low)
 
 
-def are_on(U: np.ndarray) -> np.ndarray:
+def played_experiments(U: np.ndarray) -> np.ndarray:
     """(M,) in which experiments an input U (M, F) was played."""
     size = power(U)
-    return np.asarray(size > APART**2 * size.max())
+    return np.asarray(size > MIN_PLAYED_AMPLITUDE**2 * size.max())
 
 
-def refuse_other_sets(record: Record, excited: Spectra) -> None:
+def require_equal_sets(record: Record, excited: Spectra) -> None:
     """Refuse sets that were played louder or softer than the others."""
-    if excited.U.shape[1] == excited.per_set:
+    if excited.U.shape[1] == excited.experiments_per_set:
         return
     power = excited.power_U if excited.R is None else squared_modulus(excited.R)
-    power = np.add.reduce(power.reshape(len(power), -1, excited.per_set, power.shape[2]), axis=2) / excited.per_set
+    power = (
+        np.add.reduce(power.reshape(len(power), -1, excited.experiments_per_set, power.shape[2]), axis=2)
+        / excited.experiments_per_set
+    )
     if record.is_single:
-        refuse_unequal_spectra(power[0])
+        require_equal_spectra(power[0])
         return
     total = power.sum(axis=1)
     owner = (total / total.max(axis=1, keepdims=True)).argmax(axis=0)
     for i, (one, name) in enumerate(zip(power, record.inputs, strict=True)):
         own = one[:, owner == i] if excited.is_zippered else one
-        refuse_unequal_spectra(own, f"set of {name}", first_number=1)
+        require_equal_spectra(own, f"set of {name}", first_number=1)
 
 
-def refuse_unexcited(record: Record, excited: Spectra) -> None:
+def require_excited_lines(record: Record, excited: Spectra) -> None:
     """Refuse lines that carry no input, where G would be 0 / 0, or no reference, whose phase would be chance."""
     for side, spectrum in (("input", excited.U), ("reference", excited.R)):
         if spectrum is None:
             continue
         # of several inputs some experiment has to drive a line
         power = excited.power_U if side == "input" else squared_modulus(spectrum)
-        power = power if excited.per_set == 1 else np.mean(power, axis=1, keepdims=True)
-        faintest = SILENT * power.max(axis=(1, 2), keepdims=True)
+        power = power if excited.experiments_per_set == 1 else np.mean(power, axis=1, keepdims=True)
+        faintest = MIN_LINE_POWER * power.max(axis=(1, 2), keepdims=True)
         if (power <= faintest).any():
             i, _, k = np.argwhere(power <= faintest)[0]
             every, there = ("the", "") if record.is_single else ("every", f" in {record.inputs[i]}")
@@ -168,11 +175,11 @@ def refuse_unexcited(record: Record, excited: Spectra) -> None:
 
 def warn_of_lost_input(excited: Spectra) -> None:
     """Warn of lines of a reference on which the only input, over all realisations, is no more than its noise."""
-    R = excited.known[0]
+    R = excited.excitation[0]
     U = np.add.reduce(excited.U[0] * (R.conj() / np.abs(R)))
     noise = np.add.reduce(squared_modulus(excited.dU[0]), axis=(0, 1)) if excited.dU.shape[2] else np.nan
-    lost = np.count_nonzero(squared_modulus(U) < LOST_POWER * noise)
-    if lost > MANY * U.size:
+    lost = np.count_nonzero(squared_modulus(U) < MIN_POWER_OVER_NOISE * noise)
+    if lost > MAX_LOST_SHARE * U.size:
         data_warning(
             f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played in this record? Off "
             "the excitation G is one piece of noise over another"
@@ -181,14 +188,14 @@ def warn_of_lost_input(excited: Spectra) -> None:
 
 def warn_of_copies(excited: Spectra) -> None:
     """Warn of inputs, or experiments, that have the phases of one another."""
-    if excited.lines.size <= FEWEST:
+    if excited.lines.size <= FEW_PHASE_LINES:
         return
-    if copies(excited.known).any():
+    if find_phase_copies(excited.excitation).any():
         data_warning(
             "inputs of an experiment have the same phases (phi): the BLA of u1^2 u2 would read 3 sigma^2 "
             "instead of sigma^2; give each input phases of its own, as multisine(n_inputs=) does"
         )
-    if independent_experiments(excited) < excited.U.shape[1]:
+    if count_independent_experiments(excited) < excited.U.shape[1]:
         data_warning(
             "experiments have the same phases (psi): their distortion is the same but for signs, so its covariance "
             "is not the one assumed, up to 1.8 times as large in some entries, and the detection lines of the "
@@ -197,7 +204,7 @@ def warn_of_copies(excited: Spectra) -> None:
         )
 
 
-def warned_of_condition(excited: Spectra) -> bool:
+def warn_of_dependent_inputs(excited: Spectra) -> bool:
     """Refuse inputs that cannot be told apart, warn of those that nearly depend on each other: noise grows by it."""
     U = excited.U
     n_u, _M, F = U.shape
@@ -206,41 +213,41 @@ def warned_of_condition(excited: Spectra) -> bool:
     sizes = np.linalg.svd(scaled, compute_uv=False)
     condition = sizes[..., 0] / np.maximum(sizes[..., -1], 1e-300)
     worst = float(condition.max())
-    where = int(excited.lines[int(condition.max(axis=0).argmax())])
-    if worst > LOST:
+    line = int(excited.lines[int(condition.max(axis=0).argmax())])
+    if worst > MAX_CONDITION:
         raise ValueError(
-            f"u must hold experiments that tell the inputs apart, got a condition of {worst:.2g} at line {where}. "
+            f"u must hold experiments that tell the inputs apart, got a condition of {worst:.2g} at line {line}. "
             "Are two experiments the same?"
         )
-    if worst > LOOSE:
+    if worst > HIGH_CONDITION:
         data_warning(
-            f"the experiments tell the inputs apart badly: condition {worst:.3g} at line {where}, "
+            f"the experiments tell the inputs apart badly: condition {worst:.3g} at line {line}, "
             f"{float(np.median(condition)):.3g} in the median; errors of G grow by it, unless a mixing "
             "for the weak direction of the plant was meant"
         )
-    return worst > LOOSE
+    return worst > HIGH_CONDITION
 
 
-def copies(Z: np.ndarray) -> np.ndarray:
+def find_phase_copies(Z: np.ndarray) -> np.ndarray:
     """(M, n, n) bool, which channels of (n, M, F) have the same phases but for a constant, in each experiment."""
     phase = Z / np.maximum(np.abs(Z), 1e-300)
     like = np.abs(np.einsum("imf,jmf->mij", phase, phase.conj())) / Z.shape[2]
-    return np.asarray((like > COPIED) & ~np.eye(len(Z), dtype=bool))
+    return np.asarray((like > MIN_COPY_COHERENCE) & ~np.eye(len(Z), dtype=bool))
 
 
-def independent_experiments(excited: Spectra) -> int:
+def count_independent_experiments(excited: Spectra) -> int:
     """How many experiments have phases of their own in every input."""
-    Z = excited.known
-    if len(Z) == 1 or Z.shape[2] <= FEWEST:
+    Z = excited.excitation
+    if len(Z) == 1 or Z.shape[2] <= FEW_PHASE_LINES:
         return Z.shape[1]
-    alike = np.all(copies(np.swapaxes(Z, 0, 1)), axis=0)  # (M, M)
+    alike = np.all(find_phase_copies(np.swapaxes(Z, 0, 1)), axis=0)  # (M, M)
     return sum(not alike[m, :m].any() for m in range(len(alike)))
 
 
 def warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
     """Warn of inputs that are lost in their noise on some lines, where no references over several sets average it."""
     noise = np.sum(squared_modulus(excited.dU), axis=(1, 2)) / np.maximum(np.sum(excited.power_U, axis=1), TINY)
-    lost = noise > NOISY
+    lost = noise > MAX_INPUT_NOISE
     if (excited.R is None or excited.U.shape[1] == record.n_inputs) and lost.any():
         i, k = np.unravel_index(int(noise.argmax()), noise.shape)
         data_warning(
@@ -250,7 +257,7 @@ def warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
         )
 
 
-def warn_of_loud(excited: Spectra, cov_total: np.ndarray) -> None:
+def warn_of_noisy_experiment(excited: Spectra, cov_total: np.ndarray) -> None:
     """Warn of an experiment that was disturbed: bounds take all of a set to scatter alike.
 
     Its own scatter takes the place of the mean one in the covariance (n_y, n_y, F) by everything. Entries are hardly
@@ -259,13 +266,13 @@ def warn_of_loud(excited: Spectra, cov_total: np.ndarray) -> None:
     noise = np.sum(squared_modulus(excited.dY), axis=2)  # (n_y, M, F)
     size = np.mean(squared_modulus(excited.Y), axis=1)
     mean = noise.mean(axis=1)
-    if noise.shape[1] < 2 or not np.any(mean > ROUNDING**2 * size):
+    if noise.shape[1] < 2 or not np.any(mean > SCATTER_ROUNDING**2 * size):
         return
-    floor = ROUNDING**2 * size + TINY
+    floor = SCATTER_ROUNDING**2 * size + TINY
     share = np.median(np.minimum(mean / (np.einsum("jjk->jk", cov_total).real + floor), 1.0), axis=1)
     own = np.mean((noise + floor[:, None]) / (mean + floor)[:, None], axis=2)  # (n_y, M), one in the mean
     louder = np.max(1 + share[:, None] * (own - 1), axis=0)
-    if louder.max() > LOUD + 2 / np.sqrt(size.shape[1] * (excited.n_periods - 1)):
+    if louder.max() > MAX_EXPERIMENT_NOISE + 2 / np.sqrt(size.shape[1] * (excited.n_periods - 1)):
         worst = int(louder.argmax())
         others = np.delete(noise, worst, axis=1).mean(axis=1)
         times = float(np.sqrt((noise[:, worst].mean(axis=1) / np.maximum(others.mean(axis=1), TINY)).max()))

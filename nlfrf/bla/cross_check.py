@@ -7,34 +7,34 @@ import numpy as np
 from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_kind
 from nlfrf._base.numbers import BLOCK_ENTRIES, EPS, TINY, fast_length, mean_power, power, rms, squared_modulus
 from nlfrf._base.values import value
-from nlfrf.bla.conditions import check_experiments
-from nlfrf.bla.distortion import fit_each, variance_from_detection_lines
+from nlfrf.bla.distortion import fit_sets, variance_from_detection_lines
+from nlfrf.bla.experiment_checks import check_experiments
 from nlfrf.bla.frf import estimate_frm
-from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
 from nlfrf.bla.spectra import TREATMENTS, Spectra, period_spectra
 from nlfrf.records.record import Record
 from nlfrf.signals.lines import chance_correlation, local_mean
 
-__all__ = ["DISAGREE", "SecondOpinion", "second_opinion"]
+__all__ = ["DISAGREEMENT_DB", "SecondOpinion", "second_opinion"]
 
 
-DISAGREE = 6.0  # dB
-FEWEST = 4  # detection lines
+DISAGREEMENT_DB = 6.0  # dB
+MIN_DETECTION_LINES = 4  # detection lines
 AROUND = 9  # lines over which the powers of detection lines, and |G|^2, are averaged
-FAINT = 1e-12  # of the largest power, under which it is rounding
-CHANCE = 1e-3  # with which phases may agree by it
-HEARD = 0.7  # share of the power on detection lines that is no noise, at least
-FLATTER = 0.6  # share in common with any power of its drive under which a law is flatter than those
-SAMPLES = 6  # to a cycle of the last line, so that fifth powers fold back beyond it
-PLACED = (
+MIN_RELATIVE_LEVEL = 1e-12  # of the largest power, under which it is rounding
+FALSE_ALARM_PROBABILITY = 1e-3  # with which phases may agree by it
+MIN_SIGNAL_SHARE = 0.7  # share of the power on detection lines that is no noise, at least
+MIN_POWER_LAW_COHERENCE = 0.6  # share in common with any power of its drive under which a law is flatter than those
+SAMPLES_PER_CYCLE = 6  # to a cycle of the last line, so that fifth powers fold back beyond it
+SOURCE_TEXTS = (
     "the input, before the dynamics",
     "the output, fed back as by a spring",
     "the input, beside the dynamics",
     "the output, behind the dynamics as by a sensor",
 )
-CUBIC = 0.35  # what a cube leaves over what a fifth power leaves, where it is told to be the law
-FIFTH = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
+MAX_CUBIC_REMAINDER_RATIO = 0.35  # what a cube leaves over what a fifth power leaves, where it is told to be the law
+MIN_FIFTH_COHERENCE = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
 
 
 @value
@@ -80,7 +80,7 @@ class SecondOpinion:
     @property
     def disagree(self) -> np.ndarray:
         """(F,) bool: where the two differ by more than 6 dB."""
-        return np.abs(self.difference) > DISAGREE
+        return np.abs(self.difference) > DISAGREEMENT_DB
 
     def __str__(self) -> str:
         """Whether they agree, and what it usually means where they do not."""
@@ -90,19 +90,19 @@ class SecondOpinion:
         said = [f"second opinion: roughness over detection lines {median:+.1f} dB in the median"]
         for wrong, meaning in (
             (
-                self.difference > DISAGREE,
+                self.difference > DISAGREEMENT_DB,
                 "the FRF bends within a few lines there (a finer resolution would tell), or the detection lines are "
                 "blind to this distortion",
             ),
             (
-                self.difference < -DISAGREE,
+                self.difference < -DISAGREEMENT_DB,
                 "energy stands on detection lines that is no distortion of this input: a disturbance, a transient, or "
                 "a multisine that was not the one assumed; or the calibration is at its cautious end (factor 3)",
             ),
         ):
             if wrong.any():
                 more = "above" if self.difference[wrong][0] > 0 else "below"
-                said.append(f"  more than 6 dB {more} at {spans(self.f, wrong)}: {meaning}")
+                said.append(f"  more than 6 dB {more} at {format_frequency_ranges(self.f, wrong)}: {meaning}")
         if len(said) == 1:
             said[0] += "; within 6 dB of each other at every line"
         if self.law:
@@ -149,21 +149,21 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     require_choice("transient", transient, TREATMENTS)
     n_detection = require_integer("n_detection", n_detection, least=3)
     grid = record.lines
-    where = place_lines(grid, n_detection)
-    spectra, _ = period_spectra(record, where, transient)
+    index = index_lines(grid, n_detection)
+    spectra, _ = period_spectra(record, index, transient)
     spectra, excited, _ = check_experiments(record, spectra)
     frm = estimate_frm(excited)
-    fit, gamma = fit_each(frm, excited), frm.gamma_of_set[0]
+    fit, gamma = fit_sets(frm, excited), frm.gamma_of_set[0]
     rough = fit.variance.mean(axis=0)[0, 0]
     detected, said = np.full(rough.size, np.nan), ""
     if grid.odd.size >= n_detection:
         residual = nonlinear_residual(spectra, excited, frm.G, fit.G.mean(axis=0))
         detected = variance_from_detection_lines(excited, residual, frm) * gamma
-        said = detect_nonlinearity(excited, residual).describe(residual.uneven[0], record.n_periods < 2)
-    window = where.near_excited
+        said = detect_nonlinearity(excited, residual).describe(residual.gain_varies[0], record.n_periods < 2)
+    window = index.excited_windows
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = EPS**2 * mean_power(spectra.Y[0]).sum() / rms(excited.U[0]) ** 2
-    floor = TINY + 1e-24 * rms(frm.each[:, 0, 0]) ** 2 + rounding
+    floor = TINY + 1e-24 * rms(frm.G_each[:, 0, 0]) ** 2 + rounding
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
     return SecondOpinion(
         f=grid.excited * record.f0,
@@ -185,18 +185,18 @@ class NonlinearityOrder:
         3: a cubic. 5: it may be a fifth power. 1: flatter than any, it saturates, jumps or remembers. 0: not told.
     coherence : float
         Squared, of those lines with the cube of what drives them.
-    reading : int
+    hypothesis : int
         Which drive, and where: the input (0, 2) or the output (1, 3), into the dynamics (0, 1) or behind them.
     """
 
     order: int = 0
     coherence: float = 0.0
-    reading: int = 0
+    hypothesis: int = 0
 
-    def describe(self, uneven: bool, one_period: bool) -> str:
+    def describe(self, gain_varies: bool, one_period: bool) -> str:
         """The law in words, its place where |G| changes over the band, and what one period leaves open; or nothing."""
         if self.order == 3:
-            what = PLACED[self.reading] if uneven else "its drive"
+            what = SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
             return (
                 f"{100 * self.coherence:.0f} % of the power on odd detection lines has the phases of the cube of {what}"
             )
@@ -223,55 +223,55 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> Nonlin
         On the excited lines.
     residual : NonlinearResidual
     """
-    where = excited.where
+    index = excited.index
     U = excited.U[
-        0, : max(1, BLOCK_ENTRIES // (SAMPLES * int(where.lines[-1])))
+        0, : max(1, BLOCK_ENTRIES // (SAMPLES_PER_CYCLE * int(index.lines[-1])))
     ]  # of long periods few realisations tell enough
-    Y = residual.Y[0, : len(U)].take(where.odd, axis=1)
+    Y = residual.Y[0, : len(U)].take(index.odd, axis=1)
     n = Y.size
-    if where.odd.size < FEWEST or not Y.any():
+    if index.odd.size < MIN_DETECTION_LINES or not Y.any():
         return UNKNOWN_ORDER
     candidates = np.empty((2, 2, 2, *Y.shape), dtype=complex)  # by G or behind it; input, output; cube, fifth power
     G = residual.G[0, 0]
-    candidates[1] = powers_on(where.lines[where.odd], [U, G.take(where.excited) * U], excited.lines)
-    np.multiply(G.take(where.odd), candidates[1], out=candidates[0])
-    level = level_around(mean_power(Y))
-    noise = local_mean(np.nan_to_num(residual.noise[0].take(where.odd)), AROUND)
+    candidates[1] = odd_powers_on_lines(index.lines[index.odd], [U, G.take(index.excited) * U], excited.lines)
+    np.multiply(G.take(index.odd), candidates[1], out=candidates[0])
+    level = smooth_power(mean_power(Y))
+    noise = local_mean(np.nan_to_num(residual.noise[0].take(index.odd)), AROUND)
     heard = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
     share = float(heard.mean())
-    if share < HEARD:
+    if share < MIN_SIGNAL_SHARE:
         return UNKNOWN_ORDER
     y = Y / np.sqrt(level)
-    levels = level_around(np.add.reduce(squared_modulus(candidates), axis=-2))
+    levels = smooth_power(np.add.reduce(squared_modulus(candidates), axis=-2))
     x = candidates * np.sqrt(heard / levels)[..., None, :]
     common = squared_modulus(np.add.reduce(np.vecdot(x, y), axis=-1))
     common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
-    if common.max() < chance_correlation(CHANCE, n):
+    if common.max() < chance_correlation(FALSE_ALARM_PROBABILITY, n):
         return UNKNOWN_ORDER
     common = np.clip((common * n - 1) / (n - 1) / share, 0.0, 1.0)
     cubes, fifths = common[..., 0].ravel(), common[..., 1].ravel()
     reading = int(cubes.argmax())
     cube, fifth = float(cubes[reading]), float(fifths.max())
-    if max(cube, fifth) < FLATTER:
+    if max(cube, fifth) < MIN_POWER_LAW_COHERENCE:
         order = 1
-    elif 1 - cube < CUBIC * (1 - fifth):
+    elif 1 - cube < MAX_CUBIC_REMAINDER_RATIO * (1 - fifth):
         order = 3
     else:
-        order = 5 if fifth > FIFTH else 0
-    return NonlinearityOrder(order=order, coherence=cube, reading=reading)
+        order = 5 if fifth > MIN_FIFTH_COHERENCE else 0
+    return NonlinearityOrder(order=order, coherence=cube, hypothesis=reading)
 
 
-def level_around(power: np.ndarray) -> np.ndarray:
+def smooth_power(power: np.ndarray) -> np.ndarray:
     """Mean power (..., K) over the lines around each, but not under what rounding leaves of running sums."""
-    return np.maximum(local_mean(power, AROUND), FAINT * power.max(axis=-1, keepdims=True)) + TINY
+    return np.maximum(local_mean(power, AROUND), MIN_RELATIVE_LEVEL * power.max(axis=-1, keepdims=True)) + TINY
 
 
-def powers_on(lines: np.ndarray, drives: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
+def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
     """(drives, 2, M, K) the third and fifth powers of multisines of these amplitudes (M, F), on some lines."""
     last = int(max(excited[-1], lines[-1]))
-    n = 2 * fast_length(SAMPLES // 2 * last + 1)  # terms beyond alias onto lines past the last one
-    spectrum = np.zeros((len(drives), *drives[0].shape[:-1], n // 2 + 1), dtype=complex)
-    for one, drive in zip(spectrum, drives, strict=True):
+    n = 2 * fast_length(SAMPLES_PER_CYCLE // 2 * last + 1)  # terms beyond alias onto lines past the last one
+    spectrum = np.zeros((len(sources), *sources[0].shape[:-1], n // 2 + 1), dtype=complex)
+    for one, drive in zip(spectrum, sources, strict=True):
         one[:, excited] = drive / np.sqrt(power(drive).sum() + TINY)
     x = np.fft.irfft(spectrum, n, norm="forward")
     square = x * x
@@ -279,9 +279,9 @@ def powers_on(lines: np.ndarray, drives: list[np.ndarray], excited: np.ndarray) 
     return np.fft.rfft(both).take(lines, axis=-1)
 
 
-def spans(f: np.ndarray, where: np.ndarray) -> str:
+def format_frequency_ranges(f: np.ndarray, mask: np.ndarray) -> str:
     """Frequencies where something holds, as a few ranges."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     pairs = [(f[a], f[b - 1]) for a, b in edges.reshape(-1, 2)]
     shown = [f"{a:g} Hz" if a == b else f"{a:g} to {b:g} Hz" for a, b in pairs[:4]]
     return ", ".join(shown) + (f" and {len(pairs) - 4} more" if len(pairs) > 4 else "")
