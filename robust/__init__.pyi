@@ -115,13 +115,13 @@ from .models.validation import validate as validate
 
 # Mu: the structured singular value
 from .mu.certify import certify_mu as certify_mu
+from .mu.gain import worst_gain as worst_gain
 from .mu.lmi import mu_upper_lmi as mu_upper_lmi
 from .mu.lower import mu_lower as mu_lower
 from .mu.parameters import ParameterMargin as ParameterMargin
 from .mu.parameters import parameter_margin as parameter_margin
 from .mu.upper import MuBound as MuBound
 from .mu.upper import mu_upper as mu_upper
-from .mu.upper import worst_gain as worst_gain
 
 # Verification: proofs that hold to the last bit
 from .proofs.exact.loops import Verification as Verification

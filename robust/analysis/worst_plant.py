@@ -20,8 +20,9 @@ from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_parametric
 from robust.models.sets.perturbations import perturbed, with_phase, with_phases, within
+from robust.mu.gain import worst_gain
 from robust.mu.lower import mu_lower
-from robust.mu.upper import refine_grid, worst_gain
+from robust.mu.upper import refine_grid
 from robust.proofs.search.stability import decide_stability
 
 __all__ = [

@@ -29,7 +29,7 @@ from robust.lti.sampling import discretize
 from robust.lti.stability import is_stable
 from robust.models.sets.forms import numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
-from robust.mu.upper import worst_gain
+from robust.mu.gain import worst_gain
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 from robust.synthesis.reduction import balanced_candidates

@@ -1,0 +1,283 @@
+"""The worst gain over a set of perturbations: a bound by one semidefinite program, and a perturbation that attains it.
+
+With scalings X > 0 that commute with the perturbations and Hermitian G on the real blocks, the gain from the inputs to
+the outputs that no block closes stays under sqrt(gamma) where
+
+    N^H diag(X_L, I) N + j (G N - N^H G^H) <= diag(X_R, gamma I).
+
+That is linear in X, G and gamma together (skewed mu needs no bisection). It is solved by a primal-dual interior-point
+method for all frequencies at once, and the bound is recomputed from the scalings.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robust.mu.blocks import BlockStructure, block_structure
+from robust.mu.upper import (
+    bound_from_scalings,
+    conjugate_transpose,
+    response_matrices,
+    upper_bound,
+)
+
+__all__ = ["worst_gain"]
+
+
+MAX_STEPS = 60
+GAPS = (1e-3, 1e-5, 1e-7, 1e-9)  # relative distances of the program to its dual at which variables are kept
+TO_THE_BOUNDARY = 0.95  # share of the largest step that keeps both matrices positive
+N_STARTING_SIZES = 16
+ROUNDING_MARGINS = (1e-9, 1e-7, 1e-5, 1e-3)
+MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
+
+
+def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
+    """An upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
+
+    Parameters
+    ----------
+    N : (n_out, n_in, W) ndarray
+        Response; the first outputs and inputs belong to the perturbations, the others are the performance.
+    blocks : list
+        The perturbations, of size at most one, as for `mu_upper`.
+
+    Returns
+    -------
+    (W,) ndarray
+        Bound on the largest singular value over the set at each frequency;
+        inf where the perturbations may make the loop singular.
+
+    Raises
+    ------
+    ValueError
+        Blocks that leave nothing for the performance.
+
+    References
+    ----------
+    SP 8.10.3 (skewed mu); Packard & Doyle 1993.
+
+    Examples
+    --------
+    S of L = 1 with 50 % uncertain gain: at worst 1/(1 + 0.5).
+
+    >>> N = np.array([[-0.5 * 0.5, 0.5], [-0.5 * 0.5, 0.5]])[:, :, None]
+    >>> round(float(worst_gain(N, [(1, 1)])[0]), 6)
+    0.666667
+    """
+    M = response_matrices("N", N)
+    rows, cols = block_structure("blocks", blocks).shape
+    W, n_out, n_in = M.shape
+    if rows >= n_out or cols >= n_in:
+        raise ValueError(
+            f"blocks must leave some of the {n_out} outputs and {n_in} inputs of N to the performance, "
+            f"got {rows} rows and {cols} columns"
+        )
+    gain = np.full(W, np.inf)
+    stable = upper_bound(M[:, :rows, :cols], blocks, 1.0)
+    open_ = np.flatnonzero(stable.value < 1)
+    if not open_.size:
+        return gain
+    s = block_structure("blocks", blocks)
+    for at in np.array_split(open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // MAX_ENTRIES)):
+        D_L, D_R, G = (np.moveaxis(each, 2, 0)[at] for each in stable.scaling)
+        gain[at] = least_gain(M[at], (D_L, D_R, G), 1 - stable.value[at] ** 2, s)
+    return gain
+
+
+def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], room: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """(W,) least gain that scalings prove, from those of the blocks, which leave `room` under one to their own loop."""
+    rows, cols = s.shape
+    D_L, D_R, G = of_blocks
+    # in the coordinates of these scalings X begins at one, and the gain at one
+    scaled = M.copy()
+    scaled[:, :rows] = D_L @ scaled[:, :rows]
+    scaled[:, :, :cols] = scaled[:, :, :cols] @ np.linalg.inv(D_R)
+    size, level = starting_size(scaled, G, room)
+    unit = np.sqrt(level)
+    scaled[:, rows:] *= size[:, None, None]
+    scaled[:, :, cols:] /= (size * unit)[:, None, None]
+    gain = np.full(len(M), np.inf)
+    for found in solve_gain_program(scaled, G, s):
+        gain = np.minimum(gain, proved_gain(scaled, found, s) * unit)
+    return gain
+
+
+def proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """(W,) the gain that variables of the program prove, recomputed from the scalings; inf where they prove none."""
+    (rows, cols), K = s.shape, len(s.left)
+    try:
+        C_L, C_R = (np.linalg.cholesky(np.tensordot(variables[:, :K], each, 1)) for each in (s.left, s.right))
+    except np.linalg.LinAlgError:
+        return np.full(len(M), np.inf)
+    L, R = (np.tile(np.eye(n, dtype=complex), (len(M), 1, 1)) for n in M.shape[1:])
+    L[:, :rows, :rows], R[:, :cols, :cols] = conjugate_transpose(C_L), conjugate_transpose(C_R)
+    G = np.zeros((len(M), M.shape[2], M.shape[1]), complex)
+    G[:, :cols, :rows] = (
+        np.linalg.inv(C_R) @ np.tensordot(variables[:, K:-1], s.skew, 1) @ np.linalg.inv(conjugate_transpose(C_L))
+    )
+    reached = np.sqrt(np.maximum(least_level(L @ M @ np.linalg.inv(R), G[:, :cols, :rows]), 1e-300))
+    gain = np.full(len(M), np.inf)
+    for margin in ROUNDING_MARGINS:  # what the scalings prove counts, not what was reached
+        tried = reached * (1 + margin)
+        divided = M.copy()
+        divided[:, :, cols:] /= tried[:, None, None]
+        proved = np.isinf(gain) & (bound_from_scalings(divided, L, R, G) < 1)
+        gain[proved] = tried[proved]
+    return gain
+
+
+def starting_size(M: np.ndarray, G: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W,) the size of the performance at which scalings of one prove least, and the level they prove there.
+
+    The smallest of those tried takes half of the room that the loop of the blocks leaves, so that it proves something.
+    """
+    cols, rows = G.shape[1:]
+    reads = np.linalg.norm(M[:, rows:, :cols], axis=(1, 2))
+    smallest = np.sqrt(0.5 * room) / np.maximum(reads, 1e-9 * np.linalg.norm(M, axis=(1, 2)) + 1e-300)
+    sizes = smallest * 2.0 ** np.arange(N_STARTING_SIZES)[:, None]
+    levels = []
+    for size in sizes:
+        scaled = M.copy()
+        scaled[:, rows:] *= size[:, None, None]
+        scaled[:, :, cols:] /= size[:, None, None]
+        closed = np.linalg.eigvalsh(scaled_square(scaled, G)[:, :cols, :cols])[:, -1]
+        levels.append(np.where(closed < 1 - 0.01 * room, least_level(scaled, G), np.inf))
+    best = np.argmin(levels, axis=0), np.arange(len(M))
+    return sizes[best], np.maximum(np.array(levels)[best], 1e-300)
+
+
+def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """M^H M + j (G M - M^H G^H) of every matrix, G on the first inputs and outputs."""
+    cols, rows = G.shape[1:]
+    skew = np.zeros((len(M), M.shape[2], M.shape[2]), complex)
+    skew[:, :cols] = 1j * G @ M[:, :rows]
+    return conjugate_transpose(M) @ M + skew + conjugate_transpose(skew)
+
+
+def least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """(W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H): a Schur complement."""
+    A, n = scaled_square(M, G), G.shape[1]
+    through = np.linalg.solve(np.eye(n) - A[:, :n, :n], A[:, :n, n:])
+    return np.linalg.eigvalsh(A[:, n:, n:] + A[:, n:, :n] @ through)[:, -1]
+
+
+def solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """(len(GAPS), W, m) coefficients of X and G, and gamma, ever closer to the least, from X = I and the given G.
+
+    The ones with a larger gap keep farther from the boundary: with a large G rounding takes what the last ones gain.
+
+    Minimise gamma with Z_1 = diag(X_R, gamma I) - M^H diag(X_L, I) M - j (G M - M^H G^H) and Z_2 = X_L positive: the
+    predictor and corrector of Mehrotra with the direction of Helmberg, Rendl, Vanderbei & Wolkowicz 1996.
+    """
+    W, n, (rows, cols) = len(M), M.shape[2], s.shape
+    K, n_skew = len(s.left), len(s.skew)
+    m = K + n_skew + 1
+    first = np.zeros((W, m, n, n), complex)  # Z_1 is constant + sum of y first
+    first[:, :K, :cols, :cols] = s.right
+    first[:, :K] -= conjugate_transpose(M[:, None, :rows]) @ s.left @ M[:, None, :rows]
+    if n_skew:
+        skew = np.zeros((W, n_skew, n, n), complex)
+        skew[:, :, :cols] = 1j * s.skew @ M[:, None, :rows]
+        first[:, K:-1] -= skew + conjugate_transpose(skew)
+    first[:, -1, cols:, cols:] = np.eye(n - cols)
+    constant = -conjugate_transpose(M[:, rows:]) @ M[:, rows:]
+    second = np.zeros((m, rows, rows), complex)
+    second[:K] = s.left
+    y = np.zeros((W, m))
+    y[:, :K] = np.einsum("kii->k", s.left).real / np.einsum("kij,kji->k", s.left, s.left).real
+    y[:, K:-1] = np.einsum("kij,wij->wk", s.skew.conj(), G).real
+    y[:, -1] = 1.3
+    todo, found, gap = np.arange(W), np.tile(y, (len(GAPS), 1, 1)), np.full(W, np.inf)
+    cones = [first, np.broadcast_to(second, (W, *second.shape))]
+    Z = [constant + np.einsum("wk,wkij->wij", y, cones[0]), np.einsum("wk,wkij->wij", y, cones[1])]
+    Y = [np.linalg.inv(each) for each in Z]  # the multipliers
+    start = 1 / np.einsum("wii->w", Y[0][:, cols:, cols:]).real
+    Y = [start[:, None, None] * each for each in Y]
+    for _ in range(MAX_STEPS):
+        before = gap
+        y, Z, Y, gap = interior_point_step(y, Z, Y, cones)
+        fine = np.isfinite(gap)
+        for snapshot, level in zip(found, GAPS, strict=True):
+            still = fine & (before > level * y[:, -1])
+            snapshot[todo[still]] = y[still]
+        keep = fine & (gap > GAPS[-1] * y[:, -1])
+        todo, y, gap = todo[keep], y[keep], gap[keep]
+        Z, Y, cones = ([each[keep] for each in group] for group in (Z, Y, cones))
+        if not todo.size:
+            break
+    return found
+
+
+def interior_point_step(
+    y: np.ndarray, Z: list[np.ndarray], Y: list[np.ndarray], cones: list[np.ndarray]
+) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray], np.ndarray]:
+    """One step of variables, slacks and multipliers, and the gap (W,) behind it: nan where there was none to make."""
+    W, m = y.shape
+    size = sum(each.shape[1] for each in Z)
+    inverse = [np.linalg.inv(each) for each in Z]
+    H, pull = np.zeros((W, m, m)), np.zeros((W, m))
+    for B, multiplier, inv in zip(cones, Y, inverse, strict=True):
+        P = multiplier[:, None] @ B @ inv[:, None]
+        H += (B.reshape(W, m, -1) @ P.swapaxes(-1, -2).reshape(W, m, -1).swapaxes(-1, -2)).real
+        pull += np.einsum("wkij,wji->wk", B, inv).real
+    gap = sum(np.einsum("wij,wji->w", a, b).real for a, b in zip(Z, Y, strict=True))
+    goal = np.zeros(m)
+    goal[-1] = 1.0
+    H += 1e-15 * np.einsum("wkk->wk", H)[:, :, None] * np.eye(m)
+
+    def direction(centre: np.ndarray, correction: list[np.ndarray] | None) -> tuple[np.ndarray, list[Any], list[Any]]:
+        right = centre[:, None] * pull - goal
+        if correction is not None:
+            for B, each in zip(cones, correction, strict=True):
+                right -= np.einsum("wkij,wji->wk", B, each).real
+        dy = np.linalg.solve(H, right[:, :, None])[:, :, 0]
+        dZ = [np.einsum("wk,wkij->wij", dy, B) for B in cones]
+        dY = []
+        for k, (multiplier, inv) in enumerate(zip(Y, inverse, strict=True)):
+            change = multiplier @ dZ[k] @ inv
+            change = change if correction is None else change + correction[k]
+            dY.append(centre[:, None, None] * inv - multiplier - (change + conjugate_transpose(change)) / 2)
+        return dy, dZ, dY
+
+    with np.errstate(all="ignore"):
+        roots = [inverse_root(each) for each in Z], [inverse_root(each) for each in Y]
+        try:
+            _, dZ, dY = direction(np.zeros(W), None)
+            a_Z, a_Y = longest_step(roots[0], dZ), longest_step(roots[1], dY)
+            after = sum(
+                np.einsum("wij,wji->w", z + a_Z[:, None, None] * dz, x + a_Y[:, None, None] * dx).real
+                for z, dz, x, dx in zip(Z, dZ, Y, dY, strict=True)
+            )
+            centre = np.clip(after / gap, 1e-4, 1.0) ** 3 * gap / size
+            correction = [dx @ dz @ inv for dx, dz, inv in zip(dY, dZ, inverse, strict=True)]
+            dy, dZ, dY = direction(centre, correction)
+            a_Z, a_Y = longest_step(roots[0], dZ), longest_step(roots[1], dY)
+        except np.linalg.LinAlgError:
+            return y, Z, Y, np.full(W, np.nan)
+    fine = np.isfinite(a_Z) & np.isfinite(a_Y) & (a_Z > 1e-6)
+    a_Z, a_Y = np.where(fine, a_Z, 0.0), np.where(fine, a_Y, 0.0)
+    y = y + a_Z[:, None] * np.where(fine[:, None], dy, 0)
+    Z = [z + a_Z[:, None, None] * np.where(fine[:, None, None], dz, 0) for z, dz in zip(Z, dZ, strict=True)]
+    Y = [x + a_Y[:, None, None] * np.where(fine[:, None, None], dx, 0) for x, dx in zip(Y, dY, strict=True)]
+    gap = sum(np.einsum("wij,wji->w", a, b).real for a, b in zip(Z, Y, strict=True))
+    return y, Z, Y, np.where(fine & (gap > 0), gap, np.nan)
+
+
+def inverse_root(A: np.ndarray) -> np.ndarray:
+    """A^-1/2 of every positive matrix; nan where it is none."""
+    values, vectors = np.linalg.eigh(A)
+    return np.where(values > 0, values, np.nan)[:, None, :] ** -0.5 * vectors
+
+
+def longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray:
+    """(W,) how far all matrices stay positive along their steps, at most one; nan where that is not known."""
+    least = np.zeros(len(steps[0]))
+    for root, step in zip(roots, steps, strict=True):
+        turned = conjugate_transpose(root) @ step @ root
+        known = np.isfinite(turned).all(axis=(1, 2))
+        low = np.linalg.eigvalsh(np.where(known[:, None, None], turned, 0))[:, 0]
+        least = np.where(known, np.minimum(least, low), np.nan)
+    return np.minimum(1.0, TO_THE_BOUNDARY / np.maximum(-least, 1e-300))

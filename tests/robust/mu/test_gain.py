@@ -1,0 +1,62 @@
+"""The worst gain over a set against the same program in cvxpy, skewed mu and perturbations that were drawn."""
+
+import cvxpy
+import numpy as np
+import pytest
+
+from robust import mu_upper, worst_gain
+from robust.mu.blocks import block_structure
+from tests.robust.mu.test_mu import random_matrix, size
+
+FAMILIES = [
+    [(2, 2)],
+    [(1, 1)] * 3,
+    [(2, 2, "repeated"), (1, 2)],
+    [(1, 1, "real"), (1, 1)],
+    [(2, 2, "real"), (1, 1, "real"), (2, 1)],
+]
+
+
+def stable_family(blocks, W, seed=0):
+    """Random matrices with two channels of performance, the loop of the blocks at 0.3 to 0.9 of its largest gain."""
+    rng = np.random.default_rng(seed)
+    rows, cols = size(blocks)
+    N = random_matrix(rng, (rows + 2, cols + 2), W)
+    return N / mu_upper(N[:rows, :cols], blocks).value * rng.uniform(0.3, 0.9, W)
+
+
+def gain_by_cvxpy(M, blocks):
+    """min gamma, N^H diag(X_L, I) N + j (G N - N^H G^H) <= diag(X_R, gamma I), with complex variables of its own."""
+    s = block_structure("blocks", blocks)
+    (rows, cols), n = s.shape, M.shape[1]
+    x, g, gamma = cvxpy.Variable(len(s.left)), cvxpy.Variable(max(len(s.skew), 1)), cvxpy.Variable()
+    E, F = np.eye(n)[:, :cols], np.eye(n)[:, cols:]
+    slack = gamma * (F @ F.T) - M[rows:].conj().T @ M[rows:]
+    for k, (L, R) in enumerate(zip(s.left, s.right, strict=True)):
+        slack = slack + x[k] * (E @ R @ E.T - M[:rows].conj().T @ L @ M[:rows])
+    for k, S in enumerate(s.skew):
+        skew = 1j * E @ S @ M[:rows]
+        slack = slack - g[k] * (skew + skew.conj().T)
+    X_L = sum(x[k] * L for k, L in enumerate(s.left))
+    positive = [cvxpy.bmat([[cvxpy.real(A), -cvxpy.imag(A)], [cvxpy.imag(A), cvxpy.real(A)]]) for A in (slack, X_L)]
+    problem = cvxpy.Problem(cvxpy.Minimize(gamma), [(A + A.T) / 2 >> 0 for A in positive])
+    problem.solve(solver="CLARABEL")
+    return np.sqrt(gamma.value)
+
+
+@pytest.mark.parametrize("blocks", FAMILIES, ids=str)
+@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")  # the last digits
+def test_the_program_of_cvxpy_has_the_same_value(blocks):
+    N = stable_family(blocks, 3)
+    assert worst_gain(N, blocks) == pytest.approx([gain_by_cvxpy(N[:, :, k], blocks) for k in range(3)], rel=1e-5)
+
+
+@pytest.mark.parametrize("blocks", FAMILIES, ids=str)
+def test_skewed_mu_is_one_where_the_outputs_are_divided_by_the_gain(blocks):
+    """`mu_upper` finds no smaller one; with real blocks it may find less than the program does."""
+    N = stable_family(blocks, 40, seed=1)
+    gain, rows = worst_gain(N, blocks), size(blocks)[0]
+    N[rows:] /= gain
+    mu = mu_upper(N, [*blocks, (2, 2)]).value
+    assert np.all(mu >= 1 - 1e-6)
+    assert "real" in str(blocks) or mu == pytest.approx(1.0, rel=1e-6)
