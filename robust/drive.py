@@ -4,6 +4,13 @@ The public names of `robust.synthesis.drive`, in one place.
 """
 
 from robust.synthesis.drive.cascade import cascade
+from robust.synthesis.drive.feedforward import (
+    FeedforwardError,
+    FeedforwardGains,
+    compensated,
+    feedforward,
+    feedforward_error,
+)
 from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
 from robust.synthesis.drive.gains import DriveReading, gains
 from robust.synthesis.drive.settings import DriveSettings
@@ -12,9 +19,14 @@ from robust.synthesis.drive.structured_text import structured_text
 __all__ = [
     "DriveReading",
     "DriveSettings",
+    "FeedforwardError",
+    "FeedforwardGains",
     "FilterSlot",
     "biquad",
     "cascade",
+    "compensated",
+    "feedforward",
+    "feedforward_error",
     "gains",
     "low_pass",
     "notch",

@@ -38,6 +38,7 @@ __all__ = [
     "Feedforward",
     "Prefilter",
     "feedforward",
+    "feedforward_errors",
     "fewest_states",
     "matching_plant",
     "on_time_base",
@@ -361,7 +362,8 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
     if not is_stable(loop.G):
         raise ValueError(
             f"model must have a stable nominal to be fed forward to, got a pole at {rightmost_pole(loop.G):.4g}. Close "
-            "a loop around it first (cascade), or take prefilter, which feeds the closed loop"
+            "a loop around it first (cascade), or take prefilter, which feeds the closed loop; for a free mass "
+            "robust.drive.feedforward"
         )
     T_ref = on_time_base(reference, loop.dt)
     found = matched(T_ref, loop.G, effort, "feedforward")

@@ -1,0 +1,383 @@
+"""Feedforward of an axis without a spring: mass, friction and jerk as gains of a drive, and what they leave.
+
+    m a + c v + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v = F,   T dF/dt + F = F*
+
+The set point knows v, a and the jerk j. With the lead T of current loop, delay and half a period of hold, to first
+order in T,
+
+    F* = (m + c T) a + c v + m T j + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v.
+
+`robust.feedforward` finds a filter for plants that are stable by themselves; a free mass is none of them.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import require_kind, require_nonnegative, require_positive, require_real, short_form
+from nlfrf._base.values import value
+from robust.friction.classes import AnyFriction, any_bounded
+from robust.friction.levels import SIGMAS, FrictionClass
+from robust.friction.plant import FrictionPlant
+from robust.lti.lti import response, timebase
+from robust.lti.realisation import state_space
+from robust.models.sets.model import UncertaintyModel
+from robust.synthesis.drive.settings import DriveSettings
+from robust.synthesis.two_dof import feedforward_errors, on_time_base, reference_loop
+
+__all__ = ["FeedforwardError", "FeedforwardGains", "compensated", "feedforward", "feedforward_error"]
+
+#: Largest error of 1/(m s^2 + c s) relative to a plant that is taken for one.
+MISFIT = 1e-6
+#: Velocities, relative to vs, on which the error of the friction is looked for.
+VELOCITIES = np.geomspace(1e-3, 1e2, 301)
+
+
+@value
+class FeedforwardGains:
+    """Feedforward of mass, friction and jerk, with what is known of each.
+
+    Fields
+    ------
+    mass, viscous, coulomb, stiction, stribeck_velocity : (2,) ndarray
+        Least and largest value: [kg] or [kg m^2], [Ns/m], [N], [N] at standstill, [m/s]; in rad and Nm where it turns.
+        The gains are the middle. Without a Stribeck effect `stiction` is `coulomb`, and `stribeck_velocity` nan.
+    lead : float
+        Time T by which force follows its set point: lag, delay and half a period of hold [s].
+    settings : DriveSettings or None
+        The drive whose units the gains have; without one they are forces.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods
+    for the control of machines with friction", Automatica 30, 1994.
+
+    Examples
+    --------
+    >>> found = feedforward(mass=(11.5, 12.5), viscous=20.0, coulomb=(14.0, 16.0))
+    >>> float(found.force(0.1, 2.0)), float(found.error(0.1, 2.0))
+    (41.0, 2.0)
+    """
+
+    mass: np.ndarray
+    viscous: np.ndarray
+    coulomb: np.ndarray
+    stiction: np.ndarray
+    stribeck_velocity: np.ndarray
+    lead: float
+    settings: DriveSettings | None
+
+    def force(self, v: Any, a: Any, j: Any = 0.0) -> np.ndarray:
+        """Return the force [N] or [Nm] to add for a velocity, acceleration and jerk of the set point."""
+        m, c = self.mass.mean(), self.viscous.mean()
+        middle = friction_force(np.abs(v), self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
+        return np.asarray((m + c * self.lead) * a + c * v + m * self.lead * j + middle * np.sign(v))
+
+    def error(self, v: Any, a: Any) -> np.ndarray:
+        """Return the largest force [N] or [Nm] that is missing or too much, for every machine within the intervals.
+
+        It is that of an axis that moves in the direction of its set point, and without what the lead leaves.
+        """
+        moving = np.where(np.asarray(v) != 0, self.friction_error, 0.0)
+        return np.asarray(np.ptp(self.mass) / 2 * np.abs(a) + np.ptp(self.viscous) / 2 * np.abs(v) + moving)
+
+    @property
+    def friction_error(self) -> float:
+        """Largest error of the dry friction over all velocities, q Fs [N] or [Nm]."""
+        widest = np.nan_to_num(self.stribeck_velocity.max(), nan=1.0)
+        v = VELOCITIES * widest
+        middle = friction_force(v, self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
+        corners = product(self.coulomb, self.stiction, self.stribeck_velocity)
+        return float(max(np.max(np.abs(friction_force(v, *corner) - middle)) for corner in corners))
+
+    @property
+    def relative_error(self) -> float:
+        """q: largest error of the dry friction over the largest stiction; 0 without friction."""
+        return self.friction_error / self.stiction[1] if self.stiction[1] else 0.0
+
+    @property
+    def drive_gains(self) -> tuple[tuple[str, float, str], ...]:
+        """(what it multiplies, gain, unit) of each part, in the units of the drive, or as forces without one."""
+        base, force, scale = "m", "N", 1.0
+        if self.settings is not None:
+            base, force = self.settings.base_unit, self.settings.output_unit
+            scale = self.settings.output_factor(force) / self.settings.output_factor(self.settings.force_unit)
+        m, c = float(self.mass.mean()), float(self.viscous.mean())
+        gains = [("acceleration", m + c * self.lead, f"{force}/({base}/s^2)"), ("velocity", c, f"{force}/({base}/s)")]
+        gains.append(("jerk", m * self.lead, f"{force}/({base}/s^3)"))
+        gains.append(("sign of the velocity (Coulomb)", float(self.coulomb.mean()), force))
+        rows = [(name, scale * gain, unit) for name, gain, unit in gains]
+        if np.isfinite(self.stribeck_velocity).all():
+            rows.append(("Stribeck, at standstill more", scale * float((self.stiction - self.coulomb).mean()), force))
+            rows.append(("Stribeck velocity", float(self.stribeck_velocity.mean()), f"{base}/s"))
+        return tuple(rows)
+
+    def __str__(self) -> str:
+        force = "N" if self.settings is None else self.settings.force_unit
+        rows = [f"{name}: {gain:.6g} {unit}" for name, gain, unit in self.drive_gains]
+        return "\n".join(
+            [
+                *rows,
+                f"dry friction that is left while the axis slides: {self.friction_error:.3g} {force}, "
+                f"{100 * self.relative_error:.3g} % of stiction (at standstill and at a reversal all of it)",
+            ]
+        )
+
+
+@value
+class FeedforwardError:
+    """How far a loop with feedforward is from its reference model, over frequency and over the set.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    error, error_worst, error_without : (W,) ndarray
+        |T_ref - y/r| of the nominal loop, the largest over the set, and that without feedforward; inf where the set is
+        not robustly stable.
+
+    References
+    ----------
+    SP 5.4 (limits of feedforward by uncertainty).
+
+    Examples
+    --------
+    >>> sorted(field for field in FeedforwardError.__dataclass_fields__)
+    ['error', 'error_without', 'error_worst', 'omega']
+    """
+
+    omega: np.ndarray
+    error: np.ndarray
+    error_worst: np.ndarray
+    error_without: np.ndarray
+
+
+def feedforward(
+    plant: Any = None,
+    *,
+    mass: Any = None,
+    viscous: Any = None,
+    coulomb: Any = 0.0,
+    stiction: Any = None,
+    stribeck_velocity: Any = None,
+    settings: DriveSettings | None = None,
+) -> FeedforwardGains:
+    """Return the feedforward gains of an axis without a spring: what `robust.feedforward` has no filter for.
+
+    Parameters
+    ----------
+    plant : control.StateSpace, TransferFunction, UncertaintyModel, FrictionPlant or FrictionClass, optional
+        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]; of a class of friction the mass with three
+        standard deviations either way. Without it `mass` is needed.
+    mass, viscous : float or (low, high), optional
+        [kg] or [kg m^2], and [Ns/m] or [Nm s/rad]: a number, or what it lies between; instead of those of the plant.
+    coulomb, stiction : float or (low, high)
+        Friction while sliding and at standstill [N] or [Nm].
+    stribeck_velocity : float or (low, high), optional
+        Over which it falls from the one to the other, as exp(-(v/vs)^2) [m/s] or [rad/s]; needed with `stiction`.
+    settings : DriveSettings, optional
+        The drive: its lag and delay make the jerk gain, its torque constant and units those of the gains.
+
+    Returns
+    -------
+    FeedforwardGains
+
+    Raises
+    ------
+    ValueError
+        A plant that is not 1/(m s^2 + c s), with its misfit; no mass; an interval that is none; stiction below Coulomb.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994.
+
+    Examples
+    --------
+    >>> from robust.drive import DriveSettings
+    >>> drive = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=50.0, lag=0.3e-3)
+    >>> print(feedforward(control.tf([1], [12, 20, 0]), coulomb=(14, 16), settings=drive))
+    acceleration: 0.24027 A/(m/s^2)
+    velocity: 0.4 A/(m/s)
+    jerk: 0.000162 A/(m/s^3)
+    sign of the velocity (Coulomb): 0.3 A
+    dry friction that is left while the axis slides: 1 N, 6.25 % of stiction (at standstill and at a reversal all of it)
+    """
+    if settings is not None:
+        require_kind("settings", settings, DriveSettings)
+        settings.output_factor(settings.force_unit)
+    read = (None, None) if plant is None else rigid_body(plant)
+    mass = read[0] if mass is None else mass
+    viscous = read[1] if viscous is None else viscous
+    if mass is None:
+        raise ValueError("mass must be given [kg] where there is no plant to read it from, got none")
+    if stiction is not None and stribeck_velocity is None:
+        raise ValueError("stribeck_velocity must be given with stiction, got none")
+    if stiction is None and stribeck_velocity is not None:
+        raise ValueError("stiction must be given with stribeck_velocity, got none")
+    found = {
+        "mass": interval("mass", mass),
+        "viscous": interval("viscous", 0.0 if viscous is None else viscous),
+        "coulomb": interval("coulomb", coulomb),
+        "stiction": interval("stiction", coulomb if stiction is None else stiction),
+        "stribeck_velocity": np.full(2, np.nan)
+        if stribeck_velocity is None
+        else interval("stribeck_velocity", stribeck_velocity),
+    }
+    for name in ("mass", "stribeck_velocity"):
+        if found[name][0] <= 0:
+            raise ValueError(f"{name} must be positive, got {found[name][0]:g}")
+    if np.any(found["stiction"] < found["coulomb"]):
+        raise ValueError(
+            f"stiction must be at least coulomb, {found['coulomb'].tolist()}, got {found['stiction'].tolist()}"
+        )
+    lead = 0.0 if settings is None else settings.lag + settings.delay + settings.dt / 2
+    return FeedforwardGains(**found, lead=lead, settings=settings)
+
+
+def feedforward_error(
+    gains: FeedforwardGains, model: Any, K: Any, reference: Any, *, delay: float = 0.0
+) -> FeedforwardError:
+    """Return how far a loop with this feedforward is from a reference model, nominally and over the whole set.
+
+    The dry friction is not in it: it is no system over frequency. `FeedforwardGains.error` bounds what it leaves.
+
+    Parameters
+    ----------
+    gains : FeedforwardGains
+        From `feedforward`.
+    model : UncertaintyModel
+        From force [N] or [Nm] to position [m] or [rad].
+    K : control.StateSpace
+        Controller of the same plant, such as `cascade`; it sees T_ref r - y.
+    reference : control.StateSpace, TransferFunction
+        T_ref, from a step to the set point that is planned; its derivatives up to the jerk are known.
+    delay : float
+        Computation delay [s] of a continuous nominal.
+
+    Returns
+    -------
+    FeedforwardError
+
+    Raises
+    ------
+    ValueError
+        A loop or a reference that is not stable, a model of several channels.
+
+    References
+    ----------
+    SP 5.4 (limits of feedforward by uncertainty).
+
+    Examples
+    --------
+    A mass known to 10 %: the error with feedforward is a tenth of that without.
+
+    >>> from robust import UncertaintyModel
+    >>> G, w = control.tf([1], [12, 20, 0]), control.tf([0.1], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    >>> K = control.tf([600, 12000], [1e-3, 1])
+    >>> found = feedforward_error(feedforward(G), model, K, control.tf([1], [1e-6, 3e-4, 3e-2, 1]))
+    >>> at = int(np.argmin(abs(found.omega - 10.0)))
+    >>> bool(found.error[at] < 1e-9), round(float(found.error_worst[at] / found.error_without[at]), 2)
+    (True, 0.1)
+    """
+    require_kind("gains", gains, FeedforwardGains)
+    require_kind("model", model, UncertaintyModel)
+    loop = reference_loop(model, K, require_nonnegative("delay", delay))
+    omega = loop.grid(model.omega)
+    wanted = response(on_time_base(reference, loop.dt), omega)
+    m, c, s = gains.mass.mean(), gains.viscous.mean(), 1j * omega
+    f = wanted * ((m + c * gains.lead) * s**2 + c * s + m * gains.lead * s**3)
+    error, worst = feedforward_errors(loop, f, wanted, omega)
+    without = feedforward_errors(loop, np.zeros_like(wanted), wanted, omega)[1]
+    return FeedforwardError(omega=omega, error=error, error_worst=worst, error_without=without)
+
+
+def compensated(Fs: float, q: float) -> AnyFriction:
+    """Return the class of friction that a compensation with a relative error leaves for a verdict.
+
+    It is that of an axis which slides in the direction of its set point. At standstill, and at a reversal until the
+    axis follows, the compensation is none, and the whole friction counts. A class of Maxwell slip stays what it is: a
+    compensation of the set point is a disturbance that ends, which no proof of coming to rest minds.
+
+    Parameters
+    ----------
+    Fs : float
+        Largest friction force [N] or [Nm].
+    q : float
+        Relative error of the compensation, from 0 to 1: `FeedforwardGains.relative_error`.
+
+    Returns
+    -------
+    AnyFriction
+        `any_bounded(q * Fs)`: for `prove_friction`, which says how far off such a friction holds the axis.
+
+    Raises
+    ------
+    ValueError
+        A force that is not positive; a relative error that is not between 0 and 1, zero excluded.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994.
+
+    Examples
+    --------
+    >>> compensated(20.0, 0.15).Fs
+    3.0
+    """
+    Fs, q = require_positive("Fs", Fs), require_positive("q", q)
+    if q > 1:
+        raise ValueError(f"q must be at most 1, where nothing is compensated, got {q:g}")
+    return any_bounded(q * Fs)
+
+
+def friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velocity: float) -> np.ndarray:
+    """Size of the dry friction at a speed v >= 0: from stiction to Coulomb friction (Stribeck)."""
+    if np.isnan(stribeck_velocity):
+        return np.asarray(coulomb + 0.0 * v)
+    return np.asarray(coulomb + (stiction - coulomb) * np.exp(-((v / stribeck_velocity) ** 2)))
+
+
+def interval(name: str, given: Any) -> np.ndarray:
+    """(2,) least and largest value of a number or a pair, or a refusal."""
+    if isinstance(given, tuple | list | np.ndarray) and np.size(given) == 2:
+        low, high = (require_nonnegative(name, float(end)) for end in given)
+        if low > high:
+            raise ValueError(f"{name} must be (low, high), got {short_form(tuple(given))}")
+        return np.array([low, high])
+    return np.full(2, require_nonnegative(name, require_real(name, given)))
+
+
+def rigid_body(plant: Any) -> tuple[Any, Any]:
+    """Mass and viscous friction of a plant, the mass with its interval where it is known; none where nothing is."""
+    if isinstance(plant, FrictionClass):
+        mass, spread = float(plant.mass.mean()), SIGMAS * float(plant.mass_std)
+        return (mass - spread, mass + spread), None
+    if isinstance(plant, FrictionPlant):
+        plant = control.StateSpace(plant.A, plant.B_force[:, None], plant.C_measured[None], 0, 0)
+    plant = state_space("plant", plant.nominal if isinstance(plant, UncertaintyModel) else plant)
+    if timebase(plant):
+        raise ValueError(f"plant must be continuous, got one sampled at {timebase(plant):g} s")
+    rate = float(np.max(np.abs(plant.poles()), initial=0.0)) or 1.0
+    omega = rate * np.geomspace(1e-2, 1e2, 41)
+    with np.errstate(all="ignore"):
+        G = response(plant, omega)
+        columns = np.stack([-(omega**2), 1j * omega]) * G  # m s^2 + c s = 1/G
+    if not np.isfinite(columns).all():
+        raise ValueError("plant must be 1/(m s^2 + c s), got one with a response that is not finite")
+    size = np.linalg.norm(columns, axis=1)
+    size = np.where(size > 0, size, 1.0)
+    rows = np.concatenate([(columns / size[:, None]).real, (columns / size[:, None]).imag], axis=1)
+    ones = np.concatenate([np.ones(omega.size), np.zeros(omega.size)])
+    m, c = np.linalg.lstsq(rows.T, ones, rcond=None)[0] / size
+    misfit = float(np.max(np.abs(m * columns[0] + c * columns[1] - 1)))
+    if not (misfit <= MISFIT and m > 0):
+        raise ValueError(
+            f"plant must be 1/(m s^2 + c s), got one that the nearest misses by {misfit:.2g}: give mass and viscous of "
+            "all that moves"
+        )
+    return float(m), max(float(c), 0.0)
