@@ -16,7 +16,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
-from robust.analysis.loop import Loop, assemble, nominal_instability
+from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
 from robust.lti.connections import in_series
 from robust.lti.lti import is_constant, response, timebase
 from robust.lti.norms import continuous_image, to_discrete
@@ -125,7 +125,7 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     """
     effort, loop = require_positive("effort", effort), reference_loop(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
-    T = loop.closed(("y",), ("r",))
+    T = loop.closed_loop(("y",), ("r",))
     found = hinfsyn(matching_plant(T_ref, T, effort, loop.dt), 1, 1)
     if not found.found:
         raise ValueError(f"reference must be one that a prefilter can be found for: {found.reason}")
@@ -147,8 +147,8 @@ def reference_loop(model: Any, K: Any, delay: float) -> Loop:
     """The loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
-    loop = assemble(model, K, None, require_nonnegative("delay", delay))
-    nominal = nominal_instability(loop)
+    loop = assemble_loop(model, K, None, require_nonnegative("delay", delay))
+    nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {nominal}")
     return loop
