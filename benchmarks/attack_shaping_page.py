@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import robust
-from robust.analysis.loop import assemble
+from robust.analysis.loop import assemble_loop
 from robust.reports.shaping_page.page import page_content, shaped_controller
 from robust.reports.shaping_page.words import Told
 from tests.support.browser import browser
@@ -51,7 +51,7 @@ def main() -> None:
             content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, told=Told())
             K = shaped_controller(state, 1.0 if begin is None else begin, dt)
             report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
-            curves = assemble(model, K, w_P, delay).curves(report.omega)
+            curves = assemble_loop(model, K, w_P, delay).curves(report.omega)
             found = page.run(f"asked({json.dumps(content)}, {json.dumps(state)}, {json.dumps(report.omega.tolist())})")
             safe = curves.rs < 1 - 1e-9
             for name, wanted in (("S", abs(curves.S)), ("T", abs(1 - curves.S)), ("rs", curves.rs), ("rp", curves.rp)):

@@ -111,7 +111,7 @@ def diagonals(numbers):
 
 
 def as_systems(delta, omega, dt, full):
-    """`as_system` of many matrices (T, n, n) at once: of rank one, or diagonal."""
+    """`interpolate_perturbation` of many matrices (T, n, n) at once: of rank one, or diagonal."""
     if not full:
         return tuple(diagonals(part) for part in passes(np.einsum("tii->ti", delta), omega, dt))
     U, sizes, Vh = np.linalg.svd(delta)

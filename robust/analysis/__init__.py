@@ -5,14 +5,14 @@ bounds           the region that |L| must avoid, whatever its phase
 curves           S, T, rs, rp over frequency for the whole set, at the poles of the parts too
 disk             disk margins: gain and phase at once, in all channels at once
 family           loops around random plants of the set
-folded           a continuous set of several channels as a sampler sees it: the sampled set that holds it
 gap              the distance between plants (nu-gap), and the margin of a loop for it
 loop             plant, controller, hold, delay on one time base: stable or not, its peaks, with another plant
+loop_proofs      stability and performance of the whole set proved at every frequency
 loop_level       predict at which level a loop moves the machine, and compare that with the measured levels
 performance      classical margins, gains of the loop, step responses
-proofs           stability and performance of the whole set proved at every frequency
 report           `RobustnessReport`: its fields, how it is filled and printed
 robustness       `check`: one model, one controller, one report
+sampled_set      the sampled set that contains a continuous set of several channels, every alias included
 structured       `check` for several uncertainties, by mu
 worst_plant      `worst_case`: the plant of the set with the largest gain, as a system
 """

@@ -1,4 +1,4 @@
-r"""A set of continuous plants as a sampler sees it: every alias of a frequency at once.
+r"""Robust stability and performance of a continuous set under a sampled controller: the sum over all aliases.
 
 Behind hold and delay the sampled plant at omega is the sum over all aliases omega_k = omega + 2 pi k/T,
 
@@ -42,31 +42,31 @@ from robust.proofs.search.intervals import Magnitude, magnitude_of
 
 __all__ = [
     "AliasSums",
+    "AliasedLoop",
     "Aliases",
-    "Point",
-    "Shares",
-    "aliases_of",
-    "at_points",
-    "fold_down",
-    "in_phase",
-    "operator_performance",
-    "shares",
+    "RsBreakdown",
+    "aliases_of_set",
+    "evaluate_aliases",
+    "fold_aliases",
+    "rs_breakdown",
+    "squared_performance_gain",
+    "worst_alias_phases",
 ]
 
 
-#: Aliases on either side that are taken one by one: at least, and at most where light modes lie higher.
-FEWEST, MOST = 12, 200
-#: Blocks of aliases beyond: each so much longer than the one before, up to so many times the farthest root.
-LONGER, FAR = 1.02, 1e4
-LEAST_FACTOR = 1e-9  # and one over it: between them a factor on the uncertainty is looked for
-DOMINANT = 1e4  # times all others together: then an alias is told from the sampled plant to six digits
-LEAST_SHARE = 0.003  # of the whole: what an alias has to add to be part of a worst plant, whose order it raises by two
-LIGHT = 0.3  # a damping ratio below which a mode has a peak that a block would spread over all its aliases
+#: Number of aliases on either side that are summed one by one: at least, and at most where light modes lie higher.
+MIN_SINGLE_ALIASES, MAX_SINGLE_ALIASES = 12, 200
+#: The aliases beyond them are bounded in blocks: growth of the blocks, and end of the last over the largest root.
+BLOCK_GROWTH, TAIL_START_RATIO = 1.02, 1e4
+MIN_UNCERTAINTY_FACTOR = 1e-9  # the factor on the uncertainty is searched between this and one over it
+DOMINANT_RATIO = 1e4  # alias over all others together, from which it is taken from the sampled plant
+MIN_ALIAS_SHARE = 0.003  # of the sum: an alias below it is left out of the worst plant, whose order each raises by two
+LIGHT_DAMPING = 0.3  # a damping ratio below which a mode has a peak that a block would spread over all its aliases
 
 
 @value
 class AliasSums:
-    """Sums over the aliases k != 0 of a frequency, (I,) each.
+    """Hold the sums over the aliases k != 0 of a frequency, (I,) each.
 
     Fields
     ------
@@ -92,12 +92,12 @@ class AliasSums:
 
 
 #: No alias at all.
-NOTHING = AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1)))
+NO_ALIASES = AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1)))
 
 
 @value
 class Aliases:
-    """The aliases of a set of continuous plants.
+    """Describe the aliases of a set of continuous plants.
 
     Fields
     ------
@@ -105,7 +105,7 @@ class Aliases:
         Sampling time and delay behind the hold [s].
     plant, weight : control.StateSpace
         Continuous plant without that delay, and weight.
-    through : bool
+    F_includes_plant : bool
         Whether F = G w (else w).
     inverse, operator : bool
         Form of the set, and whether Delta may be any causal operator.
@@ -115,23 +115,23 @@ class Aliases:
     delay: float
     plant: control.StateSpace
     weight: control.StateSpace
-    through: bool
+    F_includes_plant: bool
     inverse: bool
     operator: bool
 
     @property
-    def step(self) -> float:
-        """Distance of the aliases [rad/s]."""
+    def spacing(self) -> float:
+        """Return the sampling frequency, the distance of the aliases [rad/s]."""
         return 2 * np.pi / self.dt
 
     @cached_property
     def F(self) -> control.StateSpace:
-        """What a perturbation passes to the output: G w, or w."""
-        return in_series(self.weight, self.plant, dt=0) if self.through else self.weight
+        """Return the system from the perturbation to the output: G w, or w."""
+        return in_series(self.weight, self.plant, dt=0) if self.F_includes_plant else self.weight
 
     @cached_property
-    def at(self) -> tuple[Any, Any]:
-        """Responses of plant and weight, made ready."""
+    def responders(self) -> tuple[Any, Any]:
+        """Return functions of omega that evaluate plant and weight."""
         plant, w = make_response(self.plant), make_response(self.weight)
 
         def G(omega: np.ndarray) -> np.ndarray:
@@ -140,50 +140,52 @@ class Aliases:
         return G, w
 
     @cached_property
-    def sharp(self) -> np.ndarray:
-        """Lightly damped poles of plant and weight in the upper half plane [rad/s]."""
+    def light_modes(self) -> np.ndarray:
+        """Return the lightly damped poles of plant and weight in the upper half plane [rad/s]."""
         p = np.concatenate([poles(self.plant), poles(self.weight)])
-        return np.asarray(p[(np.abs(p.real) < LIGHT * np.abs(p)) & (p.imag > 0)])
+        return np.asarray(p[(np.abs(p.real) < LIGHT_DAMPING * np.abs(p)) & (p.imag > 0)])
 
     @cached_property
     def folded_modes(self) -> np.ndarray:
-        """The light modes above Nyquist where they come down to, as poles [rad/s]."""
-        p, nyquist = self.sharp, self.step / 2
-        down = np.abs((p.imag + nyquist) % self.step - nyquist)
+        """Return the light modes above Nyquist as the poles that they fold down to [rad/s]."""
+        p, nyquist = self.light_modes, self.spacing / 2
+        down = np.abs((p.imag + nyquist) % self.spacing - nyquist)
         return np.asarray((p.real + 1j * down)[p.imag > nyquist])
 
     @cached_property
-    def single(self) -> np.ndarray:
-        """(k,) the aliases k != 0 that are taken one by one."""
-        high = self.sharp.imag.max() if self.sharp.size else 0.0
-        n = int(np.clip(np.ceil(high / self.step) + 2, FEWEST, MOST))
+    def single_indices(self) -> np.ndarray:
+        """Return the numbers (k,) of the aliases k != 0 that are summed one by one."""
+        high = self.light_modes.imag.max() if self.light_modes.size else 0.0
+        n = int(np.clip(np.ceil(high / self.spacing) + 2, MIN_SINGLE_ALIASES, MAX_SINGLE_ALIASES))
         return np.concatenate([np.arange(-n, 0), np.arange(1, n + 1)])
 
     @cached_property
-    def beyond(self) -> AliasSums:
-        """(1,) upper bounds of the sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|.
+    def tail_bounds(self) -> AliasSums:
+        """Return upper bounds (1,) of the sums over all other aliases, |h_k| without |sin(omega T/2)|.
 
         Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; from there on power laws.
         """
         G, F = magnitude_of(self.plant), magnitude_of(self.F)
-        first = float(self.single[-1]) + 1
+        first = float(self.single_indices[-1]) + 1
         roots = np.abs(np.concatenate([G.zeros, G.poles, F.zeros, F.poles]))
-        end = max(FAR * float(roots.max(initial=0.0)) / self.step, 2.0 * first)
-        k = np.unique(np.ceil(first * LONGER ** np.arange(np.ceil(np.log(end / first) / np.log(LONGER)) + 1)))
-        low, high = (k[:-1] - 0.5) * self.step, (k[1:] - 0.5) * self.step
+        end = max(TAIL_START_RATIO * float(roots.max(initial=0.0)) / self.spacing, 2.0 * first)
+        k = np.unique(
+            np.ceil(first * BLOCK_GROWTH ** np.arange(np.ceil(np.log(end / first) / np.log(BLOCK_GROWTH)) + 1))
+        )
+        low, high = (k[:-1] - 0.5) * self.spacing, (k[1:] - 0.5) * self.spacing
         top_G, top_F = G.upper_each(low, high), F.upper_each(low, high)
-        last = (k[-1] - 0.5) * self.step
-        (c_G, g), (c_F, f) = power_law(G, last), power_law(F, last)
+        last = (k[-1] - 0.5) * self.spacing
+        (c_G, g), (c_F, f) = power_law_bound(G, last), power_law_bound(F, last)
         far_F = c_F * last**-f
 
         def added(top: np.ndarray, c: float, power: int, hold: int) -> np.ndarray:
-            """sum |h_k|^hold times a size that is `top` on the blocks and c omega^-power beyond; omega at most pi/T."""
+            """Sum |h_k|^hold times a size that is `top` on the blocks and c omega^-power beyond, omega at most pi/T."""
             total, n = 0.0, power + hold
             for x in (-0.5, 0.5):  # each alias is at its nearest: 1/(k - x) + 1/(k + x) grows with x
                 sizes = np.diff(k) if not hold else -np.diff(zeta(hold, k + x)) if hold > 1 else np.diff(psi(k + x))
-                total += (2 / self.dt / self.step) ** hold * float(sizes @ top)
+                total += (2 / self.dt / self.spacing) ** hold * float(sizes @ top)
                 if c and n > 1:
-                    total += c * (2 / self.dt) ** hold * self.step**-n * float(zeta(n, k[-1] + x))
+                    total += c * (2 / self.dt) ** hold * self.spacing**-n * float(zeta(n, k[-1] + x))
             return np.array([np.inf if c and n <= 1 else total])
 
         over = np.divide(top_F, 1 - top_F, out=np.full(top_F.size, np.inf), where=top_F < 1)
@@ -200,60 +202,60 @@ class Aliases:
             F_max=np.array([max(float(top_F.max()), far_F)]),
         )
 
-    def radius(self, omega: np.ndarray, sampled: np.ndarray) -> np.ndarray:
-        """(W,) how far a set moves the sampled plant at omega [rad/s]; inf where nothing filters it, nan if inverse.
+    def sampled_radius(self, omega: np.ndarray, sampled: np.ndarray) -> np.ndarray:
+        """Return the radius (W,) of the sampled set at omega [rad/s]; inf where nothing filters it, nan if inverse.
 
         Of an operator it is the radius of the disc with the same rs. `sampled` is the response of the sampled plant.
         """
         if self.inverse:
             return np.full(omega.size, np.nan)
         one = np.ones(omega.size)
-        point = at_points(self, omega, one, one, sampled)
-        return stability_measure(self, point.sizes, point.sums())
+        point = evaluate_aliases(self, omega, one, one, sampled)
+        return stability_measure(self, point.magnitudes, point.alias_sums())
 
-    def terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(W, 1 + k) h_k, h_k G_k and |F_k| of the frequency itself and of the aliases taken one by one.
+    def alias_terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return h_k, h_k G_k and |F_k|, (W, 1 + k) each, of the frequency itself and of the aliases summed one by one.
 
         `sampled` (W,) is the response of the sampled plant, which is what they add up to. Where one alias is nearly all
         of it, beside a pole on the axis, it is taken from there: G_d and S then share what rounding does to the pole.
         """
-        k = np.concatenate([[0], self.single])
-        at = omega[:, None] + self.step * k
-        G, w = (self.at[i](np.abs(at).ravel()).reshape(at.shape) for i in (0, 1))
+        k = np.concatenate([[0], self.single_indices])
+        at = omega[:, None] + self.spacing * k
+        G, w = (self.responders[i](np.abs(at).ravel()).reshape(at.shape) for i in (0, 1))
         hold = np.sinc(omega * self.dt / (2 * np.pi))[:, None] * omega[:, None] / at
         h = hold * np.exp(-1j * (omega[:, None] * self.dt / 2 + at * self.delay))
         hG = np.where(at < 0, np.conj(G), G) * h
         size = np.abs(hG)
         row, largest = np.arange(omega.size), size.argmax(1)
         alone = np.where(np.arange(k.size) == largest[:, None], 0.0, hG)
-        dominant = size[row, largest] > DOMINANT * np.abs(alone).sum(1)
+        dominant = size[row, largest] > DOMINANT_RATIO * np.abs(alone).sum(1)
         hG[row[dominant], largest[dominant]] = replace_infinite(sampled[dominant]) - alone[dominant].sum(1)
-        F = np.abs(hG / hold) if self.through else 1.0
+        F = np.abs(hG / hold) if self.F_includes_plant else 1.0
         return h, hG, F * np.abs(w)
 
 
 def sum_over_aliases(
-    hold: np.ndarray, hG: np.ndarray, F: np.ndarray, beyond: AliasSums, sine: np.ndarray, inside: Any = True
+    hold: np.ndarray, hG: np.ndarray, F: np.ndarray, tails: AliasSums, sin_half_angle: np.ndarray, inside: Any = True
 ) -> AliasSums:
-    """The sums from |h_k|, |h_k G_k| and |F_k| (I, k), of those inside, and from all aliases beyond times |sin|."""
+    """Add |h_k|, |h_k G_k|, |F_k| (I, k) of the aliases `inside` and the bounds of all others times |sin|."""
     with np.errstate(divide="ignore", invalid="ignore"):
         over = np.where(F < 1, F / (1 - F), np.inf)
         GF = np.where((hG > 0) & inside, hG * over, 0.0)
     hG, F = hG * inside, F * inside
     return AliasSums(
-        F=(hold * F).sum(1) + sine * beyond.F,
-        G=hG.sum(1) + sine * beyond.G,
-        FF=(F**2).sum(1) + beyond.FF,
-        GG=(hG**2).sum(1) + sine**2 * beyond.GG,
-        GF=GF.sum(1) + sine * beyond.GF,
-        product=(hG * F).sum(1) + sine * beyond.product,
-        F_max=np.maximum(F.max(1), beyond.F_max),
+        F=(hold * F).sum(1) + sin_half_angle * tails.F,
+        G=hG.sum(1) + sin_half_angle * tails.G,
+        FF=(F**2).sum(1) + tails.FF,
+        GG=(hG**2).sum(1) + sin_half_angle**2 * tails.GG,
+        GF=GF.sum(1) + sin_half_angle * tails.GF,
+        product=(hG * F).sum(1) + sin_half_angle * tails.product,
+        F_max=np.maximum(F.max(1), tails.F_max),
     )
 
 
 @value
-class Sizes:
-    """What the conditions are made of, (I,) each.
+class LoopMagnitudes:
+    """Hold the magnitudes that the conditions are made of, (I,) each.
 
     Fields
     ------
@@ -270,47 +272,51 @@ class Sizes:
     hold: np.ndarray
 
 
-def stability_measure(aliases: Aliases, of: Sizes, others: AliasSums) -> np.ndarray:
-    """(I,) what has to stay below one for robust stability: the table above; of an LTI inverse form at most that.
+def stability_measure(aliases: Aliases, magnitudes: LoopMagnitudes, others: AliasSums) -> np.ndarray:
+    """Return the measure (I,) that is below one where stability is robust: the table above, or a bound (LTI inverse).
 
     For the inverse forms 1 + K G_p is put over 1 + F Delta_0, and every alias moves it by |h_k G_k| |F_k|/(1 - |F_k|)
     at most. In blocks of the frequency itself and the rest, the matrix of an operator has the norm of its blocks.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         if not aliases.inverse and aliases.operator:
-            return np.sqrt(of.FKS**2 + product_or_zero(of.KS, np.sqrt(others.FF)) ** 2)
+            return np.sqrt(magnitudes.FKS**2 + multiply_or_zero(magnitudes.KS, np.sqrt(others.FF)) ** 2)
         if not aliases.inverse:
-            return of.hold * of.FKS + product_or_zero(of.KS, others.F)
-        own = of.FS + of.FKS * others.G
+            return magnitudes.hold * magnitudes.FKS + multiply_or_zero(magnitudes.KS, others.F)
+        own = magnitudes.FS + magnitudes.FKS * others.G
         if not aliases.operator:
-            return own + product_or_zero(of.KS + of.FKS, others.GF)
+            return own + multiply_or_zero(magnitudes.KS + magnitudes.FKS, others.GF)
         F, G = np.sqrt(others.FF), np.sqrt(others.GG)
-        return largest_of_two(own, of.GKS * F, of.FKS * G, others.F_max + of.KS * G * F)
+        return largest_singular_value_2x2(
+            own, magnitudes.GKS * F, magnitudes.FKS * G, others.F_max + magnitudes.KS * G * F
+        )
 
 
-def operator_performance(of: Sizes, others: AliasSums, PS: Any, PFS: Any, scaling: float) -> np.ndarray:
-    """(I,) the squared gain from (p, r) to (what Delta sees, w_P e) under one scaling, but of inverse forms.
+def squared_performance_gain(
+    magnitudes: LoopMagnitudes, others: AliasSums, PS: Any, PFS: Any, scaling: float
+) -> np.ndarray:
+    """Return the squared gain (I,) from (p, r) to (input of Delta, w_P e) under one scaling; not for inverse forms.
 
     PS, PFS are |w_P S| and |w_P F S|. The matrix is a column times a row, so its gain is the product of their sizes.
     """
     d = scaling**2
-    gain = of.FKS**2 + product_or_zero(of.KS**2, others.FF)
-    return np.asarray(gain + of.KS**2 * d + PS**2 + (PFS**2 + product_or_zero(PS**2, others.FF)) / d)
+    gain = magnitudes.FKS**2 + multiply_or_zero(magnitudes.KS**2, others.FF)
+    return np.asarray(gain + magnitudes.KS**2 * d + PS**2 + (PFS**2 + multiply_or_zero(PS**2, others.FF)) / d)
 
 
-def product_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """size times total, nothing where the size is zero, however large the total."""
+def multiply_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Return size times total; zero where the size is zero and the total infinite."""
     return np.where(size == 0, 0.0, size * total)
 
 
-def largest_of_two(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """(I,) largest singular value of [[a, b], [c, d]], all nonnegative."""
+def largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return the largest singular value (I,) of [[a, b], [c, d]], all nonnegative."""
     return (np.sqrt((a + d) ** 2 + (b - c) ** 2) + np.sqrt((a - d) ** 2 + (b + c) ** 2)) / 2
 
 
 @value
-class Folded:
-    """What the set does to the loop, aliases included, at frequencies (W,).
+class FoldedCurves:
+    """Hold the robustness curves of a loop, every alias included, at frequencies (W,).
 
     Fields
     ------
@@ -318,18 +324,18 @@ class Folded:
         In proportion to |w|; one where the condition of the table is just met.
     S_worst : (W,) ndarray
         Largest |S_p|; inf where the set is not stable. Of an operator in an inverse form that of its LTI members.
-    growth : (W,) ndarray or None
+    performance_margin : (W,) ndarray or None
         Factor by which the uncertainty may grow until |w_P| max |S_p| = 1.
     """
 
     rs: np.ndarray
     S_worst: np.ndarray
-    growth: Any = None
+    performance_margin: Any = None
 
 
 @value(copy=False)
-class Point:
-    """A loop and its set at frequencies omega (W,): S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) of the aliases."""
+class AliasedLoop:
+    """Hold a loop at frequencies omega (W,): S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) of the aliases."""
 
     aliases: Aliases
     omega: np.ndarray
@@ -341,30 +347,32 @@ class Point:
 
     @property
     def hold(self) -> np.ndarray:
-        """(W, 1 + k) |h_k|."""
+        """Return |h_k| (W, 1 + k)."""
         return np.abs(self.h)
 
     @property
-    def sine(self) -> np.ndarray:
-        """(W,) |sin(omega T/2)|."""
+    def sin_half_angle(self) -> np.ndarray:
+        """Return |sin(omega T/2)| (W,)."""
         return np.sin(np.minimum(self.omega * self.aliases.dt / 2, np.pi / 2))
 
     @property
-    def sizes(self) -> Sizes:
-        """What the conditions are made of, without performance."""
+    def magnitudes(self) -> LoopMagnitudes:
+        """Return the magnitudes at the frequency itself that the conditions are made of."""
         F, KS, hold = self.F[:, 0], np.abs(self.KS), self.hold[:, 0]
-        return Sizes(KS=KS, FS=F * np.abs(self.S), FKS=F * KS, GKS=np.abs(self.hG[:, 0]) * KS, hold=hold)
+        return LoopMagnitudes(KS=KS, FS=F * np.abs(self.S), FKS=F * KS, GKS=np.abs(self.hG[:, 0]) * KS, hold=hold)
 
-    def sums(self, band: tuple[float, float] | None = None) -> AliasSums:
-        """The sums over the other aliases; only of those in a band [rad/s] if given."""
-        beyond, inside = self.aliases.beyond, np.ones(1, bool)
+    def alias_sums(self, band: tuple[float, float] | None = None) -> AliasSums:
+        """Add up the other aliases; only those in a band [rad/s] if given."""
+        beyond, inside = self.aliases.tail_bounds, np.ones(1, bool)
         if band is not None:
-            at = np.abs(self.omega[:, None] + self.aliases.step * self.aliases.single)
-            beyond, inside = NOTHING, (at >= band[0]) & (at <= band[1])
-        return sum_over_aliases(self.hold[:, 1:], np.abs(self.hG[:, 1:]), self.F[:, 1:], beyond, self.sine, inside)
+            at = np.abs(self.omega[:, None] + self.aliases.spacing * self.aliases.single_indices)
+            beyond, inside = NO_ALIASES, (at >= band[0]) & (at <= band[1])
+        return sum_over_aliases(
+            self.hold[:, 1:], np.abs(self.hG[:, 1:]), self.F[:, 1:], beyond, self.sin_half_angle, inside
+        )
 
-    def distance(self, m: np.ndarray) -> np.ndarray:
-        """(W,) smallest |1 + K G_p|/|1 + K G_d| over an inverse set grown by m (W,); negative if zero is inside.
+    def least_return_difference(self, m: np.ndarray) -> np.ndarray:
+        """Return the least |1 + K G_p|/|1 + K G_d| (W,) over an inverse set times m (W,); negative if zero is inside.
 
         At alias k the set is a disc with the centre h_k G_k/(1 - |F_k|^2) and the radius |h_k G_k F_k|/(1 - |F_k|^2).
         All but the first add up to one disc. What is left, X + v/(1 + F Delta) with v = K S h_0 G_0, is a disc or the
@@ -372,68 +380,81 @@ class Point:
         whichever it is.
         """
         u, hG, v = (m[:, None] * self.F[:, 1:]) ** 2, self.hG[:, 1:], self.hG[:, 0] * self.KS
-        beyond, size = self.aliases.beyond, np.abs(self.KS)
+        beyond, size = self.aliases.tail_bounds, np.abs(self.KS)
         with np.errstate(all="ignore"):
             E = self.KS * (hG * u / (1 - u)).sum(1)
             rest = size * (np.abs(hG) * np.sqrt(u) / (1 - u)).sum(1)
-            rest += size * self.sine * m * beyond.product / (1 - m * beyond.F_max)  # at most so much, either way
+            rest += (
+                size * self.sin_half_angle * m * beyond.product / (1 - m * beyond.F_max)
+            )  # at most so much, either way
             F, own = m * self.F[:, 0], (m * self.F[:, 0]) ** 2
             found = np.abs(1 + E) ** 2 - own * np.abs(1 + E - v) ** 2
             found /= np.abs((1 + E - v) * (1 - own) + v) + F * np.abs(v)
             inside = (u < 1).all(1) & (m * beyond.F_max < 1) | (size == 0)
             return np.where(inside & ~np.isnan(found), found - np.where(size == 0, 0.0, rest), -np.inf)
 
-    def factor(self, wanted: np.ndarray) -> np.ndarray:
-        """(W,) the largest m with a distance of at least `wanted`, which falls with m; by bisection of its log."""
-        low, high = np.full(wanted.size, np.log(LEAST_FACTOR)), np.full(wanted.size, -np.log(LEAST_FACTOR))
+    def largest_uncertainty_factor(self, least: np.ndarray) -> np.ndarray:
+        """Return the largest m (W,) whose return difference is at least `least`, by bisection of log m."""
+        low, high = (
+            np.full(least.size, np.log(MIN_UNCERTAINTY_FACTOR)),
+            np.full(least.size, -np.log(MIN_UNCERTAINTY_FACTOR)),
+        )
         for _ in range(60):
             middle = (low + high) / 2
-            good = self.distance(np.exp(middle)) >= wanted
+            good = self.least_return_difference(np.exp(middle)) >= least
             low, high = np.where(good, middle, low), np.where(good, high, middle)
-        return np.where(self.distance(np.full(wanted.size, LEAST_FACTOR)) >= wanted, np.exp(low), 0.0)
+        return np.where(
+            self.least_return_difference(np.full(least.size, MIN_UNCERTAINTY_FACTOR)) >= least, np.exp(low), 0.0
+        )
 
 
-def at_points(aliases: Aliases, omega: np.ndarray, S: np.ndarray, KS: np.ndarray, sampled: np.ndarray) -> Point:
-    """A loop at frequencies omega (W,) [rad/s], from the responses of the nominal one and of the sampled plant."""
-    h, hG, F = aliases.terms(omega, sampled)
-    return Point(aliases=aliases, omega=omega, S=S, KS=KS, h=h, hG=hG, F=F)
+def evaluate_aliases(
+    aliases: Aliases, omega: np.ndarray, S: np.ndarray, KS: np.ndarray, sampled: np.ndarray
+) -> AliasedLoop:
+    """Evaluate the aliases of a loop at omega (W,) [rad/s] from responses of the nominal loop and sampled plant."""
+    h, hG, F = aliases.alias_terms(omega, sampled)
+    return AliasedLoop(aliases=aliases, omega=omega, S=S, KS=KS, h=h, hG=hG, F=F)
 
 
-def fold_down(point: Point, w_P: np.ndarray | None) -> Folded:
-    """What the set does to the loop at frequencies (W,), every alias included."""
-    aliases, S = point.aliases, np.abs(point.S)
+def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> FoldedCurves:
+    """Compute rs, max |S_p| and the performance margin (W,) of a loop, every alias included."""
+    aliases, S = aliased.aliases, np.abs(aliased.S)
     wanted = None if w_P is None else np.abs(w_P) * S
     with np.errstate(divide="ignore", invalid="ignore"):
         if not aliases.inverse or aliases.operator:
-            rs = stability_measure(aliases, point.sizes, point.sums())
+            rs = stability_measure(aliases, aliased.magnitudes, aliased.alias_sums())
         else:
-            rs = 1 / point.factor(np.zeros(S.size))
+            rs = 1 / aliased.largest_uncertainty_factor(np.zeros(S.size))
         if not aliases.inverse:
             worst = np.where(rs < 1, S / (1 - rs), np.inf)
             growth = None if wanted is None else np.maximum((1 - wanted) / rs, 1e-12)
-            return Folded(rs=rs, S_worst=worst, growth=growth)
-        here = point.distance(np.ones(S.size))
+            return FoldedCurves(rs=rs, S_worst=worst, performance_margin=growth)
+        here = aliased.least_return_difference(np.ones(S.size))
         worst = np.where(here > 0, S / here, np.inf)
-    return Folded(rs=rs, S_worst=worst, growth=None if wanted is None else np.maximum(point.factor(wanted), 1e-12))
+    return FoldedCurves(
+        rs=rs,
+        S_worst=worst,
+        performance_margin=None if wanted is None else np.maximum(aliased.largest_uncertainty_factor(wanted), 1e-12),
+    )
 
 
 @value
-class Shares:
-    """What rs is made of at one frequency omega [rad/s].
+class RsBreakdown:
+    """Split rs at one frequency omega [rad/s] into what acts there, at the aliases, and in the measured band.
 
     Fields
     ------
     omega, total : float
         The frequency, and rs there.
     own : float
-        rs of what acts at that frequency alone; with what folds down it is `total`.
+        rs of what acts at that frequency alone; with the aliases it is `total`.
     member : float
         One or more where a linear perturbation of that frequency alone makes the loop unstable. Of an operator it is
-        less than `own`, which has all that the hold gives it to see.
+        less than `without_aliases`, which counts every input that the hold passes to it.
     measured : float
         rs of what acts inside the measured band alone; the rest is assumed.
     source : float
-        The frequency [rad/s] that adds most, the alias it is.
+        The frequency [rad/s], of it and its aliases, that adds most.
     filtered : bool
         Whether the sum over all aliases is finite at all.
     F_max : float
@@ -442,77 +463,77 @@ class Shares:
 
     omega: float
     total: float
-    own: float
-    member: float
-    measured: float
-    source: float
-    filtered: bool
+    without_aliases: float
+    single_frequency: float
+    in_band: float
+    omega_source: float
+    is_bounded: bool
     F_max: float
 
 
-def in_phase(point: Point) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (n,) [rad/s] and phases (n,) of a Delta whose aliases all act against 1 + L at the one of a point.
+def worst_alias_phases(aliased: AliasedLoop) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (n,) [rad/s] and phases (n,) of the Delta whose aliases all reduce |1 + L| at one frequency.
 
     Of additive and multiplicative sets: at alias k the loop is moved by K S h_k F_k Delta_k, which is to be negative.
-    Aliases that add less than `LEAST_SHARE` of the whole are left out.
+    Aliases that add less than `MIN_ALIAS_SHARE` of the whole are left out.
     """
-    aliases = point.aliases
-    k = np.concatenate([[0], aliases.single])
-    at = point.omega[0] + aliases.step * k
-    w = aliases.at[1](np.abs(at))
-    acts = point.KS[0] * np.where(at < 0, w.conj(), w) * (point.hG if aliases.through else point.h)[0]
-    keep = (np.abs(acts) > LEAST_SHARE * np.abs(acts).sum()) | (k == 0)
+    aliases = aliased.aliases
+    k = np.concatenate([[0], aliases.single_indices])
+    at = aliased.omega[0] + aliases.spacing * k
+    w = aliases.responders[1](np.abs(at))
+    acts = aliased.KS[0] * np.where(at < 0, w.conj(), w) * (aliased.hG if aliases.F_includes_plant else aliased.h)[0]
+    keep = (np.abs(acts) > MIN_ALIAS_SHARE * np.abs(acts).sum()) | (k == 0)
     phases = np.pi - np.angle(acts[keep])
     return np.abs(at[keep]), np.where(at[keep] < 0, -phases, phases)
 
 
-def shares(point: Point, band: tuple[float, float], total: float) -> Shares:
-    """What rs is made of at the one frequency of a point, where it is `total`."""
-    aliases, omega, sizes = point.aliases, float(point.omega[0]), point.sizes
-    own = float(stability_measure(aliases, sizes, NOTHING)[0])
+def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) -> RsBreakdown:
+    """Split rs, which is `total`, at the one frequency of a loop."""
+    aliases, omega, sizes = aliased.aliases, float(aliased.omega[0]), aliased.magnitudes
+    own = float(stability_measure(aliases, sizes, NO_ALIASES)[0])
     member = sizes.hold * sizes.FKS
     if aliases.inverse:
-        member = point.F[:, 0] * np.abs(1 - point.hG[:, 0] * point.KS)
+        member = aliased.F[:, 0] * np.abs(1 - aliased.hG[:, 0] * aliased.KS)
     inside = band[0] <= omega <= band[1]
     here = sizes if inside else replace(sizes, FS=np.zeros(1), FKS=np.zeros(1))
-    measured = float(stability_measure(aliases, here, point.sums(band))[0])
-    each = point.F[0] * (1.0 if aliases.operator else point.hold[0])
-    each = each * (np.abs(point.hG[0]) / point.hold[0] if aliases.inverse and not aliases.through else 1.0)
-    each = (each * abs(complex(point.KS[0])))[1:]
+    measured = float(stability_measure(aliases, here, aliased.alias_sums(band))[0])
+    each = aliased.F[0] * (1.0 if aliases.operator else aliased.hold[0])
+    each = each * (np.abs(aliased.hG[0]) / aliased.hold[0] if aliases.inverse and not aliases.F_includes_plant else 1.0)
+    each = (each * abs(complex(aliased.KS[0])))[1:]
     source = omega
     if each.max() > own:
-        source = float(abs(omega + aliases.step * aliases.single[each.argmax()]))
-    sums = point.sums()
+        source = float(abs(omega + aliases.spacing * aliases.single_indices[each.argmax()]))
+    sums = aliased.alias_sums()
     counted = sums.FF if aliases.operator else sums.G if aliases.inverse else sums.F
-    return Shares(
+    return RsBreakdown(
         omega=omega,
         total=total,
-        own=own,
-        member=float(member[0]),
-        measured=min(measured, total),
-        source=source,
-        filtered=bool(np.isfinite(counted[0])),
+        without_aliases=own,
+        single_frequency=float(member[0]),
+        in_band=min(measured, total),
+        omega_source=source,
+        is_bounded=bool(np.isfinite(counted[0])),
         F_max=float(sums.F_max[0]),
     )
 
 
-def power_law(G: Magnitude, low: float) -> tuple[float, int]:
-    """c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low far beyond all roots."""
+def power_law_bound(G: Magnitude, low: float) -> tuple[float, int]:
+    """Return c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low far beyond all roots."""
     log = np.sum(np.log1p(np.abs(G.zeros) / low)) - np.sum(np.log1p(-np.abs(G.poles) / low))
     return float(G.gain * np.exp(log)), int(G.poles.size - G.zeros.size)
 
 
-def aliases_of(
+def aliases_of_set(
     form: str, plant: control.StateSpace, weight: control.StateSpace, perturbation: str, dt: float, delay: float
 ) -> Aliases:
-    """The aliases of a set of a form, around a continuous plant under a controller of sampling time dt [s]."""
+    """Return the aliases of a set around a continuous plant under a controller of sampling time dt [s]."""
     row = FORMS[form]
     return Aliases(
         dt=dt,
         delay=delay,
         plant=plant,
         weight=weight,
-        through="G" in row.read,
+        F_includes_plant="G" in row.read,
         inverse=row.inverse,
         operator=perturbation == "operator",
     )

@@ -1,4 +1,4 @@
-"""Where |L| must not be, whatever its phase: bounds to shape a loop between."""
+"""Bounds on |L| for shaping a loop by hand: the region it must avoid whatever its phase (SP 7.63 to 7.66)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["loop_bounds"]
 
 
 def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Where |L| must not be, for shaping a loop by hand: at least `low`, at most `high`, on the lines of the model.
+    """Return bounds on |L| for shaping a loop by hand: at least `low`, at most `high`, on the lines of the model.
 
     Robust performance at a frequency whatever the phase of L, exactly: beyond the bounds some phase fails. A demand is
     made where one side is out of reach for every phase; zero and infinity elsewhere (around the crossover the phase

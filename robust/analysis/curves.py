@@ -1,4 +1,8 @@
-"""What a loop does over frequency, for its whole set of plants: the curves that a report shows."""
+"""Sensitivities and robustness measures of a loop over frequency, for its whole set of plants.
+
+S_p = S (1 + a Delta)/(1 + b Delta), |Delta| <= 1, with a and b of the form of the set (`robust.models.sets.forms`):
+rs = |b|, and max |S_p| has a closed form (SP 7.5, 7.6), so no search over Delta is needed.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ __all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
 
 @value
 class Curves:
-    """Responses of a loop at given frequencies, computed once and handed on.
+    """Hold the responses of a loop at given frequencies, computed once.
 
     Fields
     ------
@@ -49,27 +53,27 @@ class Curves:
     b: np.ndarray
     W: np.ndarray
     folded_rs: Any = None
-    folded_worst: Any = None
-    folded_growth: Any = None
+    folded_S_worst: Any = None
+    folded_performance_margin: Any = None
 
     @property
     def rs(self) -> np.ndarray:
-        """(W,) In proportion to |w|; one perturbation of the set destabilises the loop where it reaches one."""
+        """Return the robust-stability measure (W,): the set is stable iff it is below one everywhere (SP 7.43)."""
         return FORMS[self.form].stays(self.w, self.b) if self.folded_rs is None else self.folded_rs
 
     @property
     def S_worst(self) -> np.ndarray:
-        """(W,) largest |S_p| over the set; inf where a plant of it is unstable."""
-        return worst_sensitivity(self.S, self.a, self.b) if self.folded_worst is None else self.folded_worst
+        """Return the largest |S_p| (W,) over the set; inf where a plant of it is unstable."""
+        return worst_sensitivity(self.S, self.a, self.b) if self.folded_S_worst is None else self.folded_S_worst
 
     @property
     def np_(self) -> np.ndarray:
-        """(W,) |w_P S|; nan without w_P."""
+        """Return |w_P S| (W,); nan without w_P."""
         return np.full(self.omega.size, np.nan) if self.w_P is None else np.abs(self.w_P * self.S)
 
     @property
     def rp(self) -> np.ndarray:
-        """(W,) |w_P| max |S_p|; nan without w_P."""
+        """Return |w_P| max |S_p| (W,); nan without w_P."""
         if self.w_P is None:
             return np.full(self.omega.size, np.nan)
         worst = self.S_worst
@@ -77,56 +81,56 @@ class Curves:
 
     @property
     def K_S(self) -> np.ndarray:
-        """(W,) complex K S, finite at the poles of K."""
+        """Return complex K S (W,), finite at the poles of K."""
         return replace_infinite(self.K) * self.S
 
     @property
-    def worst(self) -> np.ndarray:
-        """(W,) largest |S_p| over the set, |w_P| times it where performance was asked for."""
+    def worst_performance(self) -> np.ndarray:
+        """Return `rp` (W,) where a performance weight was given, else `S_worst`."""
         return self.S_worst if self.w_P is None else self.rp
 
     @property
     def half_disk(self) -> np.ndarray:
-        """(W,) |S - 1/2|, whose largest value is the inverse of the symmetric disk margin."""
+        """Return |S - 1/2| (W,), whose largest value is the inverse of the symmetric disk margin."""
         return np.abs(self.S - 0.5)
 
     @property
-    def growth(self) -> np.ndarray:
-        """(W,) factor by which the uncertainty may grow until |w_P| max |S_p| = 1."""
-        if self.folded_growth is not None:
-            return self.folded_growth
+    def performance_margin(self) -> np.ndarray:
+        """Return the factor (W,) on the uncertainty at which |w_P| max |S_p| = 1."""
+        if self.folded_performance_margin is not None:
+            return self.folded_performance_margin
         return FORMS[self.form].grown(self.w, largest_allowed_factor(np.abs(self.w_P) * np.abs(self.S), self.a, self.b))
 
     @property
-    def limit(self) -> np.ndarray:
-        """(W,) one over `growth`."""
-        return 1 / self.growth
+    def inverse_performance_margin(self) -> np.ndarray:
+        """Return one over `performance_margin` (W,)."""
+        return 1 / self.performance_margin
 
-    def joined(self, others: Curves) -> Curves:
-        """These and others of the same loop, by frequency."""
+    def merge(self, others: Curves) -> Curves:
+        """Merge two sets of curves of the same loop, sorted by frequency."""
         omega, at = np.unique(np.concatenate([self.omega, others.omega]), return_index=True)
-        return self.each(lambda name: np.concatenate([getattr(self, name), getattr(others, name)])[at], omega)
+        return self.with_responses(lambda name: np.concatenate([getattr(self, name), getattr(others, name)])[at], omega)
 
-    def between(self, low: float, high: float) -> Curves:
-        """Those at the frequencies from low to high [rad/s]."""
+    def in_band(self, low: float, high: float) -> Curves:
+        """Return the curves at the frequencies from low to high [rad/s]."""
         at = (self.omega >= low) & (self.omega <= high)
-        return self.each(lambda name: getattr(self, name)[at], self.omega[at])
+        return self.with_responses(lambda name: getattr(self, name)[at], self.omega[at])
 
-    def each(self, part: Callable[[str], np.ndarray], omega: np.ndarray) -> Curves:
-        """Curves at other frequencies, from what `part` gives by the name of each response."""
-        names = ("G", "K", "w", "w_P", "S", "a", "b", "W", "folded_rs", "folded_worst", "folded_growth")
+    def with_responses(self, part: Callable[[str], np.ndarray], omega: np.ndarray) -> Curves:
+        """Return curves at other frequencies, with the response that `part` gives for each name."""
+        names = ("G", "K", "w", "w_P", "S", "a", "b", "W", "folded_rs", "folded_S_worst", "folded_performance_margin")
         of: dict[str, Any] = {name: part(name) for name in names if getattr(self, name) is not None}
         return replace(self, omega=omega, **of)
 
 
 #: A largest value and its frequency [rad/s].
 Peak = tuple[float, float]
-NOWHERE: Peak = (np.nan, np.nan)
+NO_PEAK: Peak = (np.nan, np.nan)
 
 
 @value
 class Peaks:
-    """The largest values of the curves of a loop, each with its frequency [rad/s]; nan where there is none.
+    """Hold the largest values of the curves of a loop, each with its frequency [rad/s]; nan where there is none.
 
     Fields
     ------
@@ -138,40 +142,40 @@ class Peaks:
         Largest |S - 1/2|.
     """
 
-    rs: Peak = NOWHERE
-    margin_rp: Peak = NOWHERE
-    half_disk: Peak = NOWHERE
+    rs: Peak = NO_PEAK
+    margin_rp: Peak = NO_PEAK
+    half_disk: Peak = NO_PEAK
 
     @property
     def margins(self) -> dict[str, Any]:
-        """The margins and where they are limited, named as in the report."""
+        """Return the margins and their frequencies by the names of the fields of the report."""
         (rs, omega_rs), (rp, omega_rp), (half, omega_disk) = self.rs, self.margin_rp, self.half_disk
         places = {"omega_rs": omega_rs, "omega_rp": omega_rp, "omega_disk": omega_disk}
-        return {"margin_rs": inverted(rs), "margin_rp": rp, "disk_margin": inverted(half)} | places
+        return {"margin_rs": reciprocal_peak(rs), "margin_rp": rp, "disk_margin": reciprocal_peak(half)} | places
 
 
-def inverted(peak: float) -> float:
-    """One over a largest value; inf for zero, nan for nan."""
+def reciprocal_peak(peak: float) -> float:
+    """Return one over a largest value; inf for zero, nan for nan."""
     return 1 / peak if peak > 0 else peak if np.isnan(peak) else np.inf
 
 
 def loop_curves(
     form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: np.ndarray, w_P: Any, W: Any = None
 ) -> Curves:
-    """The curves from the responses of the parts of a loop, which are finite at a pole of the plant or of K too."""
+    """Compute the curves of a loop from the responses of its parts; they are finite at poles of the plant and of K."""
     W = np.ones(omega.size) if W is None or not FORMS[form].scaled else W
     S, a, b = worst_terms(form, w, replace_infinite(G), replace_infinite(K), W)
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
 
 
 def peaks_on_lines(curves: Curves) -> Peaks:
-    """The largest values on the frequencies of the curves, nothing between them."""
+    """Return the largest values at the frequencies of the curves, without a search between them."""
     omega, rs, half = curves.omega, curves.rs, curves.half_disk
     known = {"half_disk": (float(half.max()), float(omega[half.argmax()]))}
     if np.isfinite(rs).all():
         known["rs"] = float(rs.max()), float(omega[rs.argmax()])
         if curves.w_P is not None:
             met = curves.np_ < 1
-            factors = curves.growth if met.all() else np.where(met, 1.0, 0.0)
+            factors = curves.performance_margin if met.all() else np.where(met, 1.0, 0.0)
             known["margin_rp"] = float(factors.min()), float(omega[factors.argmin()])
     return Peaks(**known)

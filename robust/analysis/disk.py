@@ -86,7 +86,7 @@ class DiskMargin:
         some = ", ".join(str(k + 1) for k in self.channels)
         where = f"channel {some} alone" if len(self.channels) == 1 else f"channels {some} at once"
         return (
-            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: {bears(self)}, "
+            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: {format_margins(self)}, "
             f"in {where if some else 'all channels at once'}"
         )
 
@@ -128,38 +128,41 @@ class LoopMargins:
 
     @property
     def reason(self) -> str:
-        """Why there are no margins; empty otherwise."""
+        """Return why there are no margins; empty otherwise."""
         return self.everywhere.reason
 
     def least(self) -> str:
-        """In words: the least of the channels alone, and what all at once bear."""
+        """Describe the smallest margin of a single channel, and those of all inputs, all outputs, and both at once."""
         alone = (*self.inputs, *self.outputs)
         k = int(np.argmin([margin.alpha for margin in alone]))
         name = (*self.input_names, *self.output_names)[k]
         return (
-            f"one loop at a time {bears(alone[k])} ({name}); all inputs at once {bears(self.all_inputs)}; all outputs "
-            f"{bears(self.all_outputs)}; all of them {bears(self.everywhere)}"
+            f"one loop at a time {format_margins(alone[k])} ({name}); all inputs at once "
+            f"{format_margins(self.all_inputs)}; all outputs "
+            f"{format_margins(self.all_outputs)}; all of them {format_margins(self.everywhere)}"
         )
 
     def __str__(self) -> str:
-        """A row for each."""
+        """Return a row for each."""
         if self.reason:
             return f"no disk margins: {self.reason}"
         named = zip((*self.input_names, *self.output_names), (*self.inputs, *self.outputs), strict=True)
         rows = [(f"{name} alone", margin) for name, margin in named]
         rows += [("all inputs", self.all_inputs), ("all outputs", self.all_outputs), ("all of them", self.everywhere)]
         width = max(len(name) for name, _ in rows)
-        return "\n".join(f"{name:{width}}  disk margin {margin.alpha:.4g}: {bears(margin)}" for name, margin in rows)
+        return "\n".join(
+            f"{name:{width}}  disk margin {margin.alpha:.4g}: {format_margins(margin)}" for name, margin in rows
+        )
 
 
-def bears(margin: DiskMargin) -> str:
-    """Gains and phases in words."""
+def format_margins(margin: DiskMargin) -> str:
+    """Format the gains [dB] and the phase [deg] of a margin."""
     low, high = (20 * np.log10(g) if g > 0 else -np.inf for g in margin.gain_margin)
     return f"gain {low:.2f} to {high:+.2f} dB, phase {np.degrees(margin.phase_margin):.1f} deg"
 
 
 def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None) -> DiskMargin:
-    """Disk margin of a loop transfer function, closed by negative feedback of one; of several channels by mu.
+    """Compute the disk margin of a loop closed by negative feedback of one; of several channels by mu.
 
     Parameters
     ----------
@@ -198,12 +201,12 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0, channels: Seq
     disk margin 0.4581 at 0.3112 Hz: gain -4.05 to +4.05 dB, phase 25.8 deg, in all channels at once
     """
     skew, n_unstable = require_real("skew", skew), require_integer("n_unstable", n_unstable, least=0)
-    S, reason = sensitivity(L, n_unstable)
-    return margin_of(S, reason, skew, None if channels is None else some_of(S.ninputs, channels))
+    S, reason = sensitivity_if_stable(L, n_unstable)
+    return margin_of_sensitivity(S, reason, skew, None if channels is None else checked_channels(S.ninputs, channels))
 
 
 def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> LoopMargins:
-    """Disk margins of the loop u = K (r - y) at every input and output of its plant, one at a time and all at once.
+    """Compute disk margins of the loop u = K (r - y) at every plant input and output, one at a time and all at once.
 
     Parameters
     ----------
@@ -246,11 +249,11 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     names = (model.inputs, model.outputs) if isinstance(model, UncertaintyModel) else signal_names(G)
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
-    S, reason = sensitivity(around(G, K), require_integer("n_unstable", n_unstable, least=0))
+    S, reason = sensitivity_if_stable(loop_broken_everywhere(G, K), require_integer("n_unstable", n_unstable, least=0))
     skew = require_real("skew", skew)
 
     def of(*channels: int) -> DiskMargin:
-        return margin_of(S, reason, skew, channels)
+        return margin_of_sensitivity(S, reason, skew, channels)
 
     into, out = range(n_u), range(n_u, n_u + n_y)
     return LoopMargins(
@@ -264,8 +267,8 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     )
 
 
-def around(G: Any, K: control.StateSpace) -> Any:
-    """[0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
+def loop_broken_everywhere(G: Any, K: control.StateSpace) -> Any:
+    """Return [0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
         omega = np.asarray(G.omega, dtype=float)
@@ -283,8 +286,8 @@ def around(G: Any, K: control.StateSpace) -> Any:
     return control.StateSpace(P.A, P.B[:, turned], signs * P.C, signs * P.D[:, turned], P.dt)
 
 
-def some_of(n: int, channels: Sequence[int]) -> tuple[int, ...]:
-    """Channels of n, or a refusal."""
+def checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
+    """Return the channels, each checked to be one of n and given once."""
     if not isinstance(channels, Sequence):
         raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {short_form(channels)}")
     some = tuple(require_integer("channels", k, least=0) for k in channels)
@@ -293,14 +296,14 @@ def some_of(n: int, channels: Sequence[int]) -> tuple[int, ...]:
     return some
 
 
-def margin_of(S: Any, reason: str, skew: float, channels: Sequence[int] | None) -> DiskMargin:
-    """The margin of some channels of a sensitivity, or that there is none, and why."""
+def margin_of_sensitivity(S: Any, reason: str, skew: float, channels: Sequence[int] | None) -> DiskMargin:
+    """Compute the margin of some channels of a sensitivity; without one where `reason` says why there is none."""
     if reason:
         return DiskMargin(
             alpha=np.nan, omega=np.nan, skew=skew, gain_margin=(np.nan, np.nan), phase_margin=np.nan, reason=reason
         )
     some = range(S.ninputs) if channels is None else channels
-    omega, alpha = where_limited(S, np.ix_(some, some), skew)
+    omega, alpha = smallest_margin(S, np.ix_(some, some), skew)
     if np.isinf(alpha):  # a loop that is a number bears every gain but one, none at all every gain
         edge = (skew - 1) / (skew + 1) if skew != -1 else -np.inf
         low, up, high = (edge, edge, -np.inf) if np.isfinite(edge) else (edge, np.inf, np.inf)
@@ -320,8 +323,8 @@ def margin_of(S: Any, reason: str, skew: float, channels: Sequence[int] | None) 
     )
 
 
-def where_limited(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple[float, float]:
-    """The frequency where a block of the sensitivity limits the margin, and the margin there."""
+def smallest_margin(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple[float, float]:
+    """Find the frequency where a block of the sensitivity limits the margin, and the margin there."""
     shift = (skew - 1) / 2 * np.eye(block[0].size)
     blocks = [(1, 1)] * block[0].size
     if isinstance(S, control.FrequencyResponseData):
@@ -335,23 +338,23 @@ def where_limited(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple[f
     return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf
 
 
-def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
-    """(1 + L)^-1 with all states of L, or on the lines of an FRF, in `units`; and why there is no margin."""
+def sensitivity_if_stable(L: Any, n_unstable: int) -> tuple[Any, str]:
+    """Return (1 + L)^-1, scaled by `balancing_scales`, and why there is no margin; empty for a stable loop."""
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)
-        square(L.noutputs, L.ninputs)
-        one, unit = np.eye(L.ninputs), units(response_by_channel(L, structure_grid(L)[1:]))
+        require_square_loop(L.noutputs, L.ninputs)
+        one, unit = np.eye(L.ninputs), balancing_scales(response_by_channel(L, structure_grid(L)[1:]))
         B, C, D = L.B * unit, L.C / unit[:, None], L.D * unit / unit[:, None]
         # e = r - L e, closed through one
         P = control.StateSpace(L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt)
         S = lower_lft(P, control.StateSpace([], [], [], one, L.dt))
         nominal = decide_stability(S)
         return S, "" if nominal.stable else f"the loop is {nominal}"
-    square(L.noutputs, L.ninputs)
+    require_square_loop(L.noutputs, L.ninputs)
     omega, response = np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
     if not np.isfinite(response).all():
         raise ValueError("L must have a finite FRF on every line, got nan or infinite numbers")
-    unit = units(np.asarray(L.frdata))
+    unit = balancing_scales(np.asarray(L.frdata))
     difference = np.eye(L.ninputs) + response * unit / unit[:, None]
     static = control.StateSpace([], [], [], 1.0, 0)
     turns, clear = winding_number(omega, np.linalg.det(difference) - 1, static, 0.0)
@@ -363,8 +366,8 @@ def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
     return S, ""
 
 
-def units(L: np.ndarray) -> np.ndarray:
-    """(n,) powers of two by which the channels of a loop (n, n, W) are counted, so that none is far above another.
+def balancing_scales(L: np.ndarray) -> np.ndarray:
+    """Return powers of two (n,) that scale the channels of a loop (n, n, W), so that none is far above another.
 
     Margins know no units; a matrix of 1e6 N/m beside 1e-6 m/N would look singular. Where a channel is not reached at
     all, the smallest gain there is stands for it.
@@ -378,7 +381,7 @@ def units(L: np.ndarray) -> np.ndarray:
     return np.asarray(matrix_balance(np.maximum(size, some.min()), permute=False, separate=True)[1][0])
 
 
-def square(n_out: int, n_in: int) -> None:
-    """Refuse a loop that cannot be closed."""
+def require_square_loop(n_out: int, n_in: int) -> None:
+    """Refuse a loop with unequal numbers of inputs and outputs."""
     if n_out != n_in:
         raise ValueError(f"L must have as many inputs as outputs, got {n_in} inputs and {n_out} outputs")

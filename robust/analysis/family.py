@@ -1,4 +1,4 @@
-"""Loops closed around random plants of a set, to look at."""
+"""Closed loops around random plants of a set: a picture of what a verdict covers, no proof."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
-from robust.analysis.folded import as_sampled
-from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
+from robust.analysis.loop import assemble_loop, is_stable_with, perturbed_sensitivity, plant_in_loop
+from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.analysis.worst_plant import largest_gains, performance_loop
 from robust.lti.connections import closed_loop
 from robust.lti.lti import response_by_channel
@@ -23,7 +23,7 @@ __all__ = ["LoopFamily", "sample_loops"]
 
 @value
 class LoopFamily:
-    """Loops with sampled plants of a set.
+    """Hold closed loops with random plants of a set.
 
     Fields
     ------
@@ -102,27 +102,27 @@ def sample_loops(
     require_parametric(model, "to make plants of")
     n = require_integer("n", n, least=1)
     if not model.is_single:
-        return loops_of_several(model, K, n, delay, rng)
-    loop = assemble(model, K, None, delay)
+        return sample_matrix_loops(model, K, n, delay, rng)
+    loop = assemble_loop(model, K, None, delay)
     plants = model.sample(n, rng)
     omega = loop.grid(model.omega)
     omega = omega[omega >= model.omega[0] / 10]
-    seen = [in_loop(plant, loop, delay) for plant in plants]
+    seen = [plant_in_loop(plant, loop, delay) for plant in plants]
     nominal = loop.curves(omega)
     return LoopFamily(
         omega=omega,
-        S=np.array([sensitivity(*pair, loop, omega) for pair in zip(plants, seen, strict=True)]),
-        stable=np.array([stable_with(*pair, loop) for pair in zip(plants, seen, strict=True)]),
+        S=np.array([perturbed_sensitivity(*pair, loop, omega) for pair in zip(plants, seen, strict=True)]),
+        stable=np.array([is_stable_with(*pair, loop) for pair in zip(plants, seen, strict=True)]),
         nominal=nominal.S,
-        worst=nominal.worst,
+        worst=nominal.worst_performance,
         band=model.omega[[0, -1]],
     )
 
 
-def loops_of_several(model: UncertaintyModel, K: Any, n: int, delay: float, rng: Any) -> LoopFamily:
-    """`sample_loops` of several channels."""
+def sample_matrix_loops(model: UncertaintyModel, K: Any, n: int, delay: float, rng: Any) -> LoopFamily:
+    """Close the loop around n random plants of several channels."""
     K, band = multivariable("K", K), model.omega[[0, -1]]
-    model, _ = as_sampled(model, K, delay)
+    model, _ = set_on_controller_time_base(model, K, delay)
     omega, worst = largest_gains(performance_loop(model, K, None), model.omega)
     loops = []
     for plant in (model.nominal, *model.sample(n, rng)):

@@ -1,4 +1,8 @@
-"""How near two plants are once a loop is closed around them: the nu-gap; and how much of it a loop can bear."""
+"""The nu-gap between two plants, and the coprime margin of a loop (Vinnicombe 2001).
+
+Both from normalised coprime factors: the gap is the norm of M2 N1 - N2 M1 where the winding condition holds, else one.
+In state space no frequency grid is needed: hinf_norm encloses the peak, zeros decide the winding condition.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ __all__ = ["ncf_margin", "nu_gap"]
 
 
 def nu_gap(G1: Any, G2: Any) -> float:
-    """Vinnicombe's nu-gap between two plants, 0 (the same) to 1 (no controller suits both for sure).
+    """Compute Vinnicombe's nu-gap between two plants, 0 (the same) to 1 (no controller suits both for sure).
 
     A controller with a coprime margin above it (`ncf_margin`) stabilises both; the margin with the other plant is at
     least sin(arcsin(margin) - arcsin(gap)). Two plants may differ wildly in open loop and lie near each other here.
@@ -52,7 +56,7 @@ def nu_gap(G1: Any, G2: Any) -> float:
     >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
     (0.02, 0.8988)
     """
-    first, second = nominal("G1", G1), nominal("G2", G2)
+    first, second = nominal_plant("G1", G1), nominal_plant("G2", G2)
     steps = {name: timebase(G) for name, G in (("G1", first), ("G2", second)) if not is_constant(G)}
     if len(set(steps.values())) > 1:
         raise ValueError(f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s")
@@ -64,17 +68,19 @@ def nu_gap(G1: Any, G2: Any) -> float:
     (right_1, _), (right_2, _) = coprime_factors("G1", first), coprime_factors("G2", second)
     # the left factors of G2 on the right ones of G1: M2 N1 - N2 M1
     turned = np.block([[np.zeros((n_u, n_y)), -np.eye(n_u)], [np.eye(n_y), np.zeros((n_y, n_u))]])
-    distance, _ = hinf_norm(control.StateSpace(*series(right_1, turned, left_factors(second, right_2)), 0))
+    distance, _ = hinf_norm(
+        control.StateSpace(*cascade_through(right_1, turned, left_coprime_factors(second, right_2)), 0)
+    )
     # [N2; M2]~ [N1; M1] is to have as many unstable zeros as the first factor has poles, all of them unstable
-    A, B, C, D = transposed(right_2)
-    inside = zeros(control.StateSpace(*series(right_1, np.eye(n_y + n_u), (-A, -B, C, D)), 0))
+    A, B, C, D = transpose_system(right_2)
+    inside = zeros(control.StateSpace(*cascade_through(right_1, np.eye(n_y + n_u), (-A, -B, C, D)), 0))
     if int(np.sum(inside.real > 0)) != len(A):
         return 1.0
     return float(min(distance, 1.0))
 
 
 def ncf_margin(G: Any, K: Any) -> float:
-    """Coprime margin of a loop: the nu-gap that the plant may move by, at least, before a loop is lost; 0 if unstable.
+    """Compute the coprime margin of a loop: the nu-gap that the plant may at least move by; 0 for an unstable loop.
 
     Parameters
     ----------
@@ -104,7 +110,7 @@ def ncf_margin(G: Any, K: Any) -> float:
     >>> round(ncf_margin(1.0, 1.0), 6)
     1.0
     """
-    plant, K = nominal("G", G), multivariable("K", K)
+    plant, K = nominal_plant("G", G), multivariable("K", K)
     if sampling_times_differ(plant, K):
         raise ValueError(f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s")
     dt = timebase(K) if is_constant(plant) else timebase(plant)
@@ -112,26 +118,26 @@ def ncf_margin(G: Any, K: Any) -> float:
     return 1 / norm
 
 
-def nominal(name: str, G: Any) -> control.StateSpace:
-    """The plant itself, of whatever was given."""
+def nominal_plant(name: str, G: Any) -> control.StateSpace:
+    """Return the plant, of a set its nominal, as a state space."""
     return multivariable(name, G.nominal if isinstance(G, UncertaintyModel) else G)
 
 
-def left_factors(G: control.StateSpace, right: Matrices) -> Matrices:
-    """[N M] of G = M^-1 N: the transposed right factors of the transposed plant, with one input and output its own."""
+def left_coprime_factors(G: control.StateSpace, right: Matrices) -> Matrices:
+    """Return [N M] of G = M^-1 N: the transposed right factors of the transposed plant."""
     if (G.ninputs, G.noutputs) != (1, 1):
-        right, _ = coprime_factors("G2", control.StateSpace(*transposed((G.A, G.B, G.C, G.D)), G.dt))
-    return transposed(right)
+        right, _ = coprime_factors("G2", control.StateSpace(*transpose_system((G.A, G.B, G.C, G.D)), G.dt))
+    return transpose_system(right)
 
 
-def transposed(matrices: Matrices) -> Matrices:
-    """Of a transposed transfer matrix."""
+def transpose_system(matrices: Matrices) -> Matrices:
+    """Return the matrices of the transposed transfer matrix."""
     A, B, C, D = matrices
     return A.T, C.T, B.T, D.T
 
 
-def series(first: Matrices, between: np.ndarray, last: Matrices) -> Matrices:
-    """`first`, a constant matrix, then `last`."""
+def cascade_through(first: Matrices, between: np.ndarray, last: Matrices) -> Matrices:
+    """Return the series connection of `first`, a constant matrix and `last`."""
     A1, B1, C1, D1 = first
     A2, B2, C2, D2 = last
     C, D = between @ C1, between @ D1

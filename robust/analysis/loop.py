@@ -1,4 +1,8 @@
-"""The loop as it will run: plant, controller, hold, delay on one time base."""
+"""The loop as it runs: plant, controller, hold and delay on one time base; its stability, curves and peaks.
+
+Curves are evaluated from the plant without its delay and the factor exp(-j omega delay): exact, where a Padé or a delay
+line would add modes of its own. Poles come from the state space with the delay in it.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ import numpy as np
 from nlfrf._base.arguments import require_nonnegative
 from nlfrf._base.values import value
 from robust._base.states import Stability
-from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_down
+from robust.analysis.aliases import AliasedLoop, Aliases, aliases_of_set, evaluate_aliases, fold_aliases
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.lti.connections import closed_loop, in_series
 from robust.lti.grids import find_peak, loop_grid, refine_peaks
@@ -29,15 +33,24 @@ from robust.proofs.exact.stability import decide_loop_stability
 from robust.proofs.search.intervals import poles_are_uncertain, trusted_responder
 from robust.proofs.search.stability import MAX_EXACT_STATES, is_near_boundary
 
-__all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with"]
+__all__ = [
+    "DELAY_ORDER",
+    "Loop",
+    "assemble_loop",
+    "decide_nominal_stability",
+    "find_curve_peaks",
+    "is_stable_with",
+    "perturbed_sensitivity",
+    "plant_in_loop",
+]
 
-DELAY_ORDER = 8
-MOST_STATES = 600  # of a plant with its delay line
+DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
+MAX_STATES = 600  # of a plant with its delay line
 
 
 @value
 class Loop:
-    """A loop ready to be judged.
+    """Hold the parts of a loop on one time base.
 
     Fields
     ------
@@ -53,11 +66,11 @@ class Loop:
         Performance weight, on its own time base.
     pade_delay : float
         Delay [s] that G holds as a Padé approximation made here (continuous loops only).
-    unsampled : control.StateSpace or None
+    continuous_plant : control.StateSpace or None
         The continuous nominal that G was sampled from.
     short, shift : control.StateSpace, float
         G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
-        curves and margins are those of the delay itself.
+        curves and margins are those of the exact delay.
     shaping : control.StateSpace
         What the plant is scaled by where the form depends on its units; the gain one elsewhere.
     given, delay : control.StateSpace, float
@@ -73,52 +86,52 @@ class Loop:
     weight: control.StateSpace
     w_P: Any
     pade_delay: float
-    unsampled: Any
-    short: control.StateSpace
-    shift: float
+    continuous_plant: Any
+    undelayed_plant: control.StateSpace
+    plant_delay: float
     shaping: control.StateSpace
-    given: control.StateSpace
+    given_plant: control.StateSpace
     delay: float
     perturbation: str
 
     @property
-    def top(self) -> float:
-        """Highest frequency that means anything [rad/s]."""
+    def omega_max(self) -> float:
+        """Return the Nyquist frequency [rad/s], inf for a continuous loop."""
         return np.pi / self.dt if self.dt else np.inf
 
     def with_plant(self, G: control.StateSpace) -> Loop:
-        """The same loop around another plant, as the controller sees it."""
-        return replace(self, G=G, short=G, shift=0.0, given=G, delay=0.0, unsampled=None)
+        """Return the same loop around another plant, as the controller sees it."""
+        return replace(self, G=G, undelayed_plant=G, plant_delay=0.0, given_plant=G, delay=0.0, continuous_plant=None)
 
-    def behind_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
-        """A plant on the time base of the loop behind its delay [s]."""
+    def add_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
+        """Return a plant on the time base of the loop, with its delay [s]."""
         return delayed(plant, delay, order=DELAY_ORDER)
 
-    def closed(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
-        """A closed-loop transfer function of the nominal loop."""
+    def closed_loop(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
+        """Return a closed-loop transfer function of the nominal loop."""
         return control.StateSpace(*closed_loop(self.G, self.K, outputs, inputs), self.dt)
 
     @cached_property
-    def responses(self) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
-        """The responses of its parts, each made ready once."""
-        parts = {"G": self.short, "K": self.K, "w": self.weight, "w_P": self.w_P, "W": self.shaping}
+    def responders(self) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+        """Return functions of omega that evaluate each part of the loop, by name."""
+        parts = {"G": self.undelayed_plant, "K": self.K, "w": self.weight, "w_P": self.w_P, "W": self.shaping}
         return {name: trusted_responder(part) for name, part in parts.items() if part is not None}
 
     @cached_property
-    def nominal(self) -> control.StateSpace:
-        """The closed loop from r to e, by whose poles it is judged."""
-        return self.closed(("e",), ("r",))
+    def sensitivity_loop(self) -> control.StateSpace:
+        """Return the closed loop from r to e, whose poles decide stability."""
+        return self.closed_loop(("e",), ("r",))
 
     @cached_property
     def poles(self) -> tuple[np.ndarray, np.ndarray]:
-        """The poles of the nominal loop, hidden modes included, and how far rounding may have moved each."""
-        return poles_with_rounding(self.nominal)
+        """Return the poles of the nominal loop, hidden modes included, and a bound on the rounding of each."""
+        return poles_with_rounding(self.sensitivity_loop)
 
     @cached_property
     def modes(self) -> np.ndarray:
-        """Poles of the nominal loop, in many digits where rounding may have moved one by as much as it is damped.
+        """Return the poles of the nominal loop, in many digits where rounding may exceed the damping of one.
 
-        Around these a grid is made dense: a light mode that is looked for beside where it is, is not seen.
+        A grid is made dense around them: one that misses a light mode by its width does not see its peak.
         """
         poles, moved = self.poles
         if poles.size > MAX_EXACT_STATES or not poles_are_uncertain(poles, moved, bool(self.dt)):
@@ -127,59 +140,64 @@ class Loop:
         precise = poles_of_closed_loop(to_matrices(seen), to_matrices(self.K))
         return poles if precise is None else precise
 
-    def plant(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) response of G."""
-        G = self.responses["G"](omega)
+    def plant_response(self, omega: np.ndarray) -> np.ndarray:
+        """Return the response (W,) of G, with its exact delay."""
+        G = self.responders["G"](omega)
         with np.errstate(invalid="ignore"):  # infinite at a pole on the axis, whatever the phase
-            return np.where(np.isinf(G), np.inf, G * np.exp(-1j * omega * self.shift))
+            return np.where(np.isinf(G), np.inf, G * np.exp(-1j * omega * self.plant_delay))
 
     def curves(self, omega: Any) -> Curves:
-        """What the loop does at the frequencies omega [rad/s], from the responses of its parts."""
+        """Compute the curves of the loop at the frequencies omega [rad/s]."""
         omega = np.atleast_1d(omega)
-        of = self.responses
+        of = self.responders
         w_P = None if self.w_P is None else of["w_P"](omega)
-        G, K, w = self.plant(omega), of["K"](omega), of["w"](omega)
+        G, K, w = self.plant_response(omega), of["K"](omega), of["w"](omega)
         # the set is one about the plant without its delay, which stands with the controller
-        W = of["W"](omega) * np.exp(1j * omega * self.shift) if FORMS[self.form].scaled else None
+        W = of["W"](omega) * np.exp(1j * omega * self.plant_delay) if FORMS[self.form].scaled else None
         found = loop_curves(self.form, omega, G, K, w, w_P, W)
         if self.aliases is None:
             return found
-        folded = fold_down(self.at_points(found), w_P)
-        return replace(found, folded_rs=folded.rs, folded_worst=folded.S_worst, folded_growth=folded.growth)
+        folded = fold_aliases(self.with_aliases(found), w_P)
+        return replace(
+            found,
+            folded_rs=folded.rs,
+            folded_S_worst=folded.S_worst,
+            folded_performance_margin=folded.performance_margin,
+        )
 
     @cached_property
     def aliases(self) -> Aliases | None:
-        """The aliases of a set of continuous plants under a sampled controller; None of any other loop."""
-        if self.unsampled is None:
+        """Return the aliases of a set of continuous plants under a sampled controller; None for any other loop."""
+        if self.continuous_plant is None:
             return None
-        return aliases_of(self.form, self.unsampled, self.weight, self.perturbation, self.dt, self.delay)
+        return aliases_of_set(self.form, self.continuous_plant, self.weight, self.perturbation, self.dt, self.delay)
 
-    def at_points(self, curves: Curves) -> Point:
-        """The loop with every alias at the frequencies of its curves."""
+    def with_aliases(self, curves: Curves) -> AliasedLoop:
+        """Evaluate every alias at the frequencies of the curves."""
         assert self.aliases is not None
-        return at_points(self.aliases, curves.omega, curves.S, curves.K_S, curves.G)
+        return evaluate_aliases(self.aliases, curves.omega, curves.S, curves.K_S, curves.G)
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
-        """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
+        """Return a frequency grid [rad/s]: the lines, a log grid, every resonance of the loop."""
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
         folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
-        return loop_grid(lines, self.modes, parts, self.dt, self.shift, folded)
+        return loop_grid(lines, self.modes, parts, self.dt, self.plant_delay, folded)
 
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
-        """Largest value of a curve of this loop and where (`systems.grids.highest`)."""
-        return find_peak(curve, omega, band, self.top)
+        """Find the largest value of a curve of this loop and its frequency (`find_peak`)."""
+        return find_peak(curve, omega, band, self.omega_max)
 
 
-def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
+def assemble_loop(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
     """Put plant and controller on one time base, or refuse what does not fit together."""
     K = state_space("K", K)
     delay = require_nonnegative("delay", delay)
     G = model.nominal
     dt_G, dt_K = timebase(G), timebase(K)
     dt = dt_G or dt_K
-    if G.nstates + K.nstates + (delay / dt if dt else 0) > MOST_STATES:
+    if G.nstates + K.nstates + (delay / dt if dt else 0) > MAX_STATES:
         raise ValueError(
-            f"delay must leave at most {MOST_STATES} states in the loop, got {delay:g} s"
+            f"delay must leave at most {MAX_STATES} states in the loop, got {delay:g} s"
             + (f" of {dt:g} s each sample" if dt else "")
             + f" around {G.nstates + K.nstates} states. A slower sampling time has a shorter delay line."
         )
@@ -217,29 +235,29 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         weight=model.weight,
         w_P=w_P,
         pade_delay=pade_delay,
-        unsampled=unsampled,
-        short=short,
-        shift=float(shift),
+        continuous_plant=unsampled,
+        undelayed_plant=short,
+        plant_delay=float(shift),
         shaping=model.shaping,
-        given=model.nominal,
+        given_plant=model.nominal,
         delay=delay,
         perturbation=model.perturbation,
     )
-    _ = loop.nominal  # refuses a loop without a solution
+    _ = loop.sensitivity_loop  # refuses a loop without a solution
     return loop
 
 
-def nominal_instability(loop: Loop) -> StabilityResult:
-    """Whether every pole of the nominal loop, hidden modes included, is strictly stable.
+def decide_nominal_stability(loop: Loop) -> StabilityResult:
+    """Decide whether every pole of the nominal loop, hidden modes included, is strictly stable.
 
-    Floating point decides far from the boundary, exact arithmetic beside it, unless the loop is too large.
+    Floating point decides far from the boundary, exact arithmetic near it, unless the loop is too large.
     """
-    apparent = apparently(loop)
-    if not is_near_boundary(loop.nominal, loop.poles):
+    apparent = decide_in_floating_point(loop)
+    if not is_near_boundary(loop.sensitivity_loop, loop.poles):
         return apparent
-    if loop.given.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > MAX_EXACT_STATES:
+    if loop.given_plant.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > MAX_EXACT_STATES:
         return apparent
-    exact = decide_loop_stability(to_matrices(loop.given), to_matrices(loop.K), delay=loop.delay)
+    exact = decide_loop_stability(to_matrices(loop.given_plant), to_matrices(loop.K), delay=loop.delay)
     if exact.holds:
         return StabilityResult(state=Stability.STABLE)
     if not exact.violated or apparent.unstable:
@@ -247,13 +265,13 @@ def nominal_instability(loop: Loop) -> StabilityResult:
     return replace(apparent, state=Stability.UNSTABLE, of_loop=True, at_boundary=True)
 
 
-def apparently(loop: Loop) -> StabilityResult:
-    """Whether every pole of the loop is stable beyond rounding, one is unstable, or rounding leaves it open.
+def decide_in_floating_point(loop: Loop) -> StabilityResult:
+    """Decide stability of the loop by its poles and their rounding: stable, unstable, or undecided.
 
-    A delay in a continuous loop is taken as it is, not by its approximation.
+    The exact delay of a continuous loop counts, not its approximation.
     """
     waiting = loop.pade_delay > 0
-    poles, moved = (loop.with_plant(loop.short) if waiting else loop).poles
+    poles, moved = (loop.with_plant(loop.undelayed_plant) if waiting else loop).poles
     excess = np.abs(poles) - 1 if loop.dt else poles.real
     unstable = excess > moved
     if unstable.any() and not waiting:
@@ -264,7 +282,7 @@ def apparently(loop: Loop) -> StabilityResult:
         return StabilityResult(state=Stability.UNDECIDED, pole=pole, of_loop=True, without_delay=waiting)
     if not waiting:
         return StabilityResult(state=Stability.STABLE)
-    total = unstable.sum() + delay_pole_count(in_series(loop.K, loop.short), loop.pade_delay)
+    total = unstable.sum() + delay_pole_count(in_series(loop.K, loop.undelayed_plant), loop.pade_delay)
     if np.isnan(total):
         return StabilityResult(state=Stability.UNDECIDED, of_loop=True)
     if not total:
@@ -272,8 +290,8 @@ def apparently(loop: Loop) -> StabilityResult:
     return StabilityResult(state=Stability.UNSTABLE, of_loop=True, n_unstable=float(total))
 
 
-def find_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> Peaks:
-    """The largest values of the curves over all frequencies: from those on a grid, refined."""
+def find_curve_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> Peaks:
+    """Find the largest values of the curves over all frequencies: those on a grid, refined."""
     names = ["rs", "half_disk", *([] if loop.w_P is None else ["np_"])]
 
     def stacked(of: Curves, names: list[str]) -> np.ndarray:
@@ -288,25 +306,27 @@ def find_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> Peaks:
         peak, where = performance[0]
         margin_rp = (0.0, where)
         if peak < 1:  # the largest factor on the uncertainty with |w_P| max |S_p| <= 1
-            largest, where = along(["limit"])[0]
+            largest, where = along(["inverse_performance_margin"])[0]
             margin_rp = (1 / largest if largest > 0 else np.inf, where)
     return Peaks(rs=rs, margin_rp=margin_rp, half_disk=half_disk)
 
 
-def in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:
-    """A plant as the controller of the loop sees it."""
+def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:
+    """Return a plant as the controller of the loop sees it: sampled, or with its delay."""
     if loop.dt and not timebase(plant):
         return sampled(plant, loop.dt, delay)
-    return loop.behind_delay(plant, delay)
+    return loop.add_delay(plant, delay)
 
 
-def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray) -> np.ndarray:
-    """(W,) S with another plant; in a continuous loop behind the delay itself, not its approximation."""
-    around = replace(loop.with_plant(plant), shift=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
+def perturbed_sensitivity(
+    plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray
+) -> np.ndarray:
+    """Return S (W,) with another plant; in a continuous loop with the exact delay, not its approximation."""
+    around = replace(loop.with_plant(plant), plant_delay=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
     return around.curves(omega).S
 
 
-def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
-    """Whether the loop is stable with another plant, `seen` as its controller sees it."""
-    other = replace(loop, G=seen, short=plant if loop.pade_delay else seen, given=plant)
-    return nominal_instability(other).stable
+def is_stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
+    """Decide whether the loop is stable with another plant; `seen` is the plant as the controller sees it."""
+    other = replace(loop, G=seen, undelayed_plant=plant if loop.pade_delay else seen, given_plant=plant)
+    return decide_nominal_stability(other).stable

@@ -32,7 +32,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.analysis.curves import Curves
-from robust.analysis.loop import Loop, assemble, nominal_instability
+from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
 from robust.analysis.performance import simulate_samples, simulate_step
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import SAMPLING_TOLERANCE, poles, replace_infinite, require_sampling_time, response, timebase
@@ -43,12 +43,12 @@ from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.records import rms_levels
 
 __all__ = [
-    "Density",
     "LevelState",
-    "Lines",
+    "LineSpectrum",
     "LoopLevel",
     "LoopSignals",
     "NoiseSignal",
+    "PowerDensity",
     "SampledSignal",
     "SignalLevel",
     "SineSignal",
@@ -58,7 +58,7 @@ __all__ = [
     "find_spectrum",
     "find_state",
     "predict_level",
-    "require_parametric",
+    "require_one_channel_loop",
 ]
 
 
@@ -137,7 +137,7 @@ class NoiseSignal:
     def __post_init__(self) -> None:
         require_nonnegative("rms", self.rms)
         require_nonnegative("omega_min", self.omega_min)
-        if not np.isnan(real_or_nan("omega_max", self.omega_max)) and self.omega_max <= self.omega_min:
+        if not np.isnan(require_real_or_nan("omega_max", self.omega_max)) and self.omega_max <= self.omega_min:
             raise ValueError(f"omega_max must lie above omega_min, {self.omega_min:g} rad/s, got {self.omega_max:g}")
 
 
@@ -210,7 +210,7 @@ class SampledSignal:
 
 
 #: What can be named as a signal, for messages.
-KINDS = (
+SIGNAL_KINDS = (
     "a SineSignal, NoiseSignal, StepSignal, SampledSignal, nlfrf.Multisine, or a stable system that shapes white noise"
 )
 
@@ -255,7 +255,7 @@ class LoopSignals:
             if isinstance(signal, Multisine):
                 continue
             if not isinstance(signal, (control.StateSpace, control.TransferFunction)):
-                raise ValueError(f"{name} must be {KINDS}, got {short_form(signal)}")
+                raise ValueError(f"{name} must be {SIGNAL_KINDS}, got {short_form(signal)}")
             shaping = state_space(name, signal)
             if not is_stable(shaping):
                 raise ValueError(
@@ -265,56 +265,56 @@ class LoopSignals:
             object.__setattr__(self, name, shaping)
 
     def named(self) -> dict[str, Any]:
-        """Those that are there, by name."""
+        """Return those that are there, by name."""
         every = {"reference": self.reference, "disturbance": self.disturbance, "noise": self.noise}
         return {name: signal for name, signal in every.items() if signal is not None}
 
 
 @value
-class Lines:
-    """A periodic signal without its mean: frequencies [rad/s] and power (rms^2) of its sinusoids."""
+class LineSpectrum:
+    """Hold a periodic signal without its mean: frequencies [rad/s] and power (rms^2) of its sinusoids."""
 
     omega: np.ndarray
     power: np.ndarray
 
 
 @value
-class Density:
-    """A stationary random signal: power per rad/s over the frequencies from low to high [rad/s].
+class PowerDensity:
+    """Hold a stationary random signal: power per rad/s over the frequencies from low to high [rad/s].
 
     Fields
     ------
     of : callable
         Frequencies (W,) -> density (W,).
     low, high : float
-        Where it is not zero; high may be infinite.
+        The band outside which it is zero; high may be infinite.
     places : (n,) ndarray
-        Frequencies where it bends.
+        Its corner frequencies [rad/s].
     direct : float
         The density that it keeps at infinite frequency.
     """
 
-    of: Callable[[np.ndarray], np.ndarray]
+    density: Callable[[np.ndarray], np.ndarray]
     low: float
     high: float
-    places: np.ndarray
-    direct: float
+    corner_frequencies: np.ndarray
+    density_at_infinity: float
 
 
 @value
 class Transient:
-    """A signal that meets the loop at rest: a step of the given height, or samples at fs [Hz]."""
+    """Hold a signal that acts on a loop at rest: a step of the given height, or samples at fs [Hz]."""
 
     height: float = float("nan")
     samples: Any = None
     fs: float = float("nan")
 
 
-Spectrum = Lines | Density | Transient
+Spectrum = LineSpectrum | PowerDensity | Transient
 
 
 def find_spectrum(name: str, signal: Any, dt: float) -> Spectrum:
-    """The spectrum of a signal in a loop of sampling time dt (0: continuous), or a refusal where it has none there."""
+    """Return the spectrum of a signal in a loop of sampling time dt (0: continuous)."""
     if isinstance(signal, StepSignal):
         return Transient(height=float(signal.height))
     if isinstance(signal, SampledSignal):
@@ -325,27 +325,29 @@ def find_spectrum(name: str, signal: Any, dt: float) -> Spectrum:
             )
         return periodic_lines(signal) if signal.periodic else Transient(samples=signal.samples, fs=float(signal.fs))
     if isinstance(signal, SineSignal):
-        return below_nyquist(
-            name, Lines(omega=np.array([signal.omega]), power=np.array([signal.amplitude * signal.amplitude / 2])), dt
+        return require_below_nyquist(
+            name,
+            LineSpectrum(omega=np.array([signal.omega]), power=np.array([signal.amplitude * signal.amplitude / 2])),
+            dt,
         )
     if isinstance(signal, Multisine):
-        return below_nyquist(name, Lines(omega=2 * np.pi * signal.f, power=signal.amplitude**2 / 2), dt)
+        return require_below_nyquist(name, LineSpectrum(omega=2 * np.pi * signal.f, power=signal.amplitude**2 / 2), dt)
     if isinstance(signal, NoiseSignal):
         return band_density(name, signal, dt)
     return shaped_density(name, signal, dt)
 
 
-def periodic_lines(signal: SampledSignal) -> Lines:
-    """The sinusoids of one period of samples; at the Nyquist frequency one sample tells the whole power."""
+def periodic_lines(signal: SampledSignal) -> LineSpectrum:
+    """Return the sinusoids of one period of samples; at the Nyquist frequency one sample tells the whole power."""
     n = signal.samples.size
     power = 2 * np.abs(np.fft.rfft(signal.samples) / n) ** 2
     if n % 2 == 0:
         power[-1] /= 2
-    return Lines(omega=2 * np.pi * signal.fs / n * np.arange(1, power.size), power=power[1:])
+    return LineSpectrum(omega=2 * np.pi * signal.fs / n * np.arange(1, power.size), power=power[1:])
 
 
-def below_nyquist(name: str, lines: Lines, dt: float) -> Lines:
-    """The lines, or a refusal where a sampled loop would see them as others."""
+def require_below_nyquist(name: str, lines: LineSpectrum, dt: float) -> LineSpectrum:
+    """Return the lines, refused above the Nyquist frequency, where a sampled loop would see them at others."""
     if dt and lines.omega.max() * dt > np.pi:
         raise ValueError(
             f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s, got a line at "
@@ -354,8 +356,8 @@ def below_nyquist(name: str, lines: Lines, dt: float) -> Lines:
     return lines
 
 
-def band_density(name: str, signal: NoiseSignal, dt: float) -> Density:
-    """Constant power density over a band."""
+def band_density(name: str, signal: NoiseSignal, dt: float) -> PowerDensity:
+    """Return a constant power density over a band."""
     high = signal.omega_max
     if np.isnan(high):
         if not dt:
@@ -369,44 +371,44 @@ def band_density(name: str, signal: NoiseSignal, dt: float) -> Density:
             f"{max(high, signal.omega_min):g} rad/s"
         )
     density = signal.rms * signal.rms / (high - signal.omega_min)
-    return Density(
-        of=lambda omega: np.full(np.shape(omega), density),
+    return PowerDensity(
+        density=lambda omega: np.full(np.shape(omega), density),
         low=signal.omega_min,
         high=high,
-        places=np.zeros(0),
-        direct=0.0,
+        corner_frequencies=np.zeros(0),
+        density_at_infinity=0.0,
     )
 
 
-def shaped_density(name: str, shaping: control.StateSpace, dt: float) -> Density:
-    """White noise through a filter: T |F|^2 / pi up to Nyquist where sampled, |F|^2 / pi where continuous."""
+def shaped_density(name: str, shaping: control.StateSpace, dt: float) -> PowerDensity:
+    """Return the density of filtered white noise: T |F|^2 / pi up to Nyquist where sampled, else |F|^2 / pi."""
     require_sampling_time(name, shaping, "the loop", dt)
     scale = (dt or 1.0) / np.pi
     roots = poles(shaping)
     places = np.abs(np.log(roots[roots != 0].astype(complex))) / dt if timebase(shaping) else np.abs(roots)
-    return Density(
-        of=lambda omega: scale * np.abs(response(shaping, omega)) ** 2,
+    return PowerDensity(
+        density=lambda omega: scale * np.abs(response(shaping, omega)) ** 2,
         low=0.0,
         high=np.pi / dt if dt else np.inf,
-        places=places,
-        direct=float(scale * shaping.D[0, 0] ** 2),
+        corner_frequencies=places,
+        density_at_infinity=float(scale * shaping.D[0, 0] ** 2),
     )
 
 
-def real_or_nan(name: str, number: Any) -> float:
-    """A real number, or nan for one that was not given."""
+def require_real_or_nan(name: str, number: Any) -> float:
+    """Return a real number, or nan for one that was not given."""
     return float("nan") if isinstance(number, float) and np.isnan(number) else require_real(name, number)
 
 
-#: Factor that a level may leave the measured ones by and still count as one of them: one record is a range of width
-#: zero. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the resonance of the built-in rig by 1 to 6 %.
-NEAR = 1.5
+#: Factor by which a level may lie outside the measured ones and still count as one of them: one record has one
+#: level. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the resonance of the built-in rig by 1 to 6 %.
+LEVEL_TOLERANCE = 1.5
 #: A step as the sinusoid of the same swing: the friction of a swing is that of its amplitude (describing functions).
 RMS_OF_SWING = 1 / np.sqrt(8)
-#: Share of the power in the measured band from which on the rest is not worth a word.
-MOST_OF_IT = 0.5
+#: Share of the power in the measured band from which on the report does not mention the rest.
+MIN_SHARE_IN_BAND = 0.5
 #: Relative accuracy of an integrated power, nodes of a panel, and how often a panel is halved.
-ACCURACY, NODES, HALVINGS = 1e-7, 5, 40
+INTEGRATION_TOLERANCE, PANEL_NODES, MAX_HALVINGS = 1e-7, 5, 40
 
 
 class LevelState(enum.Enum):
@@ -519,7 +521,7 @@ class LoopLevel:
 
     @property
     def inside(self) -> bool:
-        """Whether plant input and output both lie among the measured levels."""
+        """Return whether plant input and output both lie among the measured levels."""
         return self.u_state is LevelState.INSIDE and self.y_state is LevelState.INSIDE
 
     def share_in_band(self, name: str) -> float:
@@ -557,7 +559,7 @@ CONSEQUENCES = {
 
 
 def find_consequence(u: LevelState, y: LevelState) -> Consequence:
-    """What the states of input and output mean together."""
+    """Return what the states of input and output mean together."""
     if LevelState.UNKNOWN in (u, y):
         return Consequence.UNKNOWN
     if u is not y:
@@ -566,7 +568,7 @@ def find_consequence(u: LevelState, y: LevelState) -> Consequence:
 
 
 def describe_rms(level: LoopLevel, name: str, unit: str) -> str:
-    """One end of the plant in words: predicted, measured, and how far apart."""
+    """Describe the level at one end of the plant: predicted, measured, and how far apart."""
     rms, worst, state = (getattr(level, f"{name}{part}") for part in ("", "_worst", "_state"))
     low, high = getattr(level, f"{name}_measured")
     text = f"{name} {' '.join([f'{rms:.3g}', *unit.split()])} rms"
@@ -578,7 +580,7 @@ def describe_rms(level: LoopLevel, name: str, unit: str) -> str:
         far = "" if state is LevelState.INSIDE else f"{times:.3g} times "
         text += f", {far}{state.value} {measured}"
     share = level.share_in_band(name)
-    if share < MOST_OF_IT:
+    if share < MIN_SHARE_IN_BAND:
         text += f", {100 * (1 - share):.0f} % of its power outside the measured band, where the plant is assumed"
     return text
 
@@ -638,10 +640,10 @@ def predict_level(
     >>> bool(abs(level.y**2 - 1 / 4 * 100 / 102) < 1e-6), bool(level.y < level.y_worst)
     (True, True)
     """
-    require_parametric(model)
+    require_one_channel_loop(model)
     require_kind("signals", signals, LoopSignals)
-    loop = assemble(model, K, None, delay)
-    nominal = nominal_instability(loop)
+    loop = assemble_loop(model, K, None, delay)
+    nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must stabilise the nominal plant for its loop to have a level, got one that is {nominal}")
     band = (float(model.omega[0]), float(model.omega[-1]))
@@ -664,13 +666,13 @@ def predict_level(
     )
 
 
-def require_parametric(model: Any) -> None:
+def require_one_channel_loop(model: Any) -> None:
     """Refuse a plant whose loop has no response between lines, or more than one port."""
     require_one_channel(model, "simulate its loop (nlfrf.simulate_loop)", "for its level in a loop")
 
 
 def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
-    """(2, 2) lowest and highest rms of u, and of y, over the records; nan where one of them does not tell."""
+    """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan where one is not known."""
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.evidence]
     else:
@@ -684,32 +686,32 @@ def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) ->
 
 
 def find_state(rms: float, low: float, high: float) -> LevelState:
-    """Where a level lies against the lowest and the highest measured."""
+    """Return where a level lies against the lowest and the highest measured."""
     if np.isnan([rms, low, high]).any():
         return LevelState.UNKNOWN
-    if rms > high * NEAR:
+    if rms > high * LEVEL_TOLERANCE:
         return LevelState.ABOVE
-    return LevelState.BELOW if rms < low / NEAR else LevelState.INSIDE
+    return LevelState.BELOW if rms < low / LEVEL_TOLERANCE else LevelState.INSIDE
 
 
 def signal_level(
     name: str, spectrum: Spectrum, loop: Loop, lines: np.ndarray, band: tuple[float, float]
 ) -> SignalLevel:
-    """What one signal does to plant input and output."""
+    """Return what one signal does to plant input and output."""
     if isinstance(spectrum, Transient):
         return SignalLevel(name=name, **transient_level(name, spectrum, loop))
 
     def gains(omega: np.ndarray) -> np.ndarray:
-        """(4, W) squared gain to u and to y: of the nominal plant, and the largest over the set."""
+        """Return (4, W) squared gain to u and to y: of the nominal plant, and the largest over the set."""
         return squared_gains(loop.curves(omega), loop.form, name)
 
-    if isinstance(spectrum, Lines):
+    if isinstance(spectrum, LineSpectrum):
         at = spectrum.omega if not loop.dt else np.minimum(spectrum.omega, np.pi / loop.dt * (1 - 1e-12))
         powers = spectrum.power * gains(at)
         total = powers.sum(axis=1)
         inside = powers[:, (spectrum.omega >= band[0]) & (spectrum.omega <= band[1])].sum(axis=1)
     else:
-        total, inside = integrated(name, spectrum, gains, loop, lines, band)
+        total, inside = integrate_density(name, spectrum, gains, loop, lines, band)
     with np.errstate(invalid="ignore"):
         share = np.where(total > 0, inside / total, np.nan)
     rms = np.sqrt(total)
@@ -725,7 +727,7 @@ def signal_level(
 
 
 def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
-    """(4, W) |.|^2 from a signal to u and y, nominal and largest over the set, each at its own worst plant.
+    """Return (4, W) |.|^2 from a signal to u and y, nominal and largest over the set, each at its own worst plant.
 
     With S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) it is G_p S_p = S (G + g D)/(1 + b D), which
     `worst_sensitivity` bounds exactly as it does S_p.
@@ -746,41 +748,49 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     return parts**2
 
 
-def integrated(
+def integrate_density(
     name: str,
-    spectrum: Density,
+    spectrum: PowerDensity,
     gains: Callable[[np.ndarray], np.ndarray],
     loop: Loop,
     lines: np.ndarray,
     band: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(4,) powers over all frequencies of a density, and over the measured band."""
-    refuse_white(name, spectrum, loop)
+    """Integrate the powers (4,) of a density over all frequencies, and over the measured band."""
+    require_finite_power(name, spectrum, loop)
     low, high = spectrum.low, spectrum.high
-    grid = np.concatenate([loop.grid(lines), spectrum.places, spectrum.places * 3, spectrum.places / 3, band])
+    grid = np.concatenate(
+        [
+            loop.grid(lines),
+            spectrum.corner_frequencies,
+            spectrum.corner_frequencies * 3,
+            spectrum.corner_frequencies / 3,
+            band,
+        ]
+    )
     grid = np.unique(grid[(grid > low) & (grid < high)])
     last = grid[-1] * 10 if grid.size else max(1.0, low * 10)
     edges = np.concatenate([[low], grid, [high if np.isfinite(high) else last]])
 
     def power(omega: np.ndarray) -> np.ndarray:
-        return np.asarray(spectrum.of(omega) * gains(omega))
+        return np.asarray(spectrum.density(omega) * gains(omega))
 
     def tail(x: np.ndarray) -> np.ndarray:
-        """The rest up to infinity, with omega = last / x: what falls as 1/omega^2 is constant there."""
+        """Return the rest up to infinity, with omega = last / x: what falls as 1/omega^2 is constant there."""
         return np.asarray(power(last / x) * last / x**2)
 
-    panels = integrate(power, edges)
+    panels = integrate_panels(power, edges)
     middle = (edges[1:] + edges[:-1]) / 2
     inside = panels[:, (middle > band[0]) & (middle < band[1])].sum(axis=1)
-    rest = 0.0 if np.isfinite(high) else integrate(tail, np.array([0.0, 0.5, 1.0])).sum(axis=1)
+    rest = 0.0 if np.isfinite(high) else integrate_panels(tail, np.array([0.0, 0.5, 1.0])).sum(axis=1)
     return panels.sum(axis=1) + rest, inside
 
 
-def refuse_white(name: str, spectrum: Density, loop: Loop) -> None:
+def require_finite_power(name: str, spectrum: PowerDensity, loop: Loop) -> None:
     """Refuse noise of infinite power at the plant: white in continuous time, with a direct path to u or y."""
-    if np.isfinite(spectrum.high) or spectrum.direct == 0:
+    if np.isfinite(spectrum.high) or spectrum.density_at_infinity == 0:
         return
-    direct = closed_to_plant(loop, name).D[:, 0]
+    direct = loop_to_plant_signals(loop, name).D[:, 0]
     if np.any(direct != 0):
         reached = " and ".join(one for one, part in zip("uy", direct, strict=True) if part != 0)
         raise ValueError(
@@ -789,27 +799,27 @@ def refuse_white(name: str, spectrum: Density, loop: Loop) -> None:
         )
 
 
-def integrate(of: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> np.ndarray:
-    """(k, panels) integrals of (k, W) functions between edges, by Gauss-Legendre on panels, halved as needed."""
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+def integrate_panels(integrand: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> np.ndarray:
+    """Integrate functions (k, W) between edges, (k, panels), by Gauss-Legendre on panels, halved as needed."""
+    nodes, weights = np.polynomial.legendre.leggauss(PANEL_NODES)
 
     def gauss(low: np.ndarray, high: np.ndarray) -> np.ndarray:
         half = (high - low) / 2
         at = ((high + low) / 2)[:, None] + half[:, None] * nodes
-        values = of(at.ravel())
+        values = integrand(at.ravel())
         return np.asarray((values.reshape(len(values), *at.shape) * weights).sum(axis=2) * half)
 
     low, high, owner = edges[:-1], edges[1:], np.arange(edges.size - 1)
     coarse = gauss(low, high)
     out = np.zeros_like(coarse)
-    for _ in range(HALVINGS):
+    for _ in range(MAX_HALVINGS):
         middle = (low + high) / 2
         left, right = gauss(low, middle), gauss(middle, high)
         fine = left + right
         total = np.sum(out, axis=1) + np.sum(fine, axis=1)
         with np.errstate(invalid="ignore"):
             # an infinite bound stays infinite, however fine the panel
-            wrong = np.abs(fine - coarse) > ACCURACY * np.maximum(np.abs(fine), 1e-3 * total[:, None])
+            wrong = np.abs(fine - coarse) > INTEGRATION_TOLERANCE * np.maximum(np.abs(fine), 1e-3 * total[:, None])
         again = (wrong & np.isfinite(fine)).any(axis=0)
         np.add.at(out.T, owner[~again], fine[:, ~again].T)
         if not again.any():
@@ -822,8 +832,8 @@ def integrate(of: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> np.n
 
 
 def transient_level(name: str, spectrum: Transient, loop: Loop) -> dict[str, float]:
-    """Rms of plant input and output of the nominal loop in a transient from rest."""
-    system = closed_to_plant(loop, name)
+    """Return the rms of plant input and output of the nominal loop in a transient from rest."""
+    system = loop_to_plant_signals(loop, name)
     if not is_stable(system):  # the approximation of a delay, in a loop that is stable with the delay itself
         return {"u": float("nan"), "y": float("nan")}
     if spectrum.samples is None:
@@ -835,9 +845,9 @@ def transient_level(name: str, spectrum: Transient, loop: Loop) -> dict[str, flo
     return {"u": float(rms[0]), "y": float(rms[1])}
 
 
-def closed_to_plant(loop: Loop, name: str) -> control.StateSpace:
-    """The nominal loop from a signal to plant input and output; the sign of the noise does not matter to an rms."""
+def loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:
+    """Return the nominal loop from a signal to plant input and output; an rms does not depend on its sign."""
     if name != "disturbance":
-        return loop.closed(("u", "y"), ("r",))
-    closed = loop.closed(("u", "y"), ("p_in",))
+        return loop.closed_loop(("u", "y"), ("r",))
+    closed = loop.closed_loop(("u", "y"), ("p_in",))
     return control.StateSpace(closed.A, closed.B, closed.C, closed.D + np.array([[1.0], [0.0]]), closed.dt)

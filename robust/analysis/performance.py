@@ -17,6 +17,7 @@ from nlfrf._base.arguments import (
     require_real_array,
 )
 from nlfrf._base.values import Sketch, value
+from robust.analysis.loop import DELAY_ORDER
 from robust.lti.connections import closed_loop, lower_lft
 from robust.lti.grids import structure_grid
 from robust.lti.lti import evaluate_transfer, is_constant, response_by_channel, timebase, to_s_plane
@@ -36,7 +37,7 @@ __all__ = [
 ]
 
 
-REAL = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
+REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
 
 
 @value
@@ -97,7 +98,7 @@ class ClassicalMargins:
 
 
 def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
-    """The margins of a loop gain that is known at frequencies dense enough to interpolate between.
+    """Return the margins of a loop gain that is known at frequencies dense enough to interpolate between.
 
     Parameters
     ----------
@@ -117,15 +118,15 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
         return ClassicalMargins()
     size, phase = np.log(np.abs(L)), np.unwrap(np.angle(L))
     found: dict[str, float] = {}
-    at = crossings(x, size)
+    at = zero_crossings(x, size)
     if at.size:
         off = np.interp(at, x, phase)
         margin = np.abs((off + 2 * np.pi) % (2 * np.pi) - np.pi)
         k = int(np.argmin(margin))
         found |= {"crossover": np.exp(at[-1]), "phase_margin": margin[k], "omega_phase": np.exp(at[k])}
     turns = np.arange(np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1)
-    real = [crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
-    if abs(L[-1].imag) < REAL * abs(L[-1]) and L[-1].real < 0:
+    real = [zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
+    if abs(L[-1].imag) < REAL_TOLERANCE * abs(L[-1]) and L[-1].real < 0:
         real.append(x[-1:])
     at = np.unique(np.concatenate([np.zeros(0), *real]))
     factor = np.exp(-np.interp(at, x, size))
@@ -134,14 +135,14 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
             k = np.flatnonzero(side)[np.argmin(np.abs(np.log(factor[side])))]
             found |= {"gain_margin" if name == "gain" else "gain_reduction": factor[k], f"omega_{name}": np.exp(at[k])}
     S = np.log(np.abs(1 / (1 + L))) + np.log(2) / 2
-    reached = crossings(x, S)
+    reached = zero_crossings(x, S)
     if S[0] < 0 and reached.size:
         found["bandwidth"] = np.exp(reached[0])
     return ClassicalMargins(**{name: float(number) for name, number in found.items()})
 
 
-def crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Where a piecewise straight line crosses zero."""
+def zero_crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the zeros of a piecewise straight line."""
     k = np.flatnonzero((y[:-1] < 0) != (y[1:] < 0))
     return np.asarray(x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1]))
 
@@ -187,7 +188,7 @@ class LoopGains:
     band: Any
 
     def _sketch_(self) -> Sketch:
-        """Largest S and T, for a notebook."""
+        """Return the largest S and T, for a notebook."""
         curves = [(name, self.omega / 2 / np.pi, 20 * np.log10(one[0])) for name, one in (("S", self.S), ("T", self.T))]
         return Sketch("Hz", "dB", curves, log=True)
 
@@ -257,10 +258,10 @@ def loop_gains(G: Any, K: Any, *, omega: Any = None) -> LoopGains:
 
 # ---- A step of the reference through a loop: overshoot, rise and settling time, what the actuator has to give.
 
-DELAY_ORDER = 8
-WITHIN = 0.02
-LONGEST = 60_000  # samples of a sampled loop
-FINE, AT_ONE_STEP = 50, 500  # steps of a continuous loop in a radian of its fastest mode; how many before they double
+SETTLING_BAND = 0.02  # of the final value
+MAX_SAMPLES = 60_000  # samples of a sampled loop
+STEPS_PER_RADIAN = 50  # steps of a continuous loop in a radian of its fastest mode
+STEPS_PER_SIZE = 500  # steps before their size doubles
 
 
 @value
@@ -306,9 +307,9 @@ class StepResponse:
 
     def __str__(self) -> str:
         settled = (
-            f"within {100 * WITHIN:g} % after {self.settling_time:.3g} s"
+            f"within {100 * SETTLING_BAND:g} % after {self.settling_time:.3g} s"
             if np.isfinite(self.settling_time)
-            else f"not within {100 * WITHIN:g} % after {self.t[-1]:.3g} s"
+            else f"not within {100 * SETTLING_BAND:g} % after {self.t[-1]:.3g} s"
         )
         return (
             f"goes to {self.final:.4g}, 10 to 90 % in {self.rise_time:.3g} s, overshoot {100 * self.overshoot:.1f} %, "
@@ -319,7 +320,7 @@ class StepResponse:
 def step_response(
     plant: Any, K: Any, *, delay: float = 0.0, duration: float | None = None, reference: int = 0
 ) -> StepResponse:
-    """A step of one reference through the loop u = K (r - y), of one or several inputs and outputs.
+    """Simulate a step of one reference through the loop u = K (r - y), of one or several inputs and outputs.
 
     Parameters
     ----------
@@ -371,30 +372,30 @@ def step_response(
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
     final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(loop, None if duration is None else require_positive("duration", duration))
-    step = judged(t, out[j], out[n_y], final, cut=duration is None)
+    step = measure_step(t, out[j], out[n_y], final, cut=duration is None)
     kept = step.t.size
     return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
 
 
 def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and (outputs, n) of a stable system of one input after a unit step, until it has settled."""
+    """Simulate a unit step of a stable system of one input until it has settled: times [s] and (outputs, n)."""
     A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
     s = to_s_plane(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
     horizon = duration if duration is not None else 8 / slow if slow < np.inf else 10 * dt
     if dt:
-        t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, LONGEST))) * dt
-        x = states(A, B, np.zeros(A.shape[0]), t.size)
+        t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, MAX_SAMPLES))) * dt
+        x = propagate_states(A, B, np.zeros(A.shape[0]), t.size)
     else:
-        t, x = in_growing_steps(A, B, 1 / (FINE * fast) if fast else 1.0, horizon)
+        t, x = simulate_in_growing_steps(A, B, 1 / (STEPS_PER_RADIAN * fast) if fast else 1.0, horizon)
     return t, C @ x + D
 
 
 def simulate_samples(system: control.StateSpace, samples: np.ndarray, fs: float) -> np.ndarray:
-    """(outputs, n) of a system of one input that rests before the samples at fs [Hz], each held until the next."""
+    """Simulate a system of one input, at rest before the samples at fs [Hz], each held until the next: (outputs, n)."""
     A, B, C, D = system.A, system.B, system.C, system.D
     if not timebase(system):
-        A, B = held(A, B, 1 / fs)
+        A, B = discretize_with_hold(A, B, 1 / fs)
     x, out = np.zeros(A.shape[0]), np.empty((C.shape[0], samples.size))
     for k, sample in enumerate(samples):
         out[:, k] = C @ x + D[:, 0] * sample
@@ -402,19 +403,21 @@ def simulate_samples(system: control.StateSpace, samples: np.ndarray, fs: float)
     return out
 
 
-def in_growing_steps(A: np.ndarray, B: np.ndarray, step: float, horizon: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times and states of a continuous loop, exact, in steps that double: a fast rise and a slow tail are both seen."""
+def simulate_in_growing_steps(
+    A: np.ndarray, B: np.ndarray, step: float, horizon: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate a step of a continuous loop exactly, in steps that double: a fast rise and a slow tail are both seen."""
     t, x = [np.zeros(1)], [np.zeros((A.shape[0], 1))]
     while t[-1][-1] < horizon:
-        n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, AT_ONE_STEP)) + 1
-        x.append(states(*held(A, B, step), x[-1][:, -1], n)[:, 1:])
+        n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, STEPS_PER_SIZE)) + 1
+        x.append(propagate_states(*discretize_with_hold(A, B, step), x[-1][:, -1], n)[:, 1:])
         t.append(t[-1][-1] + step * np.arange(1, n))
         step *= 2
     return np.concatenate(t), np.hstack(x)
 
 
-def held(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """The same dynamics over one step, the input held."""
+def discretize_with_hold(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Discretise (A, B) over one step with zero-order hold."""
     n = A.shape[0]
     both = np.zeros((n + 1, n + 1))
     both[:n, :n], both[:n, n:] = A, B
@@ -422,8 +425,8 @@ def held(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndar
     return both[:n, :n], both[:n, n:]
 
 
-def states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
-    """(states, n) of x+ = A x + B from x on, by doubling: what comes after m steps is A^m x and a constant."""
+def propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
+    """Return the states (states, n) of x+ = A x + B from x on, by doubling: m steps on it is A^m x and a constant."""
     found, constant_part = x[:, None], B
     while found.shape[1] < n:
         found = np.hstack([found, A @ found + constant_part])
@@ -431,11 +434,11 @@ def states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
     return found[:, :n]
 
 
-def judged(t: np.ndarray, y: np.ndarray, u: np.ndarray, final: float, *, cut: bool) -> StepResponse:
-    """The numbers of a step that was simulated; cut: what lies long after it has settled is left out."""
+def measure_step(t: np.ndarray, y: np.ndarray, u: np.ndarray, final: float, *, cut: bool) -> StepResponse:
+    """Measure overshoot, rise and settling time of a simulated step; cut: leave out what lies long after it settled."""
     size = abs(final)
     relative = y / final if size else np.full(y.size, np.nan)
-    out = np.flatnonzero(np.abs(relative - 1) > WITHIN)
+    out = np.flatnonzero(np.abs(relative - 1) > SETTLING_BAND)
     last = int(out[-1]) if out.size else -1
     settled = t[last] + (t[last + 1] - t[last]) if 0 <= last < t.size - 1 else (0.0 if last < 0 else np.nan)
     above = [np.flatnonzero(relative >= level) for level in (0.1, 0.9)]

@@ -10,13 +10,13 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz, format_paragraph
 from nlfrf._base.values import Sketch, value
 from robust._base.states import Verdict
-from robust.analysis.aliases import Shares
+from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import Curves, Peaks
 from robust.analysis.disk import LoopMargins
 from robust.analysis.loop import Loop
 from robust.analysis.loop_level import LoopLevel
+from robust.analysis.loop_proofs import LoopProofs
 from robust.analysis.performance import ClassicalMargins, classical_margins
-from robust.analysis.proofs import Proofs
 from robust.lti.stability import StabilityResult
 from robust.models.sets.forms import FORMS, loop_discs
 from robust.models.sets.joint import format_probability
@@ -24,28 +24,28 @@ from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.certificate import Certificate
 
 __all__ = [
-    "VERDICTS",
+    "VERDICT_MEANINGS",
     "RobustnessReport",
     "StructuredReport",
+    "decide_structure_verdict",
+    "describe_aliases",
     "describe_confidence",
-    "factor",
     "fill_report",
-    "folding_sentence",
+    "format_margin_factor",
+    "format_stability_margin",
     "format_verdict",
-    "judge_structure",
-    "meaning",
     "nominal_verdict",
-    "on_lines_only",
-    "on_set",
-    "on_unstable",
-    "stability_words",
-    "structure_sentences",
+    "structure_proof_sentences",
+    "texts_of_frf",
+    "texts_of_stable_loop",
+    "texts_of_unstable_loop",
+    "verdict_meaning",
 ]
 
 
-# ---- What a result means and what to do next, in words a test engineer can act on.
+# ---- Meaning of a result and advice on the next step.
 
-CURES = {
+REMEDIES = {
     "noise": "noise: average more periods",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
     "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
@@ -56,28 +56,29 @@ CURES = {
     "assumed": "what is assumed where nothing was measured: measure there",
 }
 #: What a verdict on a set around a sampled nominal does not cover.
-SAMPLES = "; it is a set of sampled plants, and says nothing of what happens between the samples"
-LITTLE = 0.005  # of rs: a part so small is not told apart
-SAID, RULES = 1.26, 2.0  # what the weight has beyond the radius is said from 2 dB on, and rules from 6 dB on
+SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
+NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
+#: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
+MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
 
 
-def advice(
-    model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarray], folding: Shares | None = None
+def advise_on_margin(
+    model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarray], folding: RsBreakdown | None = None
 ) -> str:
-    """What limits the stability margin and what to measure or change next, by what the weight is made of there.
+    """Advise what to measure or change, by the parts of the radius where the stability margin is limited.
 
     `weight` is the response of the weight; `folding` what rs is made of, where it is known.
     """
     if not np.isfinite(omega_rs):
         return ""
     seen_at = format_hertz(omega_rs)
-    if folding is not None and folding.source != folding.omega:
-        seen_at += f" by what folds down from {format_hertz(folding.source)}"
-        omega_rs = folding.source
+    if folding is not None and folding.omega_source != folding.omega:
+        seen_at += f" by what folds down from {format_hertz(folding.omega_source)}"
+        omega_rs = folding.omega_source
     low, high = float(model.omega[0]), float(model.omega[-1])
     outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
     k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
-    shares = shares_of_radius(model, k)
+    shares = radius_shares(model, k)
     listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
     where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
     on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
@@ -90,31 +91,33 @@ def advice(
             f"go on from the {edge} line, {format_hertz(model.omega[k])}, "
         ) + where
     said = [f"The margin is limited at {seen_at}, {where}."]
-    if rise > SAID:
+    if rise > MENTIONED_EXCESS:
         said.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
-    if over > SAID:
+    if over > MENTIONED_EXCESS:
         said.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
-    if rise > RULES or (outside and not shares):
+    if rise > DECISIVE_EXCESS or (outside and not shares):
         cause = "assumed"
-    elif over > RULES:
+    elif over > DECISIVE_EXCESS:
         cause = "weight"
     else:
         cause = shares[0][1] if shares else ""
     if cause:
-        said.append(f"{CURES[cause][0].upper()}{CURES[cause][1:]}.")
+        said.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
         said += ["Or measure there."] * (outside and cause != "assumed")
     return " ".join(said)
 
 
-def blame_of_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
-    """What to do where the radius passes on every measured line and the weight that covers it does not; else empty."""
-    omega = model.omega[model.omega < loop.top]
+def advise_on_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
+    """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
+    omega = model.omega[model.omega < loop.omega_max]
     if peaks.rs[0] < 1 or FORMS[model.form].scaled or not omega.size:
         return ""
     curves = loop.curves(omega)
     nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
-    there, on_line = np.abs(loop.responses["w"](np.array([peaks.rs[1]])))[0], np.abs(curves.w[nearest])
-    if on_line < SAID * model.radius[nearest] or there > SAID * on_line:  # what is assumed outside the band, then
+    there, on_line = np.abs(loop.responders["w"](np.array([peaks.rs[1]])))[0], np.abs(curves.w[nearest])
+    if (
+        on_line < MENTIONED_EXCESS * model.radius[nearest] or there > MENTIONED_EXCESS * on_line
+    ):  # what is assumed outside the band, then
         return ""
     on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
     if not on_lines < 1:
@@ -127,15 +130,15 @@ def blame_of_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
     )
 
 
-def shares_of_radius(model: Any, k: int) -> list[tuple[float, str]]:
-    """(share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
+def radius_shares(model: Any, k: int) -> list[tuple[float, str]]:
+    """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
     parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
     total = sum(parts.values())
     return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
 
 
-def described(model: Any) -> str:
-    """The set, in words."""
+def describe_set(model: Any) -> str:
+    """Describe the set."""
     if model.perturbation == "LTI":
         return f"every stable LTI perturbation inside the {model.form} weight"
     if model.perturbation == "operator":
@@ -144,7 +147,7 @@ def described(model: Any) -> str:
 
 
 def describe_confidence(model: Any) -> str:
-    """The confidence behind a set and the joint probability beside it, in words; empty where none is claimed."""
+    """Describe the confidence of a set and its joint probability; empty where none is claimed."""
     confidence, joint = getattr(model, "confidence", np.nan), getattr(model, "joint", np.nan)
     if np.isnan(confidence):
         return ""
@@ -160,17 +163,19 @@ def describe_confidence(model: Any) -> str:
 
 
 def format_verdict(verdict: Verdict, probability: str) -> str:
-    """The verdict in capitals, what it means, and with which probability the set holds what it was made for."""
-    return f"{verdict.upper()} ({meaning(verdict, probability)}{'; ' if probability else ''}{probability})"
+    """Format the verdict in capitals, its meaning, and the probability that the set contains another realisation."""
+    return f"{verdict.upper()} ({verdict_meaning(verdict, probability)}{'; ' if probability else ''}{probability})"
 
 
-def meaning(verdict: Verdict, probability: str) -> str:
-    """What a verdict means; of a statistical set without a probability no confidence is spoken of."""
-    return WITHOUT_CONFIDENCE if verdict is Verdict.STATISTICALLY_ROBUST and not probability else VERDICTS[verdict]
+def verdict_meaning(verdict: Verdict, probability: str) -> str:
+    """Return the meaning of a verdict; without a confidence where a statistical set has no probability."""
+    return (
+        WITHOUT_CONFIDENCE if verdict is Verdict.STATISTICALLY_ROBUST and not probability else VERDICT_MEANINGS[verdict]
+    )
 
 
-def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
-    """What was proved and what was not, one sentence each."""
+def proof_sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
+    """Return what was proved and what was not, one sentence each."""
     where = "at all frequencies"
     if loop.dt:
         where += f" up to Nyquist ({0.5 / loop.dt:.4g} Hz), " + (
@@ -180,7 +185,7 @@ def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[s
         proved = "Only that the nominal loop is stable."
         return proved, "Anything about the set around it."
     what = "stability and the performance demand" if performance else "stability"
-    proved = f"{what.capitalize()} with {described(model)}, {where}."
+    proved = f"{what.capitalize()} with {describe_set(model)}, {where}."
     missing = []
     if model.perturbation == "statistical":
         missing.append(
@@ -197,55 +202,61 @@ def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[s
     return proved, text[0].upper() + text[1:] + "."
 
 
-def folding_sentence(found: Shares, model: Any) -> str:
-    """What rs is made of where it is largest: by itself and at the aliases, measured and assumed."""
-    if not found.filtered:
+def describe_aliases(found: RsBreakdown, model: Any) -> str:
+    """Describe the parts of the largest rs: at the frequency and at its aliases, measured and assumed."""
+    if not found.is_bounded:
         return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
     other = (
-        "what the perturbation may move to other frequencies" if moves(model) else "what folds down from the aliases"
+        "what the perturbation may move to other frequencies"
+        if moves_frequencies(model)
+        else "what folds down from the aliases"
     )
     rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
-    if found.total - found.own < LITTLE * found.total:
-        text = f"{other} adds less than {100 * LITTLE:g} % to {rs}"
+    if found.total - found.without_aliases < NEGLIGIBLE_SHARE * found.total:
+        text = f"{other} adds less than {100 * NEGLIGIBLE_SHARE:g} % to {rs}"
     else:
-        text = f"{found.own:.3f} of {rs} acts at that frequency, the rest is {other}"
-        if found.source != found.omega:
-            text += f", most of it from {format_hertz(found.source)}"
-    if found.total - found.measured < LITTLE * found.total:
+        text = f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest is {other}"
+        if found.omega_source != found.omega:
+            text += f", most of it from {format_hertz(found.omega_source)}"
+    if found.total - found.in_band < NEGLIGIBLE_SHARE * found.total:
         return f"{text}; all of it lies inside the measured band"
-    return f"{text}; inside the measured band alone it would be {found.measured:.3f}, the rest is assumed"
+    return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
 
 
-def moves(model: Any) -> bool:
-    """Whether a perturbation may answer at other frequencies than it is asked."""
+def moves_frequencies(model: Any) -> bool:
+    """Return whether a perturbation may respond at other frequencies than those of its input."""
     return bool(model.perturbation == "operator")
 
 
-def cure_of_folding(found: Shares, model: Any) -> str:
-    """Why the aliases keep a loop from being certified, and what helps."""
-    if not found.filtered:
+def advise_on_aliases(found: RsBreakdown, model: Any) -> str:
+    """Return why the aliases keep a loop from being certified, and what helps."""
+    if not found.is_bounded:
         return (
             "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
             "and what folds down has no bound. Roll the weight off there, or put the anti-alias filter into the nominal"
         )
-    if FORMS[model.form].inverse and not moves(model) and found.F_max >= 1:
+    if FORMS[model.form].inverse and not moves_frequencies(model) and found.F_max >= 1:
         return (
             f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency: of one or more there it "
             "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
         )
-    other = "moves to other frequencies" if moves(model) else "does above the Nyquist frequency, which folds down,"
+    other = (
+        "moves to other frequencies"
+        if moves_frequencies(model)
+        else "does above the Nyquist frequency, which folds down,"
+    )
     text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {format_hertz(found.omega)} "
-    text += f"({found.own:.4g} without)"
-    if found.source != found.omega:
-        text += f", most of it from {format_hertz(found.source)}"
+    text += f"({found.without_aliases:.4g} without)"
+    if found.omega_source != found.omega:
+        text += f", most of it from {format_hertz(found.omega_source)}"
     helps = "Sample faster, or filter before the sampler"
-    if found.measured < 1:
+    if found.in_band < 1:
         helps += f"; above the last line, {format_hertz(model.omega[-1])}, it is assumed: measure there"
     return f"{text}. {helps}"
 
 
-def context(model: Any, loop: Any) -> str:
-    """The loop in one line."""
+def describe_loop(model: Any, loop: Any) -> str:
+    """Describe the loop in one line."""
     kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
     held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
     band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
@@ -255,43 +266,44 @@ def context(model: Any, loop: Any) -> str:
     )
 
 
-def on_set(
-    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, folding: Shares | None, *, certify: bool
+def texts_of_stable_loop(
+    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, *, certify: bool
 ) -> dict[str, str]:
-    """Every word of the report on a loop that is stable to begin with."""
-    verdict, reason = judge(model, loop, peaks, proofs, folding, certify)
-    proved, not_proved = sentences(model, loop, proofs.stable, proofs.performance)
+    """Return the text fields of the report on a loop whose nominal is stable."""
+    verdict, reason = decide_verdict(model, loop, peaks, proofs, folding, certify)
+    proved, not_proved = proof_sentences(model, loop, proofs.stability_proved, proofs.performance_proved)
     return {
         "verdict": verdict,
         "reason": reason,
-        "advice": advice(model, peaks.rs[1], loop.responses["w"], folding) + blame_of_weight(model, loop, peaks),
+        "advice": advise_on_margin(model, peaks.rs[1], loop.responders["w"], folding)
+        + advise_on_weight(model, loop, peaks),
         "proved": proved,
         "not_proved": not_proved,
-        "context": context(model, loop),
+        "context": describe_loop(model, loop),
     }
 
 
 def nominal_verdict(nominal: StabilityResult) -> Verdict:
-    """The verdict on a loop whose nominal is not stable, or cannot be told to be."""
+    """Return the verdict on a loop whose nominal is unstable, or undecided."""
     return Verdict.NOT_ROBUST if nominal.unstable else Verdict.NOT_CERTIFIED
 
 
-def on_unstable(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> dict[str, str]:
-    """Every word of the report on a loop that is not stable to begin with: no margins."""
+def texts_of_unstable_loop(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> dict[str, str]:
+    """Return the text fields of the report on a loop whose nominal is not stable: no margins."""
     return {
         "verdict": nominal_verdict(nominal),
         "reason": f"{nominal}",
         "advice": "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
         "proved": "Nothing.",
         "not_proved": "Everything: margins mean nothing for a loop that is not stable.",
-        "context": context(model, loop),
+        "context": describe_loop(model, loop),
     }
 
 
-def on_lines_only(
+def texts_of_frf(
     omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
 ) -> dict[str, str]:
-    """Every word of the report on a plant that is known on its lines only; `loop` in words, peak the largest rs."""
+    """Return the text fields of the report on a plant known on its lines only; peak is the largest rs."""
     verdict, lines_only = Verdict.NOT_CERTIFIED, "holds on the measured lines only"
     if not clear:
         reason = "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
@@ -316,23 +328,23 @@ def on_lines_only(
     }
 
 
-def judge(
-    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, folding: Shares | None, certify: bool
+def decide_verdict(
+    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, certify: bool
 ) -> tuple[Verdict, str]:
-    """The verdict on stability and why."""
+    """Decide the verdict on stability and give its reason."""
     if folding is not None and folding.total >= 1:
-        if folding.member >= 1:
+        if folding.single_frequency >= 1:
             return (
                 Verdict.NOT_ROBUST,
-                f"a plant of the set is unstable in this loop: rs = {folding.member:.4g} at "
+                f"a plant of the set is unstable in this loop: rs = {folding.single_frequency:.4g} at "
                 f"{format_hertz(folding.omega)}",
             )
-        return Verdict.NOT_CERTIFIED, cure_of_folding(folding, model)
+        return Verdict.NOT_CERTIFIED, advise_on_aliases(folding, model)
     if proofs.violated:
         found = f"rs = {peaks.rs[0]:.4g} at {format_hertz(peaks.rs[1])}"
         how = proofs.certificates[0].reason if proofs.certificates else found
         return Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: {how}"
-    if proofs.stable:
+    if proofs.stability_proved:
         kind = {
             "LTI": (Verdict.ROBUST, "every linear time-invariant perturbation of the set leaves the loop stable"),
             "operator": (
@@ -342,7 +354,7 @@ def judge(
             "statistical": (Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"),
         }
         verdict, reason = kind[model.perturbation]
-        return verdict, reason + (SAMPLES if loop.dt and loop.aliases is None else "")
+        return verdict, reason + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
     below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
     if not certify:
         return Verdict.NOT_CERTIFIED, f"{below}, and no proof was asked for (certify=False)"
@@ -350,7 +362,7 @@ def judge(
 
 
 #: Every verdict, and what it means.
-VERDICTS = {
+VERDICT_MEANINGS = {
     Verdict.ROBUST: "proved for every perturbation of the set",
     Verdict.STATISTICALLY_ROBUST: (
         "holds for the whole set at its confidence; no stability proof for the nonlinear plant"
@@ -365,24 +377,24 @@ WITHOUT_CONFIDENCE = (
 )
 
 
-def factor(margin: float) -> str:
-    """A margin on the uncertainty, in words."""
+def format_margin_factor(margin: float) -> str:
+    """Format a margin as a factor on the uncertainty."""
     if margin > 1:
         return f"the uncertainty may grow by a factor {margin:.3g}"
     return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
 
 
-def stability_words(measure: str, margin: float, omega: float) -> str:
-    """The largest rs or mu, where it is, and the margin on the uncertainty."""
+def format_stability_margin(measure: str, margin: float, omega: float) -> str:
+    """Format the largest rs or mu, its frequency, and the margin on the uncertainty."""
     if margin == 0:
         return f"{measure} has no bound at {format_hertz(omega)}: no uncertainty of this shape is small enough"
-    return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {factor(margin)}"
+    return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {format_margin_factor(margin)}"
 
 
-def judge_structure(
+def decide_structure_verdict(
     system: Any, curves: Any, broken: float, certify: bool, certificates: tuple[Any, ...], cut: Any
 ) -> tuple[Verdict, str]:
-    """The verdict on the stability of a loop with several uncertainties and why; `cut` a `ParameterMargin` or None."""
+    """Decide the verdict on a loop with several uncertainties and give its reason."""
     if broken <= 1:
         return (
             Verdict.NOT_ROBUST,
@@ -390,7 +402,7 @@ def judge_structure(
         )
     peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
     if certificates and certificates[0].holds:
-        samples = SAMPLES if system.N.dt else ""
+        samples = SAMPLES_ONLY if system.N.dt else ""
         if any(block.perturbation == "statistical" for block in system.blocks.values()):
             return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set" + samples
         return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
@@ -410,8 +422,8 @@ def judge_structure(
     )
 
 
-def structure_sentences(system: Any, stable: bool, performs: bool) -> tuple[str, str]:
-    """What was proved and what was not."""
+def structure_proof_sentences(system: Any, stable: bool, performs: bool) -> tuple[str, str]:
+    """Return what was proved of several uncertainties and what was not, one sentence each."""
     if not stable:
         return "Only that the nominal loop is stable.", "Anything about the set around it."
     words = {
@@ -580,22 +592,22 @@ class RobustnessReport:
 
     @property
     def is_single(self) -> bool:
-        """Whether it is of one loop with one uncertainty, by closed forms; else by the structured singular value."""
+        """Return whether it is of one loop with one uncertainty, by closed forms; else it is by mu."""
         return self.S is not None
 
     @property
     def mu(self) -> np.ndarray:
-        """(W,) `rs`, as upper bound of mu for robust stability."""
+        """Return (W,) `rs`, as upper bound of mu for robust stability."""
         return self.rs
 
     @property
     def mu_rp(self) -> np.ndarray:
-        """(W,) `rp`, as upper bound of mu for robust performance."""
+        """Return (W,) `rp`, as upper bound of mu for robust performance."""
         return self.rp
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
-        """(W,) centre and (W,) radius of the disc that L fills over the set."""
+        """Return (W,) centre and (W,) radius of the disc that L fills over the set."""
         shaping = 1.0 if self.shaping is None else self.shaping
         centre, radius = loop_discs(self.form, self.radius, self.G, self.K, shaping)
         if self.folding and not FORMS[self.form].inverse:  # with every alias, L + K sum_k h_k F_k Delta_k
@@ -620,11 +632,11 @@ class RobustnessReport:
 
     @property
     def summary(self) -> str:
-        """Verdict, margins and what was proved, in a few lines."""
+        """Return verdict, margins and what was proved, in a few lines."""
         return "\n".join(self.findings())
 
     def findings(self) -> list[str]:
-        """The rows of the summary."""
+        """Return the rows of the summary."""
         lines = format_paragraph(
             "verdict", format_verdict(self.verdict, self.probability if self.nominally_stable else "")
         )
@@ -634,7 +646,7 @@ class RobustnessReport:
         if self.is_single and not np.isfinite(self.margin_rs):
             lines += format_paragraph("stability", "no uncertainty to hold it against")
             return lines + format_paragraph("proved", self.proved)
-        lines += format_paragraph("stability", stability_words(self.measure, self.margin_rs, self.omega_rs))
+        lines += format_paragraph("stability", format_stability_margin(self.measure, self.margin_rs, self.omega_rs))
         if self.folding:
             lines += format_paragraph("aliases", self.folding)
         if self.worst:
@@ -648,11 +660,11 @@ class RobustnessReport:
 
     @property
     def measure(self) -> str:
-        """What robust stability is measured by: "rs", or "mu"."""
+        """Return what robust stability is measured by: "rs", or "mu"."""
         return "rs" if self.is_single else "mu"
 
     def performance_words(self) -> str:
-        """The nominal and the worst case over the demand, and whether the whole set meets it."""
+        """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
         if not self.is_single:
             return f"max mu {1 / self.margin_rp:.3f} at {format_hertz(self.omega_rp)}"
         worst = float(np.max(self.rp))
@@ -663,14 +675,14 @@ class RobustnessReport:
         )
 
     def disk_words(self) -> str:
-        """The disk margin of one loop."""
+        """Return the disk margin of one loop."""
         return (
             f"{self.disk_margin:.3f} at {format_hertz(self.omega_disk)}: "
             f"gain {20 * np.log10(self.gain_margin):.2f} dB, phase {np.degrees(self.phase_margin):.1f} deg, at once"
         )
 
     def _sketch_(self) -> Sketch:
-        """What the set does to the loop and to the demand, for a notebook; one is the limit."""
+        """Return what the set does to the loop and to the demand, for a notebook; one is the limit."""
         f = self.omega / (2 * np.pi)
         curves = [(self.measure, f, self.rs), ("rp", f, self.rp), ("limit", f[[0, -1]], np.ones(2))]
         curves += [("|S|", f, np.abs(self.S))] if self.is_single else []
@@ -705,7 +717,7 @@ StructuredReport = RobustnessReport
 def fill_report(
     curves: Curves, peaks: Peaks, words: dict[str, Any], *, perturbation: str, stable: bool, **known: Any
 ) -> RobustnessReport:
-    """The report from what is known: curves that mean nothing for a loop that is not stable, or has no set, are nan."""
+    """Fill a report; curves that have no meaning, for an unstable loop or without a set, are nan."""
     nothing = np.full(curves.omega.size, np.nan)
     seen = stable and bool(np.isfinite(curves.w).all())
     return RobustnessReport(

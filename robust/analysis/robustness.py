@@ -22,22 +22,22 @@ import numpy as np
 
 from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative, short_form
 from robust._base.channels import is_single
-from robust.analysis.aliases import Shares, shares
+from robust.analysis.aliases import RsBreakdown, rs_breakdown
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.disk import disk_margins
-from robust.analysis.folded import as_sampled
-from robust.analysis.loop import Loop, assemble, find_peaks, nominal_instability
-from robust.analysis.loop_level import LoopSignals, predict_level, require_parametric
-from robust.analysis.proofs import claim_of, prove_set
+from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability, find_curve_peaks
+from robust.analysis.loop_level import LoopSignals, predict_level, require_one_channel_loop
+from robust.analysis.loop_proofs import prove_set, stability_claim
 from robust.analysis.report import (
     RobustnessReport,
+    describe_aliases,
     describe_confidence,
     fill_report,
-    folding_sentence,
-    on_lines_only,
-    on_set,
-    on_unstable,
+    texts_of_frf,
+    texts_of_stable_loop,
+    texts_of_unstable_loop,
 )
+from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.analysis.structured import check_structure
 from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
@@ -54,15 +54,15 @@ __all__ = ["check", "check_lines"]
 
 
 def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) -> RobustnessReport:
-    """Stability by the winding number of 1 + L, and the curves, all on the lines of the FRF.
+    """Check on the lines of the FRF only: stability by the winding number of 1 + L, and the curves.
 
-    And on what lies between them where the controller, which is known there, has modes.
+    Frequencies between the lines are added where the controller, which is known there, has modes.
     """
     K = state_space("K", K)
     delay, n_unstable = require_nonnegative("delay", delay), require_integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation, W = on_lines(model)
     dt, sampled_frf = timebase(K), sampling_time(model) or None
-    refuse_misfit(omega, G, dt)
+    require_usable_frf(omega, G, dt)
     require_sampling_time("K", K, "the FRF", sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
@@ -77,7 +77,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     curves = loop_curves(form, at, G, response(K, at), w, None if w_P is None else response(w_P, at), W)
     peaks = peaks_on_lines(curves) if stable else Peaks()
     hold = " with zero-order hold" if dt and not sampling_time(model) else ""
-    words = on_lines_only(
+    words = texts_of_frf(
         omega,
         peaks.rs[0],
         encirclements=encirclements,
@@ -91,7 +91,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
 
-def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
+def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
     """Refuse an FRF that has no finite value somewhere, or lines that the controller is too slow for."""
     if not np.all(omega > 0):
         raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
@@ -168,7 +168,7 @@ def check(
     """
     require_choice("solver", solver, SOLVERS)
     if signals is not None:
-        require_parametric(model)
+        require_one_channel_loop(model)
     if has_several_channels(model):
         return check_matrix(model, K, w_P, delay, certify)
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
@@ -177,48 +177,52 @@ def check(
         raise ValueError(
             f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {short_form(model)}"
         )
-    loop = assemble(model, K, w_P, delay)
+    loop = assemble_loop(model, K, w_P, delay)
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
     of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
     of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": describe_confidence(model)}
-    claim = claim_of(model, K, loop.w_P, delay)
-    nominal = nominal_instability(loop)
+    claim = stability_claim(model, K, loop.w_P, delay)
+    nominal = decide_nominal_stability(loop)
     if not nominal.stable:
-        return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, nominal), stable=False, **of)
-    curves = loop.curves(extend_grid(omega, loop.top))
+        return fill_report(
+            loop.curves(omega), Peaks(), texts_of_unstable_loop(model, loop, nominal), stable=False, **of
+        )
+    curves = loop.curves(extend_grid(omega, loop.omega_max))
     if signals is not None:
         of["level"] = predict_level(model, K, signals, delay=delay)
-    peaks = find_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
+    peaks = find_curve_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
-    curves = curves.joined(loop.curves(places[~np.isnan(places)])).between(omega[0], omega[-1])
+    curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
     proofs = prove_set(loop, curves, peaks.rs[0], claim=claim, certify=certify)
-    folding = folding_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
+    folding = rs_breakdown_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
     return fill_report(
         curves,
         peaks,
-        on_set(model, loop, peaks, proofs, folding, certify=certify),
+        texts_of_stable_loop(model, loop, peaks, proofs, folding, certify=certify),
         stable=True,
-        robustly_stable=proofs.stable,
-        robust_performance=proofs.performance,
+        robustly_stable=proofs.stability_proved,
+        robust_performance=proofs.performance_proved,
         certificates=proofs.certificates,
-        folding="" if folding is None else folding_sentence(folding, model),
+        folding="" if folding is None else describe_aliases(folding, model),
         **of,
     )
 
 
-def folding_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) -> Shares | None:
-    """What rs is made of where it is largest, of a set of continuous plants under a sampled controller."""
+def rs_breakdown_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) -> RsBreakdown | None:
+    """Split the largest rs of a set of continuous plants under a sampled controller; None for any other."""
     if loop.aliases is None:
         return None
     total, omega = peaks.rs
-    return shares(loop.at_points(loop.curves(omega)), band, total)
+    return rs_breakdown(loop.with_aliases(loop.curves(omega)), band, total)
 
 
 def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certify: bool) -> RobustnessReport:
-    """`check` of several channels: that of the blocks of the best form, with the margins of every loop."""
-    forms = [as_sampled(form, K, delay) for form in (model, model.alternative_form) if form is not None]
+    """Check several channels by the blocks of the best form, with the margins of every loop."""
+    forms = [
+        set_on_controller_time_base(form, K, delay) for form in (model, model.alternative_form) if form is not None
+    ]
     reports = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form, _ in forms}
     taken = best_form(reports)
     found = reports[taken]
@@ -239,7 +243,7 @@ def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certif
 
 
 def best_form(reports: dict[str, RobustnessReport]) -> str:
-    """The form of a set whose report establishes more, then that of the larger margin."""
+    """Return the form whose report proves most, then that of the larger margin."""
 
     def established(form: str) -> tuple[bool, bool, float]:
         report = reports[form]

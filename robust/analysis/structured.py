@@ -1,4 +1,8 @@
-"""The check of a loop with several uncertainties: nominal stability, bounds by mu, and what of that is proved."""
+"""Check of a loop with several uncertainties: nominal stability, bounds by mu, certificates (SP 8.9, 8.10).
+
+The upper bound of mu over a grid decides what is worth proving, the lower bound gives a counter-example. Only
+`certify_mu` and `certify_norm`, which hold between the frequencies, make a proof.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,12 @@ import numpy as np
 
 from nlfrf._base.arguments import require_positive, short_form
 from nlfrf._base.values import value
-from robust.analysis.report import RobustnessReport, judge_structure, nominal_verdict, structure_sentences
+from robust.analysis.report import (
+    RobustnessReport,
+    decide_structure_verdict,
+    nominal_verdict,
+    structure_proof_sentences,
+)
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.lti.stability import StabilityResult
@@ -25,11 +34,11 @@ from robust.proofs.search.bounded_real import certify_norm
 from robust.proofs.search.certificate import Certificate, failed_certificate
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["bound_at", "check_structure"]
+__all__ = ["check_structure", "stability_bound_at"]
 
 
-GAP = 0.05  # to which an open verdict is pursued
-FARTHEST = 100.0  # times as large as complex numbers would have to be: how far real ones are looked for
+DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided verdict is pursued
+MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
 
 
 def check_structure(
@@ -83,18 +92,26 @@ def check_structure(
     omega = structure_grid(system.N)
     nominal = decide_stability(system.N)
     if not nominal.stable:
-        return unstable(omega, nominal)
+        return report_on_unstable_loop(omega, nominal)
     curves = bound_curves(system, omega, deadline - 0.5 * time_cap)
-    broken, worst = worst_found(system, curves, deadline - 0.3 * time_cap)
-    certificates = proofs(system, curves, deadline) if certify and curves.peak < 1 and not broken <= 1 else ()
+    broken, worst = find_worst_perturbation(system, curves, deadline - 0.3 * time_cap)
+    certificates = (
+        prove_stability_and_performance(system, curves, deadline)
+        if certify and curves.peak < 1 and not broken <= 1
+        else ()
+    )
     still_open = certify and broken > 1 and not any(one.holds for one in certificates)
-    cut = cut_up(system, GAP if gap is None else require_positive("gap", gap), deadline) if still_open or gap else None
+    cut = (
+        subdivide_parameters(system, DEFAULT_GAP if gap is None else require_positive("gap", gap), deadline)
+        if still_open or gap
+        else None
+    )
     if cut is not None:
-        broken, worst, certificates = with_parts(system, cut, broken, worst, certificates)
+        broken, worst, certificates = apply_parameter_margin(system, cut, broken, worst, certificates)
     stable = bool(certificates and certificates[0].holds)
     performs = len(certificates) == 2 and certificates[1].holds
-    verdict, reason = judge_structure(system, curves, broken, certify, certificates, cut)
-    proved, not_proved = structure_sentences(system, stable, performs)
+    verdict, reason = decide_structure_verdict(system, curves, broken, certify, certificates, cut)
+    proved, not_proved = structure_proof_sentences(system, stable, performs)
     return RobustnessReport(
         omega=curves.omega,
         rs=curves.mu,
@@ -117,8 +134,8 @@ def check_structure(
     )
 
 
-def unstable(omega: np.ndarray, nominal: StabilityResult) -> RobustnessReport:
-    """The report on a loop that is not stable to begin with: no bounds."""
+def report_on_unstable_loop(omega: np.ndarray, nominal: StabilityResult) -> RobustnessReport:
+    """Return the report on a loop whose nominal is not stable: no bounds."""
     nothing = np.full(omega.size, np.nan)
     return RobustnessReport(
         omega=omega,
@@ -134,55 +151,59 @@ def unstable(omega: np.ndarray, nominal: StabilityResult) -> RobustnessReport:
 
 
 @value(copy=False)
-class Curves:
-    """Upper bounds of mu over omega (W,), for stability and (nan without it) performance; the parameters beside."""
+class MuCurves:
+    """Hold upper bounds of mu (W,) for stability and (nan without it) performance, and the breaking parameters."""
 
     omega: np.ndarray
     mu: np.ndarray
     mu_rp: np.ndarray
     parameters: Crossing | None
-    late: bool
+    hit_time_cap: bool
 
     @property
     def peak(self) -> float:
-        """Largest bound for stability."""
+        """Return the largest bound for stability."""
         return float(self.mu.max())
 
     @property
     def peak_rp(self) -> float:
-        """Largest bound for performance, nan without it."""
+        """Return the largest bound for performance, nan without it."""
         return float(self.mu_rp.max())
 
 
-def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) -> Curves:
-    """Both bounds on one grid that sees the peaks of each, and where real parameters break the loop."""
+def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) -> MuCurves:
+    """Compute both bounds on one grid with the peaks of each, and the real parameters that break the loop."""
     now = time.monotonic()
     half = now + (0.4 if system.inputs else 0.7) * (deadline - now)
     first, known = refine_grid(system.loop, system.structure, omega, half)
-    parameters = smallest_parameters(system, first, float(known.max()), deadline)
+    parameters = find_parameter_crossing(system, first, float(known.max()), deadline)
     omega = first if parameters is None else np.union1d(first, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
         seen, rp_seen = refine_grid(system.N, system.with_performance, omega, deadline)
         omega = np.union1d(omega, seen)
-        rp = filled(system.N, system.with_performance, omega, (seen, rp_seen), deadline)
-    mu = filled(system.loop, system.structure, omega, (first, known), deadline)
+        rp = complete_bounds(system.N, system.with_performance, omega, (seen, rp_seen), deadline)
+    mu = complete_bounds(system.loop, system.structure, omega, (first, known), deadline)
     if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
-    return Curves(
-        omega=omega, mu=mu, mu_rp=rp, parameters=parameters, late=time.monotonic() > now + 0.9 * (deadline - now)
+    return MuCurves(
+        omega=omega,
+        mu=mu,
+        mu_rp=rp,
+        parameters=parameters,
+        hit_time_cap=time.monotonic() > now + 0.9 * (deadline - now),
     )
 
 
-def bound_at(system: UncertainSystem, omega: float, time_cap: float = 10.0) -> float:
-    """The upper bound of mu for stability at one frequency [rad/s]."""
+def stability_bound_at(system: UncertainSystem, omega: float, time_cap: float = 10.0) -> float:
+    """Return the upper bound of mu for stability at one frequency [rad/s]."""
     return float(mu_bound_at(system.loop, system.structure, np.array([omega]), time.monotonic() + time_cap)[0])
 
 
-def filled(
+def complete_bounds(
     N: control.StateSpace, blocks: Any, omega: np.ndarray, known: tuple[np.ndarray, np.ndarray], deadline: float
 ) -> np.ndarray:
-    """(W,) the bound at omega, computed only where it is not known."""
+    """Return the bound (W,) at omega, computed only where it is not known."""
     at, values = known
     found = np.full(omega.size, np.nan)
     found[np.searchsorted(omega, at)] = values
@@ -192,17 +213,19 @@ def filled(
     return found
 
 
-def proofs(system: UncertainSystem, curves: Curves, deadline: float) -> tuple[Certificate, ...]:
-    """Of stability, and of performance where stability is proved and nothing on the grid contradicts it."""
-    stability = proof(system, system.loop, system.structure, "robust stability", curves.omega, deadline)
+def prove_stability_and_performance(
+    system: UncertainSystem, curves: MuCurves, deadline: float
+) -> tuple[Certificate, ...]:
+    """Prove stability, and performance where stability is proved and the grid does not contradict it."""
+    stability = prove_bound(system, system.loop, system.structure, "robust stability", curves.omega, deadline)
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
-    performance = proof(system, system.N, system.with_performance, "robust performance", curves.omega, deadline)
+    performance = prove_bound(system, system.N, system.with_performance, "robust performance", curves.omega, deadline)
     return stability, performance
 
 
-def cut_up(system: UncertainSystem, gap: float, deadline: float) -> ParameterMargin | None:
-    """The box of real parameters cut up until proof and counter-example meet; None without real ones, or time.
+def subdivide_parameters(system: UncertainSystem, gap: float, deadline: float) -> ParameterMargin | None:
+    """Subdivide the box of real parameters until proof and counter-example meet; None without real ones, or time.
 
     The scalings on each part change with frequency, which says nothing of nonlinear perturbations.
     """
@@ -213,10 +236,10 @@ def cut_up(system: UncertainSystem, gap: float, deadline: float) -> ParameterMar
     return parameter_margin(system.loop, system.structure, gap=gap, time_cap=left)
 
 
-def with_parts(
+def apply_parameter_margin(
     system: UncertainSystem, cut: ParameterMargin, broken: float, worst: Any, certificates: tuple[Certificate, ...]
 ) -> tuple[float, Any, tuple[Certificate, ...]]:
-    """What breaks the loop and what is proved of it, with what was found part by part."""
+    """Merge what breaks the loop and what is proved with the result of the subdivision."""
     if cut.broken < broken:
         broken, worst = cut.broken, dict(zip(system.blocks, map(float, cut.worst), strict=True))
     if cut.proved >= 1 and not any(one.holds for one in certificates):
@@ -226,8 +249,10 @@ def with_parts(
     return broken, worst, certificates
 
 
-def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float, deadline: float) -> Crossing | None:
-    """Real parameters that break the loop: they do so between the lines of any grid, where mu on it says nothing."""
+def find_parameter_crossing(
+    system: UncertainSystem, omega: np.ndarray, peak: float, deadline: float
+) -> Crossing | None:
+    """Find real parameters that break the loop: they do so between the lines of any grid, where mu misses them."""
     blocks = system.structure
     if not any(block.kind == "real" for block in system.blocks.values()):
         return None
@@ -239,12 +264,15 @@ def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float,
     if least == 0:
         return None
     return find_crossing(
-        system.loop, block_structure("blocks", blocks), 1 / least, min(2 / max(peak, 1e-300), FARTHEST / least)
+        system.loop,
+        block_structure("blocks", blocks),
+        1 / least,
+        min(2 / max(peak, 1e-300), MAX_PARAMETER_RATIO / least),
     )
 
 
-def worst_found(system: UncertainSystem, curves: Curves, deadline: float) -> tuple[float, Any]:
-    """Factor at which a perturbation makes the loop singular, the smallest found where mu is large, and its parts."""
+def find_worst_perturbation(system: UncertainSystem, curves: MuCurves, deadline: float) -> tuple[float, Any]:
+    """Find the smallest factor at which a perturbation makes the loop singular, where mu is large, and its parts."""
     omega, mu, parameters = curves.omega, curves.mu, curves.parameters
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
     responses = np.moveaxis(response_by_channel(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
@@ -265,10 +293,10 @@ def worst_found(system: UncertainSystem, curves: Curves, deadline: float) -> tup
     return size, parts
 
 
-def proof(
+def prove_bound(
     system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray, deadline: float
 ) -> Certificate:
-    """mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
+    """Prove mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
 
     A repeated operator counts as a full block: no scaling but a number commutes with a nonlinear one.
     """
@@ -276,7 +304,7 @@ def proof(
     one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
     if not nonlinear or one_full_block:
         found = certify_mu(N, blocks, 1.0, time_cap=min(10.0, max(deadline - time.monotonic(), 0.1)))
-        return Certificate(**{**vars_of(found), "subject": subject})
+        return replace(found, subject=subject)
     response = response_by_channel(N, omega)
     D_L, D_R, _ = mu_upper(response, [b[:2] for b in blocks]).scaling
     sizes = [
@@ -292,8 +320,3 @@ def proof(
         )
     L, R = D_L[:, :, k].real, np.linalg.inv(D_R[:, :, k].real)
     return certify_norm(control.StateSpace(N.A, N.B @ R, L @ N.C, L @ N.D @ R, N.dt), 1.0, subject=subject)
-
-
-def vars_of(certificate: Certificate) -> dict[str, Any]:
-    """The fields of a certificate."""
-    return {name: getattr(certificate, name) for name in certificate.__dataclass_fields__}

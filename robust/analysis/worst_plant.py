@@ -1,4 +1,8 @@
-"""The worst plant of a set, as a system to replay."""
+"""The worst plant of a set, and the smallest destabilising perturbation, as systems to simulate.
+
+The worst perturbation is a complex number or matrix at one frequency (SP 7.6.3, 8.10.3). All-passes of first order take
+any phase at one frequency and have gain one at all others, so the plant made of them lies in the set.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,16 @@ import numpy as np
 
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
-from robust.analysis.aliases import in_phase
-from robust.analysis.folded import as_sampled
-from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
+from robust.analysis.aliases import worst_alias_phases
+from robust.analysis.loop import (
+    Loop,
+    assemble_loop,
+    decide_nominal_stability,
+    is_stable_with,
+    perturbed_sensitivity,
+    plant_in_loop,
+)
+from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.lti.connections import block_diagonal, in_series, upper_lft, worst_perturbation
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
@@ -28,10 +39,10 @@ from robust.proofs.search.stability import decide_stability
 __all__ = [
     "BreakingPerturbation",
     "WorstCase",
-    "all_passes",
-    "as_system",
     "breaking_perturbation",
+    "first_order_all_passes",
     "gain_grid",
+    "interpolate_perturbation",
     "largest_gains",
     "performance_loop",
     "worst_case",
@@ -86,7 +97,7 @@ class WorstCase:
 
 
 def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float = 0.0) -> WorstCase:
-    """The plant of the set that hurts a controller most, to replay it in a simulation.
+    """Find the plant of the set with the largest sensitivity, to simulate it.
 
     Parameters
     ----------
@@ -123,20 +134,20 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     """
     require_parametric(model, "to make plants of")
     if not model.is_single:
-        return worst_of_several(model, K, w_P, delay)
-    loop = assemble(model, K, w_P, delay)
-    nominal = nominal_instability(loop)
+        return worst_case_matrix(model, K, w_P, delay)
+    loop = assemble_loop(model, K, w_P, delay)
+    nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
     omega = loop.grid(model.omega)
     band = (float(model.omega[0]), float(model.omega[-1]))
     peak_b, where = loop.peak(lambda points: loop.curves(points).rs, omega, band)
     if peak_b < 1:
-        where = loop.peak(lambda points: loop.curves(points).worst, omega, band)[1]
+        where = loop.peak(lambda points: loop.curves(points).worst_performance, omega, band)[1]
     there = loop.curves(where)
     phased = phases_of_aliases(loop, where)
     delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
-    delta *= np.exp(1j * where * lead_of(loop, delay)) / max(1.0, abs(delta))
+    delta *= np.exp(1j * where * perturbation_lead(loop, delay)) / max(1.0, abs(delta))
     turn = FORMS[model.form].turn(in_series(model.nominal, model.shaping), model.weight, where)
     # the weight brings its own phase, which the perturbation is relative to
     Delta = with_phase(where, delta / turn, timebase(model.nominal) or timebase(model.weight))
@@ -146,36 +157,36 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
     if FORMS[model.form].scaled and not within(model, plant):  # other forms need no factors: they are made as they are
         raise ValueError("model must have a worst plant that floating point can tell, got one outside the set of it")
-    seen = in_loop(plant, loop, delay)
+    seen = plant_in_loop(plant, loop, delay)
     at, omega = np.array([where]), np.unique(np.append(omega, where))
-    S = sensitivity(plant, seen, loop, at)
+    S = perturbed_sensitivity(plant, seen, loop, at)
     achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
     return WorstCase(
         omega=omega,
-        gain=loop.curves(omega).worst,
+        gain=loop.curves(omega).worst_performance,
         omega_worst=where,
         plant=plant,
         delta=delta,
         achieved=float(achieved),
         # a perturbation that was made to put a pole on the boundary does, whatever side rounding leaves it on
-        stable=peak_b < 1 and stable_with(plant, seen, loop),
+        stable=peak_b < 1 and is_stable_with(plant, seen, loop),
     )
 
 
 def phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Frequencies and phases of the worst Delta at omega [rad/s] where aliases count; None where they do not.
+    """Return frequencies and phases of the worst Delta at omega [rad/s] where aliases count; None where they do not.
 
     In an inverse form the worst plant is that of the frequency itself.
     """
     if loop.aliases is None or loop.aliases.inverse:
         return None
-    found = in_phase(loop.at_points(loop.curves(omega)))
+    found = worst_alias_phases(loop.with_aliases(loop.curves(omega)))
     return found if found[0].size > 1 else None
 
 
-def lead_of(loop: Loop, delay: float) -> float:
-    """Time [s] by which Delta leads what the terms call Delta: they put it behind delay and hold, the plant before."""
-    lag = delay + (loop.dt / 2 if loop.unsampled is not None else 0.0)
+def perturbation_lead(loop: Loop, delay: float) -> float:
+    """Return the time [s] by which Delta of the plant leads Delta of `Curves`, which acts after delay and hold."""
+    lag = delay + (loop.dt / 2 if loop.continuous_plant is not None else 0.0)
     return FORMS[loop.form].lead * lag
 
 
@@ -186,15 +197,15 @@ def lead_of(loop: Loop, delay: float) -> float:
 # one number a block. An all-pass of first order takes any phase at one frequency and has one gain at all of them, so a
 # vector of all-passes carries each direction, and the perturbation is no larger anywhere else.
 
-NEAR = 1e-4  # of the lowest frequency, or of the distance to Nyquist
-N_PEAKS = 3  # frequencies at which the worst perturbation is looked for
-MOST_GAINS = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
-HALVINGS = 24  # of log g, from three decades: to 1e-6
+BAND_EDGE_RATIO = 1e-4  # of the lowest frequency, or of the distance to Nyquist
+N_PEAKS = 3  # frequencies at which the worst perturbation is searched
+MAX_GAIN_FREQUENCIES = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
+N_BISECTIONS = 24  # of log g, from three decades: to 1e-6
 
 
-def worst_of_several(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> WorstCase:
-    """`worst_case` of several channels: the bound by mu, and the worst perturbation found where it peaks."""
-    model, _ = as_sampled(model, K, delay)
+def worst_case_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> WorstCase:
+    """Find the worst case of several channels: the bound by mu, and the worst perturbation found where it peaks."""
+    model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, w_P)
     omega, gain = largest_gains(system, model.omega)
     try:
@@ -202,14 +213,14 @@ def worst_of_several(model: UncertaintyModel, K: Any, w_P: Any, delay: float) ->
     except ValueError:  # nothing breaks the loop
         broken = None
     if broken is not None and broken.size <= 1:
-        where, Delta, stable = broken.omega, scaled(broken.Delta, broken.size), False
+        where, Delta, stable = broken.omega, scale_system(broken.Delta, broken.size), False
     else:
         dt = timebase(model.nominal)
         found = []
         for at in np.unique(np.clip(omega[np.argsort(-gain)[:N_PEAKS]], *phase_band(omega, dt))):
-            delta = worst_delta(response_by_channel(system.N, np.array([at]))[:, :, 0], system)
-            one = as_system(delta, float(at), dt, full=model.form != ELEMENTS)
-            found.append((sensitivity_of(system, one, float(at)), float(at), one))
+            delta = find_worst_delta(response_by_channel(system.N, np.array([at]))[:, :, 0], system)
+            one = interpolate_perturbation(delta, float(at), dt, full=model.form != ELEMENTS)
+            found.append((performance_gain(system, one, float(at)), float(at), one))
         _, where, Delta = max(found, key=lambda one: one[0])
         stable = decide_stability(upper_lft(system.N, Delta)).stable
     return WorstCase(
@@ -218,13 +229,13 @@ def worst_of_several(model: UncertaintyModel, K: Any, w_P: Any, delay: float) ->
         omega_worst=where,
         plant=model.perturbed(Delta),
         delta=response_by_channel(Delta, np.array([where]))[:, :, 0],
-        achieved=sensitivity_of(system, Delta, where),
+        achieved=performance_gain(system, Delta, where),
         stable=stable,
     )
 
 
 def performance_loop(model: UncertaintyModel, K: Any, w_P: Any) -> UncertainSystem:
-    """The loop of several channels with S, or w_P S, as its performance; refused where its nominal is not stable."""
+    """Return the loop of several channels with S, or w_P S, as performance; its nominal has to be stable."""
     one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
     system = model.loop(K, w_P=one if w_P is None else w_P)
     nominal = decide_stability(system.N)
@@ -234,20 +245,20 @@ def performance_loop(model: UncertaintyModel, K: Any, w_P: Any) -> UncertainSyst
 
 
 def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies [rad/s], and the bound on the gain from inputs to outputs over the set there."""
+    """Bound the largest gain from inputs to outputs over the set: frequencies [rad/s], and the bound."""
     omega = gain_grid(system, lines)
     return omega, worst_gain(response_by_channel(system.N, omega), system.structure)
 
 
 def gain_grid(system: UncertainSystem, lines: np.ndarray) -> np.ndarray:
-    """(W,) frequencies [rad/s] on which the gain over a set is bounded: of loop and record, thinned."""
+    """Return (W,) frequencies [rad/s] on which the gain over a set is bounded: of loop and record, thinned."""
     omega = np.union1d(structure_grid(system.N), lines)
     omega = omega[omega > 0]
-    return np.union1d(omega[:: max(1, omega.size // MOST_GAINS)], omega[[0, -1]])
+    return np.union1d(omega[:: max(1, omega.size // MAX_GAIN_FREQUENCIES)], omega[[0, -1]])
 
 
-def worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
-    """(drives, reads) the perturbation of gain at most one that was found to make the gain of N (rows, cols) largest.
+def find_worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
+    """Find the perturbation (drives, reads) of gain at most one that makes the gain of N (rows, cols) largest.
 
     Of N with its outputs over g, the smallest perturbation that makes it singular together with a full block between
     outputs and inputs has size one where g is the gain that the other blocks reach: looked for by bisection of log g.
@@ -255,7 +266,7 @@ def worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
     rows, cols = (sum(block[k] for block in system.structure) for k in (0, 1))
     low = float(np.linalg.norm(N[rows:, cols:], 2)) + np.finfo(float).tiny
     high, best = 1e3 * low, np.zeros((cols, rows), dtype=complex)
-    for _ in range(HALVINGS):
+    for _ in range(N_BISECTIONS):
         middle = np.sqrt(low * high)
         scaled_N = np.concatenate([N[:rows], N[rows:] / middle])
         found = mu_lower(scaled_N[:, :, None], system.with_performance, n_starts=2)
@@ -266,19 +277,19 @@ def worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
     return best
 
 
-def sensitivity_of(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
-    """Largest singular value from inputs to outputs at omega [rad/s], with a perturbation."""
+def performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
+    """Return the largest singular value from inputs to outputs at omega [rad/s], with a perturbation."""
     return float(np.linalg.norm(response_by_channel(upper_lft(system.N, Delta), np.array([omega]))[:, :, 0], 2))
 
 
-def scaled(Delta: control.StateSpace, size: float) -> control.StateSpace:
-    """size times a system."""
+def scale_system(Delta: control.StateSpace, size: float) -> control.StateSpace:
+    """Return size times a system."""
     return control.StateSpace(Delta.A, Delta.B, size * Delta.C, size * Delta.D, Delta.dt)
 
 
 def phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
-    """Frequencies [rad/s] between which an all-pass has a phase to give: not at zero, not at Nyquist."""
-    return NEAR * float(omega[omega > 0].min()), np.pi / dt * (1 - NEAR) if dt else np.inf
+    """Return the frequencies [rad/s] between which an all-pass can have any phase: not at zero, not at Nyquist."""
+    return BAND_EDGE_RATIO * float(omega[omega > 0].min()), np.pi / dt * (1 - BAND_EDGE_RATIO) if dt else np.inf
 
 
 @value
@@ -319,12 +330,12 @@ class BreakingPerturbation:
     model: UncertaintyModel
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
-        """The plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
-        return self.model.perturbed(scaled(self.Delta, require_real("factor", factor) * self.size))
+        """Return the plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
+        return self.model.perturbed(scale_system(self.Delta, require_real("factor", factor) * self.size))
 
 
 def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbation:
-    """The smallest perturbation found that breaks the loop u = K (r - y), to look at and to replay on a machine.
+    """Find a smallest destabilising perturbation of the loop u = K (r - y), to simulate it or try it on a machine.
 
     Parameters
     ----------
@@ -379,30 +390,30 @@ def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbati
     return BreakingPerturbation(
         size=float(1 / found.value[k]),
         omega=float(some[k]),
-        Delta=as_system(delta, float(some[k]), dt, full=model.form != ELEMENTS),
+        Delta=interpolate_perturbation(delta, float(some[k]), dt, full=model.form != ELEMENTS),
         model=model,
     )
 
 
-def as_system(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
-    """A stable real system of gain one that is `delta` (drives, reads) at omega: of rank one, or diagonal."""
+def interpolate_perturbation(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
+    """Return a stable real system of gain one that is `delta` (drives, reads) at omega: of rank one, or diagonal."""
     if not full:
-        return block_diagonal(all_passes(np.diag(delta), omega, dt), dt)
+        return block_diagonal(first_order_all_passes(np.diag(delta), omega, dt), dt)
     U, sizes, Vh = np.linalg.svd(delta)
     into, out = Vh[0] * sizes[0], U[:, 0]
     add = control.StateSpace([], [], [], np.ones((1, into.size)), dt)
     spread = control.StateSpace([], [], [], np.ones((out.size, 1)), dt)
     return in_series(
-        block_diagonal(all_passes(into, omega, dt), dt),
+        block_diagonal(first_order_all_passes(into, omega, dt), dt),
         add,
         spread,
-        block_diagonal(all_passes(out, omega, dt), dt),
+        block_diagonal(first_order_all_passes(out, omega, dt), dt),
         dt=dt,
     )
 
 
-def all_passes(numbers: np.ndarray, omega: float, dt: float) -> list[control.StateSpace]:
-    """All-passes of first order that are these complex numbers at omega: |a| times +-(c - s)/(c + s)."""
+def first_order_all_passes(numbers: np.ndarray, omega: float, dt: float) -> list[control.StateSpace]:
+    """Return all-passes of first order that equal these complex numbers at omega: |a| times +-(c - s)/(c + s)."""
     at = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     parts = []
     for number in numbers:

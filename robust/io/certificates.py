@@ -14,7 +14,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import format_count, short_form
 from robust._base.states import FrictionVerdict
-from robust.analysis.proofs import claim_of
+from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim, read_friction_claim, write_friction_claim
@@ -146,7 +146,7 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
     if model is not None:
         if not isinstance(model, UncertaintyModel):
             raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
-        mine = claim_of(model, 0.0, None, 0.0)
+        mine = stability_claim(model, 0.0, None, 0.0)
         names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
         wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
     if K is not None and differing_fields(claim, replace(claim, controller=given(K)), ("controller",)):

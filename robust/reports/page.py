@@ -18,7 +18,7 @@ from nlfrf._base.arguments import short_form
 from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust.analysis.loop_level import LoopSignals
-from robust.analysis.report import RobustnessReport, meaning
+from robust.analysis.report import RobustnessReport, verdict_meaning
 from robust.analysis.robustness import check
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
@@ -158,7 +158,7 @@ def page(**content: Any) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = files("robust.reports").joinpath("page.html.jinja").read_text(encoding="utf-8")
     written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    return environment.from_string(template).render(**content, meaning=meaning, written=written)
+    return environment.from_string(template).render(**content, meaning=verdict_meaning, written=written)
 
 
 def several(thing: Any) -> list[Any]:

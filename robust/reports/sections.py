@@ -13,7 +13,7 @@ import nlfrf
 from nlfrf._base.arguments import format_count, format_hertz
 from robust.analysis.family import sample_loops
 from robust.analysis.performance import loop_gains, step_response
-from robust.analysis.report import RobustnessReport, factor, stability_words
+from robust.analysis.report import RobustnessReport, format_margin_factor, format_stability_margin
 from robust.analysis.worst_plant import worst_case
 from robust.io.biquads import controller_sections
 from robust.io.pid import told_gains
@@ -50,7 +50,7 @@ def margins_text(report: RobustnessReport) -> str:
     """How far the loop is from trouble, in one line; nothing where it is in trouble."""
     said = []
     if report.nominally_stable and np.isfinite(report.margin_rs):
-        said.append(factor(report.margin_rs))
+        said.append(format_margin_factor(report.margin_rs))
     if report.margins is not None and not report.margins.reason:
         said.append(report.margins.least())
     if report.nominally_stable and np.isfinite(report.disk_margin):
@@ -112,7 +112,7 @@ def check_section(report: RobustnessReport) -> Section:
         facts, caption = [("check", rows_of(report))], "Bounds of mu; each must stay below one."
     if report.is_single and report.nominally_stable:
         if np.isfinite(report.margin_rs):
-            facts.append(("stability of the set", stability_words("rs", report.margin_rs, report.omega_rs)))
+            facts.append(("stability of the set", format_stability_margin("rs", report.margin_rs, report.omega_rs)))
         if np.isfinite(report.margin_rp):
             facts.append(("performance", report.performance_words()))
         if np.isfinite(report.disk_margin):

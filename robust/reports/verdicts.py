@@ -9,10 +9,10 @@ import numpy as np
 
 from robust._base.states import FrictionVerdict
 from robust.analysis.disk import LoopMargins, disk_margins
-from robust.analysis.loop import assemble
-from robust.analysis.report import RobustnessReport, meaning
+from robust.analysis.loop import assemble_loop
+from robust.analysis.report import RobustnessReport, verdict_meaning
 from robust.analysis.robustness import check_lines
-from robust.analysis.structured import bound_at
+from robust.analysis.structured import stability_bound_at
 from robust.friction.prove import FrictionProof
 from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import multivariable, state_space
@@ -41,7 +41,7 @@ def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),
         ("verdict", report.verdict, proof.verdict),
-        ("it means", meaning(report.verdict, report.probability), MEANS[proof.verdict]),
+        ("it means", verdict_meaning(report.verdict, report.probability), MEANS[proof.verdict]),
         ("because", report.reason, proof.reason or proof.claim),
         ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
         ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.description}, exactly"),
@@ -99,7 +99,7 @@ def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
             return False
         now = again.G[at], again.K[at], again.radius[at]
     else:
-        curves = assemble(model, K, None, report.delay).curves(omega)
+        curves = assemble_loop(model, K, None, report.delay).curves(omega)
         now = curves.G, curves.K, np.abs(curves.w)
     known = report.G[at], report.K[at], report.radius[at]
     return model.form == report.form and all(map(same, now, known))
@@ -138,5 +138,9 @@ def same_peak(report: RobustnessReport, model: UncertaintyModel, K: control.Stat
     """Whether mu of this set, in one of its forms, has at the peak of the report the size that is told of there."""
     if not report.nominally_stable:
         return True
-    peaks = [bound_at(form.loop(K), report.omega_rs) for form in (model, model.alternative_form) if form is not None]
+    peaks = [
+        stability_bound_at(form.loop(K), report.omega_rs)
+        for form in (model, model.alternative_form)
+        if form is not None
+    ]
     return bool(np.isclose(peaks, 1 / report.margin_rs, rtol=0.02, atol=0).any())  # searched for, to better than that

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuo
 from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.channels import is_single
-from robust.analysis.loop import assemble
+from robust.analysis.loop import assemble_loop
 from robust.analysis.robustness import check
 from robust.lti.connections import closed_loop
 from robust.lti.lti import Matrices, response, response_by_channel, timebase, with_names
@@ -281,8 +281,8 @@ def candidates(
                 control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs
             ]
         else:
-            loop = assemble(model, K, w_P, delay)
-            closed_loops = [loop.closed(*pair) for pair in pairs]
+            loop = assemble_loop(model, K, w_P, delay)
+            closed_loops = [loop.closed_loop(*pair) for pair in pairs]
         before, behind = map(continuous_image, closed_loops)
         if np.all(np.linalg.eigvals(before[0]).real < 0):
             ways.append(lambda: weighted_candidates(image, before, behind))

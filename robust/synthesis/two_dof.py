@@ -19,8 +19,8 @@ from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
-from robust.analysis.folded import as_sampled
-from robust.analysis.loop import Loop, assemble, nominal_instability
+from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
+from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.analysis.worst_plant import gain_grid, performance_loop
 from robust.lti.lti import is_constant, response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
@@ -144,7 +144,7 @@ def prefilter(
         return prefilter_matrix(model, K, reference, effort, delay)
     loop = reference_loop(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
-    T = loop.closed(("y",), ("r",))
+    T = loop.closed_loop(("y",), ("r",))
     found = matched(T_ref, T, effort)
     omega = loop.grid(model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
@@ -164,7 +164,7 @@ def prefilter_matrix(model: UncertaintyModel, K: Any, reference: Any, effort: fl
     """Return `prefilter` of several channels: with e = r - y in N = [N11 N12; N21 S], F changes it to
     [N11 N12 F; N21 T_ref - (I - S) F], whose gain over the set `worst_gain` bounds.
     """
-    model, _ = as_sampled(model, K, delay)
+    model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, None)
     n, dt = model.n_outputs, timebase(model.nominal)
     T_ref = on_time_base(reference, dt, n)
@@ -201,8 +201,8 @@ def reference_loop(model: Any, K: Any, delay: float) -> Loop:
     """The loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
-    loop = assemble(model, K, None, require_nonnegative("delay", delay))
-    nominal = nominal_instability(loop)
+    loop = assemble_loop(model, K, None, require_nonnegative("delay", delay))
+    nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {nominal}")
     return loop

@@ -16,7 +16,7 @@ from scipy.linalg import hessenberg
 from nlfrf._base.arguments import require_nonnegative, short_form
 from nlfrf._base.files import to_path, write_text
 from robust.analysis.bounds import loop_bounds
-from robust.analysis.loop import Loop, assemble
+from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.connections import in_series
 from robust.lti.lti import is_constant, scale_states, timebase
 from robust.lti.realisation import state_space
@@ -121,7 +121,7 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
     K, w_P = state_space("K", 1.0 if K is None else K), None if w_P is None else state_space("w_P", w_P)
     dt = time_step(models, K, dt)
     start = control.StateSpace(K.A, K.B, K.C, K.D, dt)
-    loops = [assemble(model, start, w_P, delay) for model in models]
+    loops = [assemble_loop(model, start, w_P, delay) for model in models]
     if len({loop.dt for loop in loops}) > 1:
         raise ValueError(f"model must have one sampling time, got {', '.join(f'{loop.dt:g} s' for loop in loops)}")
     dt = loops[0].dt
@@ -163,13 +163,13 @@ def described(name: str, model: UncertaintyModel, loop: Loop) -> dict[str, Any]:
     # without a demand the bounds are those of robust stability: a demand that asks nothing
     demand = control.StateSpace([], [], [], [[1e-9]]) if loop.w_P is None else loop.w_P
     low, high = loop_bounds(model, demand)
-    omega = model.omega[model.omega < loop.top]
+    omega = model.omega[model.omega < loop.omega_max]
     refuse_unknown(model)
     return {
         "name": name,
-        "G": encoded_response(loop.short),
-        "shift": loop.shift,
-        "poles": doubtful_poles(loop.short),
+        "G": encoded_response(loop.undelayed_plant),
+        "shift": loop.plant_delay,
+        "poles": doubtful_poles(loop.undelayed_plant),
         "w": encoded_response(loop.weight),
         "read": "".join(factor for factor in row.read if factor != "w"),
         "inverse": row.inverse,
@@ -192,14 +192,14 @@ def encoded_aliases(loop: Loop) -> dict[str, Any] | None:
     aliases = loop.aliases
     if aliases is None or aliases.inverse:
         return None
-    tail = float((aliases.beyond.FF if aliases.operator else aliases.beyond.F)[0])
+    tail = float((aliases.tail_bounds.FF if aliases.operator else aliases.tail_bounds.F)[0])
     return {
         "dt": aliases.dt,
         "delay": aliases.delay,
-        "n": int(aliases.single[-1]),
+        "n": int(aliases.single_indices[-1]),
         "tail": min(tail, UNFILTERED),
         "operator": aliases.operator,
-        "G": encoded_response(aliases.plant) if aliases.through else None,
+        "G": encoded_response(aliases.plant) if aliases.F_includes_plant else None,
     }
 
 
@@ -219,12 +219,12 @@ def shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[float
     grids = []
     for model, loop in zip(models, loops, strict=True):
         lines = model.omega[:: model.omega.size // MOST_LINES + 1]
-        grids.append(loop.grid(lines[lines < loop.top]))
+        grids.append(loop.grid(lines[lines < loop.omega_max]))
     omega = np.unique(np.concatenate(grids))
     omega = omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-5])]
     low, high = omega[0], omega[-1]
     far = [low * np.geomspace(10.0**-BELOW, 1, BELOW * SPARSE + 1)[:-1]]
-    top = loops[0].top
+    top = loops[0].omega_max
     beyond = high * np.geomspace(1, 10.0**ABOVE, ABOVE * SPARSE + 1)[1:] if np.isinf(top) else top * (1 - NEAR_NYQUIST)
     return np.unique(np.concatenate([omega, *far, beyond[beyond > high]])).tolist()
 

@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.channels import is_single
-from robust.analysis.loop import Loop, assemble
+from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
@@ -131,13 +131,13 @@ def plant_on_lines(
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
         if dt and isinstance(plant, UncertaintyModel):
             warn_of_unknown_hold(plant, dt)
-        loop = assemble(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
+        loop = assemble_loop(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
         lines, form = plant.omega, plant.form
         omega = design_grid(loop, lines, extra, weights, K)
         lowest, highest = float(omega[0]), float(omega[-1])
         above = np.geomspace(1, FAR, N_FAR)[1:] * highest
-        omega = np.concatenate([omega, above[above < loop.top * (1 - 1e-9)]])
-        G, w = loop.plant(omega), np.abs(response(loop.weight, omega))
+        omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
+        G, w = loop.plant_response(omega), np.abs(response(loop.weight, omega))
         n_integrators = integrator_poles(loop.G, loop.dt)
         known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)
@@ -147,7 +147,7 @@ def plant_on_lines(
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
     radius = np.where(outside > 0, 0.0, size * w * shrink)
     if isinstance(plant, UncertaintyModel) and loop is not None and loop.aliases is not None:
-        every = loop.aliases.radius(omega, G)
+        every = loop.aliases.sampled_radius(omega, G)
         radius = np.where(np.isfinite(every), every, radius)  # without a bound it is left to the check
     return PlantOnLines(
         omega=omega,
@@ -186,7 +186,7 @@ def design_grid(
         grids.append(replace(loop, w_P=w).grid(lines) if w is None or w.nstates else np.zeros(0))
     grids += [replace(loop, K=one).grid(lines) for one in K]
     omega = np.unique(np.concatenate(grids))
-    omega = omega[(omega > 0) & (omega < loop.top * (1 - 1e-9))]
+    omega = omega[(omega > 0) & (omega < loop.omega_max * (1 - 1e-9))]
     distinct = np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])
     return omega[distinct | np.isin(omega, extra)]
 

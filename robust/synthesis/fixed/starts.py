@@ -10,7 +10,7 @@ import control
 import numpy as np
 
 from robust._base.states import Stability
-from robust.analysis.loop import Loop, nominal_instability
+from robust.analysis.loop import Loop, decide_nominal_stability
 from robust.lti.connections import closed_loop
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
@@ -98,7 +98,7 @@ def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
         closed_loop(loop.G, K, ("e",), ("r",))
     except ValueError:
         return Stability.UNDECIDED, "is not well posed"
-    nominal = nominal_instability(closed)
+    nominal = decide_nominal_stability(closed)
     return nominal.state, f"is {nominal}"
 
 

@@ -12,7 +12,7 @@ from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_integer, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single
-from robust.analysis.loop import assemble
+from robust.analysis.loop import DELAY_ORDER, assemble_loop
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, hold_correction, hold_response, sampled
@@ -26,7 +26,6 @@ __all__ = ["UNBOUNDED", "MeasuredPlant", "ModelledPlant", "Plants", "see_plants"
 
 
 #: Order of the Padé approximation of a delay without a clock, as `check` has it.
-DELAY_ORDER = 8
 #: Stands for a radius that is infinite: its square is still a number.
 UNBOUNDED = 1e30
 
@@ -151,7 +150,7 @@ def see_plant(
     if known_on_lines:
         return see_measured(name, model, plants.n_unstable, dt, delay, worst)
     if is_single_set(model):
-        loop = assemble(model, control.StateSpace([], [], [], [[0.0]], dt), None, delay)
+        loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), None, delay)
         if loop.dt:
             warn_of_unknown_hold(model, loop.dt)
         if loop.aliases is not None and loop.aliases.inverse and worst:
@@ -208,7 +207,7 @@ def discs_of(loop: Any) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
             return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, UNBOUNDED).astype(complex)
         W = np.ones(omega.size, complex)
         if row.scaled:
-            W = response(loop.shaping, omega) * np.exp(1j * omega * loop.shift)
+            W = response(loop.shaping, omega) * np.exp(1j * omega * loop.plant_delay)
         return ag_of(loop.form, response(loop.weight, omega), np.where(np.isfinite(G), G, 1e140), W)
 
     return at

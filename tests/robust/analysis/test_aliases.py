@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, ncfsyn, sampled, uncertainty
-from robust.analysis.aliases import shares
-from robust.analysis.loop import assemble
+from robust.analysis.aliases import rs_breakdown
+from robust.analysis.loop import assemble_loop
 from robust.lti.lti import response
 from robust.proofs.exact.claim import ALIASED, STABILITY
 from tests.support.random_families import above_nyquist, sampled_operators
@@ -215,12 +215,12 @@ def test_a_certificate_holds_for_its_numbers_only(form, kind):
 def test_the_sums_over_all_aliases():
     """Against 30 000 aliases taken one by one; a plant that does not roll off has no bound."""
     G, T, K = control.tf([3], [1, 1]), 0.05, gain(2.0, 0.05)
-    loop, omega = assemble(the_set(G, gain(0.2)), K, None, 0.0), np.array([0.5, 5.0, 40.0])
+    loop, omega = assemble_loop(the_set(G, gain(0.2)), K, None, 0.0), np.array([0.5, 5.0, 40.0])
     k = np.arange(1, 30_001)[:, None]
     alias = np.concatenate([2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega])
     hold, size = 2 * np.sin(omega * T / 2) / (alias * T), 3 / np.sqrt(1 + alias**2)
     curves = loop.curves(omega)
-    sums = loop.at_points(curves).sums()
+    sums = loop.with_aliases(curves).alias_sums()
     for ours, truth in (
         (sums.F, 0.2 * hold * size),
         (sums.G, hold * size),
@@ -233,7 +233,7 @@ def test_the_sums_over_all_aliases():
     own = np.abs(2 * np.sinc(omega * T / 2 / np.pi) * 0.2 * response(control.ss(G), omega))
     assert curves.rs == pytest.approx(np.abs(curves.S) * (own + 2 * sums.F), rel=1e-9)
     flat = the_set(control.tf([1, 3], [1, 1]), gain(0.2))
-    assert np.isinf(assemble(flat, K, None, 0.0).curves(omega).rs).all()
+    assert np.isinf(assemble_loop(flat, K, None, 0.0).curves(omega).rs).all()
 
 
 def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
@@ -242,9 +242,9 @@ def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
     unit = check(the_set(G, gain(1.0), perturbation="operator"), K)
     assert unit.omega_rs == pytest.approx(np.pi, rel=1e-3)
     between = the_set(G, gain(1.7 * unit.margin_rs), perturbation="operator")
-    loop = assemble(between, K, None, 0.0)
-    made_of = shares(loop.at_points(loop.curves(unit.omega_rs)), (1.0, 2.0), 1.7)
-    assert made_of.member < 1 < made_of.own
+    loop = assemble_loop(between, K, None, 0.0)
+    made_of = rs_breakdown(loop.with_aliases(loop.curves(unit.omega_rs)), (1.0, 2.0), 1.7)
+    assert made_of.single_frequency < 1 < made_of.without_aliases
     assert check(between, K).verdict == "not certified"
     far = check(the_set(G, gain(8 * unit.margin_rs), perturbation="operator"), K)
     assert far.verdict == "not robust"

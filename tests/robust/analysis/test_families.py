@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.soundness import WRONG, judged
 from robust import check_structure, disk_margin, worst_case
-from robust.analysis.loop import assemble, nominal_instability
+from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.models.sets.interconnection import Block, interconnection
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import decide_stability
@@ -36,7 +36,7 @@ def test_every_door_decides_beside_the_boundary(dt):
     model = UncertaintyModel(G, 1e-17, "multiplicative", np.array([1.0]), np.array([1e-18]), perturbation="LTI")
     for gain, stable in ((limit, False), (np.nextafter(limit, 0), True)):
         K = control.ss([], [], [], [[gain]], dt)
-        nominal = nominal_instability(assemble(model, K, None, 0.0))
+        nominal = decide_nominal_stability(assemble_loop(model, K, None, 0.0))
         assert nominal.stable == stable
         assert nominal.unstable == nominal.at_boundary == (not stable)
         assert "on the stability boundary or beyond it" in str(nominal) or stable

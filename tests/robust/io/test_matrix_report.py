@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 import robust
-from robust.analysis.report import factor
+from robust.analysis.report import format_margin_factor
 from robust.reports import parts as report_parts
 from tests.robust.io.test_report_page import Reader
 
@@ -54,7 +54,7 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     said += [again.reason, again.proved, again.not_proved, again.probability, MODEL.source, MODEL.extrapolation]
     seen = robust.validate(MODEL, FRM)
     said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")
-    said += [factor(again.margin_rs), *([again.margins.least()] if again.nominally_stable else [])]
+    said += [format_margin_factor(again.margin_rs), *([again.margins.least()] if again.nominally_stable else [])]
     for c in again.certificates:
         said += [f"{c.subject} {c.level:g} yes {c.method}, {len(c.intervals)} interval", c.judged, c.reason]
     for system in (MODEL.nominal, K):

@@ -1,4 +1,4 @@
-r"""The sampled set that holds a set of continuous plants of several channels, every alias included.
+r"""The sampled set that contains a set of continuous plants of several channels, every alias included.
 
 Behind hold and delay a sampler sees G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and a perturbation at each alias.
 An LTI Delta is free at every frequency by itself, so the sum of its parts lies in a set of the sampled plant:
@@ -40,17 +40,17 @@ from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS, diagonal_over
 
-__all__ = ["SampledSet", "as_sampled", "sampled_set"]
+__all__ = ["SampledSet", "sampled_set", "set_on_controller_time_base"]
 
 
-ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
-FLAT = 1.06  # largest over smallest radius up to which a weight is a number
-BELOW = 1e-3  # of the lowest line: where the grid begins
+WEIGHT_ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
+FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight is a number
+GRID_START_RATIO = 1e-3  # of the lowest line: where the grid begins
 
 
 @value
 class SampledSet:
-    """A set of sampled plants that holds a set of continuous ones.
+    """Hold a set of sampled plants that contains a set of continuous ones.
 
     Fields
     ------
@@ -58,27 +58,27 @@ class SampledSet:
         The sampled set, of the form of the continuous one.
     omega : (W,) ndarray
         The grid on which its weights cover the radii [rad/s].
-    share : (W,) ndarray
-        What acts at the frequency itself, over what acts at all its aliases.
+    own_share : (W,) ndarray
+        Part of the radius that the frequency itself makes, the rest is from its aliases.
     """
 
     model: UncertaintyModel
     omega: np.ndarray
-    share: np.ndarray
+    own_share: np.ndarray
 
     @property
-    def words(self) -> str:
-        """What was done about the aliases."""
-        k = int(np.argmin(self.share))
+    def description(self) -> str:
+        """Describe how the aliases were treated and how much they add."""
+        k = int(np.argmin(self.own_share))
         return (
             f"every alias is in the weights of the sampled set, which cover it on {self.omega.size} frequencies in "
-            f"floating point; what folds down is at most {100 * (1 - self.share[k]):.2g} %, "
+            f"floating point; what folds down is at most {100 * (1 - self.own_share[k]):.2g} %, "
             f"at {format_hertz(self.omega[k])}"
         )
 
 
-def as_sampled(model: UncertaintyModel, K: Any, delay: float) -> tuple[UncertaintyModel, str]:
-    """The set of several channels on the time base of its controller, and what was done about aliases in words.
+def set_on_controller_time_base(model: UncertaintyModel, K: Any, delay: float) -> tuple[UncertaintyModel, str]:
+    """Return the set of several channels on the time base of its controller, and a description of the aliases in it.
 
     A continuous set under a sampled controller is folded; another one is as it is, with its delay in the nominal.
     """
@@ -87,7 +87,7 @@ def as_sampled(model: UncertaintyModel, K: Any, delay: float) -> tuple[Uncertain
         require_shape(K, model.n_outputs, model.n_inputs)
         warn_of_unknown_hold(model, timebase(K))
         found = sampled_set(model, timebase(K), require_nonnegative("delay", delay))
-        return found.model, found.words
+        return found.model, found.description
     if delay:
         raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
     return model, ""
@@ -107,8 +107,8 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
             "fit_nominal(..., dt=)"
         )
     nominal = sampled(model.nominal, dt, delay)
-    omega = grid_of(model, nominal, dt)
-    k, tails = alias_numbers(model, dt)
+    omega = sampled_grid(model, nominal, dt)
+    k, tails = alias_indices_and_tails(model, dt)
     if not np.isfinite(tails).all():
         raise ValueError(
             f"model must filter its perturbation before the sampler: above the Nyquist frequency the {model.form} "
@@ -117,7 +117,7 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         )
     left, right, share = folded_radii(model, nominal, omega, dt, k, tails)
     rows = np.concatenate([left, right])
-    weights = tuple(weight_over(omega, row, dt) for row in rows)
+    weights = tuple(fit_sampled_weight(omega, row, dt) for row in rows)
     # on the grid, as that is where they cover: what was measured is of the continuous set
     parts: dict[str, Any] = dict.fromkeys(f"radius_{name}" for name in PARTS)
     made = replace(
@@ -133,41 +133,41 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         hold="zoh",
         fs=1 / dt,
     )
-    return SampledSet(model=made, omega=omega, share=share)
+    return SampledSet(model=made, omega=omega, own_share=share)
 
 
-def grid_of(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
-    """(W,) frequencies [rad/s] up to Nyquist: lines, a log grid, every resonance, those that fold down too."""
+def sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
+    """Return frequencies (W,) [rad/s] up to Nyquist: lines, a log grid, every resonance, those that fold down too."""
     top, step = np.pi / dt, 2 * np.pi / dt
     modes = np.concatenate([poles(part) for part in (model.nominal, *model.weights)])
     folded = np.abs((modes.imag + top) % step - top)
     lines = model.omega[model.omega < top]
     lines = lines if lines.size else np.array([top / 10])
     found = loop_grid(lines, poles(nominal), [], dt, 0.0, modes.real + 1j * folded)
-    found = found[(found >= BELOW * lines[0]) & (found < top * (1 - 1e-9))]
+    found = found[(found >= GRID_START_RATIO * lines[0]) & (found < top * (1 - 1e-9))]
     return np.append(found, top * (1 - 1e-9))
 
 
-def alias_numbers(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) the aliases that are taken one by one, 0 first, and bounds of what lies beyond, without |sin(omega T/2)|.
+def alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the aliases (k,) summed one by one, 0 first, and bounds of the sums beyond, without |sin(omega T/2)|.
 
     Bounds of sum |h_k w| of every weight of elements, else of every |G_ji w_i| of M_k = G W_l, or |w_j| of W_l.
     """
     through, none = model.form not in (ELEMENTS, ADDITIVE), control.StateSpace([], [], [], [[0.0]], 0)
-    of: dict[str, Any] = {"dt": dt, "delay": 0.0, "inverse": False, "operator": False, "through": through}
+    of: dict[str, Any] = {"dt": dt, "delay": 0.0, "inverse": False, "operator": False, "F_includes_plant": through}
     parts = []
     for i, weight in enumerate(model.right if model.form == ELEMENTS else model.left):
         plants = [reachable_entry(model.nominal, j, i) for j in range(model.n_outputs)] if through else [none]
         parts += [Aliases(plant=plant, weight=weight, **of) for plant in plants]
-    n = max(int(part.single[-1]) for part in parts)
+    n = max(int(part.single_indices[-1]) for part in parts)
     k = np.concatenate([[0], np.arange(-n, 0), np.arange(1, n + 1)])
-    return k, np.array([float(part.beyond.F[0]) for part in parts])
+    return k, np.array([float(part.tail_bounds.F[0]) for part in parts])
 
 
 def folded_radii(
     model: UncertaintyModel, nominal: control.StateSpace, omega: np.ndarray, dt: float, k: np.ndarray, tails: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n, W) radii of the sampled set, left and right, and (W,) the share of the frequency itself."""
+    """Return the radii (n, W) of the sampled set, left and right, and the share (W,) of the frequency itself."""
     at = omega[:, None] + 2 * np.pi / dt * k
     sine = np.sin(np.minimum(omega * dt / 2, np.pi / 2))
     hold = np.abs(sine[:, None] / (at * dt / 2))
@@ -207,8 +207,8 @@ def folded_radii(
     return diagonal_over(C) * scale, R / scale, share
 
 
-def weight_over(omega: np.ndarray, radius: np.ndarray, dt: float) -> control.StateSpace:
-    """A sampled weight over a radius: a number where that is flat."""
-    if radius.max() < FLAT * radius.min():
+def fit_sampled_weight(omega: np.ndarray, radius: np.ndarray, dt: float) -> control.StateSpace:
+    """Fit a sampled weight over a radius: a number where that is flat."""
+    if radius.max() < FLAT_RATIO * radius.min():
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_weight(omega, radius, order=ORDER, dt=dt).W
+    return fit_weight(omega, radius, order=WEIGHT_ORDER, dt=dt).W

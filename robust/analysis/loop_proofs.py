@@ -1,4 +1,8 @@
-"""Proofs about a loop: robust stability and robust performance at every frequency."""
+"""Prove robust stability and robust performance of a loop at every frequency, in exact arithmetic.
+
+The claims are polynomial inequalities in omega (`robust.proofs.exact`); here they are set up, and for operators the one
+scaling of all frequencies is searched, as the search needs no proof.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.states import Outcome
-from robust.analysis.aliases import operator_performance
+from robust.analysis.aliases import squared_performance_gain
 from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop
 from robust.lti.lti import replace_infinite
@@ -23,14 +27,14 @@ from robust.proofs.exact.conditions import Terms, claim_inequalities
 from robust.proofs.exact.loops import NOMINAL, WEIGHTS, Verification, verify_loop
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-__all__ = ["Proofs", "claim_of", "prove_set"]
+__all__ = ["LoopProofs", "prove_set", "stability_claim"]
 
 
-# ---- What a check claims of a loop, put into the exact form in which someone else can prove it again.
+# ---- The claim of a check as exact numbers, so that it can be proved again independently.
 
 
-def claim_of(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopClaim:
-    """Robust stability of a model with its controller, with all numbers as they were given."""
+def stability_claim(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopClaim:
+    """Return the claim of robust stability of a model with its controller, in the numbers that were given."""
     form = FORMS[model.form]
     return LoopClaim(
         plant=to_matrices(model.nominal),
@@ -46,12 +50,12 @@ def claim_of(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopCla
     )
 
 
-BUDGET = 3.0  # seconds of the processor for each claim
+TIME_CAP_PER_CLAIM = 3.0  # seconds of the processor for each claim
 
 
 @value
-class Proofs:
-    """What was proved of a loop, and what was disproved on the way.
+class LoopProofs:
+    """Hold what was proved of a loop, and whether it was disproved.
 
     Fields
     ------
@@ -65,40 +69,46 @@ class Proofs:
 
     certificates: tuple[Certificate, ...]
     violated: bool
-    stable: bool = False
-    performance: bool = False
+    stability_proved: bool = False
+    performance_proved: bool = False
 
 
-def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, certify: bool) -> Proofs:
-    """Whatever exact arithmetic proves of the claim where the largest rs found is `peak`.
+def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, certify: bool) -> LoopProofs:
+    """Prove stability and performance of the set in exact arithmetic, where the largest rs found is `peak`.
 
     With aliases the condition is sufficient only: what fails is no disproof.
     """
     aliased, operator = loop.aliases is not None, claim.perturbation == "operator"
     if peak >= 1 or not certify:
-        return Proofs(certificates=(), violated=peak >= 1 and not aliased)
+        return LoopProofs(certificates=(), violated=peak >= 1 and not aliased)
     names, scaling, hopeless = [STABILITY], 1.0, ""
     if loop.w_P is not None:
-        hopeless = no_use(curves, claim) if aliased else ""
+        hopeless = reason_to_skip_performance(curves, claim) if aliased else ""
         if not hopeless:
             names.append(OPERATOR_PERFORMANCE if operator else PERFORMANCE)
-            scaling = best_scaling(loop, claim, curves) if operator else 1.0
+            scaling = best_operator_scaling(loop, claim, curves) if operator else 1.0
     names = [ALIASED[name] for name in names] if aliased else names
     claims = [replace(claim, claims=(name,), scaling=scaling if k else 1.0) for k, name in enumerate(names)]
-    found = verify_loop(replace(claims[-1], claims=tuple(names)), time_cap=BUDGET * len(names))
+    found = verify_loop(replace(claims[-1], claims=tuple(names)), time_cap=TIME_CAP_PER_CLAIM * len(names))
     certificates = [
-        as_certificate(found, *each, loop.top) for each in zip((STABILITY, PERFORMANCE), claims, strict=False)
+        certificate_of_claim(found, *each, loop.omega_max)
+        for each in zip((STABILITY, PERFORMANCE), claims, strict=False)
     ]
     if hopeless:
         certificates.append(failed_certificate(PERFORMANCE, 1.0, hopeless))
     stable, violated = certificates[0].holds, certificates[0].violated
     if not stable or loop.w_P is None:
-        return Proofs(certificates=tuple(certificates[:1]), violated=violated, stable=stable)
-    return Proofs(certificates=tuple(certificates), violated=False, stable=True, performance=certificates[1].holds)
+        return LoopProofs(certificates=tuple(certificates[:1]), violated=violated, stability_proved=stable)
+    return LoopProofs(
+        certificates=tuple(certificates),
+        violated=False,
+        stability_proved=True,
+        performance_proved=certificates[1].holds,
+    )
 
 
-def no_use(curves: Curves, claim: LoopClaim) -> str:
-    """Why a proof of performance with every alias is not looked for; empty where it is.
+def reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
+    """Return why no proof of performance with every alias is attempted; empty where one is.
 
     Exact arithmetic has only upper bounds there, and would cut the axis around the frequency where none suffices.
     """
@@ -108,8 +118,8 @@ def no_use(curves: Curves, claim: LoopClaim) -> str:
     return f"rp reaches {curves.rp[k]:.4g} at {format_hertz(curves.omega[k])}" if curves.rp[k] >= 1 else ""
 
 
-def as_certificate(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
-    """What was found of the one claim, with the claim where it holds."""
+def certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
+    """Return the certificate of the one claim, with the claim in it where it holds."""
     (name,) = claim.claims
     if name in found.proved:
         return Certificate(
@@ -128,16 +138,16 @@ def as_certificate(found: Verification, subject: str, claim: LoopClaim, top: flo
     )
 
 
-def best_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
-    """The one scaling that keeps an operator's loop lowest over the grid, of all frequencies (convex in its log)."""
+def best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
+    """Find the one scaling of all frequencies with the least gain of an operator's loop (convex in its log)."""
     if loop.aliases is not None:
-        point, PS = loop.at_points(curves), np.abs(curves.w_P * curves.S)
-        sizes, others, PFS = point.sizes, point.sums(), point.F[:, 0] * PS
+        point, PS = loop.with_aliases(curves), np.abs(curves.w_P * curves.S)
+        sizes, others, PFS = point.magnitudes, point.alias_sums(), point.F[:, 0] * PS
 
         def largest(log: float) -> float:
-            return float(operator_performance(sizes, others, PS, PFS, float(np.exp(log))).max())
+            return float(squared_performance_gain(sizes, others, PS, PFS, float(np.exp(log))).max())
     else:
-        terms = terms_of(curves)
+        terms = terms_of_curves(curves)
 
         def largest(log: float) -> float:
             left = claim_inequalities(OPERATOR_PERFORMANCE, claim.reads, claim.inverse, terms, np.exp(2 * log))
@@ -148,8 +158,8 @@ def best_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
     return float(np.exp(minimize_scalar(largest, bracket=tuple(logs[k - 1 : k + 2])).x))
 
 
-def terms_of(curves: Curves) -> Terms:
-    """The terms of exact arithmetic as numbers, to look for a scaling with."""
+def terms_of_curves(curves: Curves) -> Terms:
+    """Return the terms of exact arithmetic as numbers, to look for a scaling with."""
     G, K, W = replace_infinite(curves.G), replace_infinite(curves.K), np.abs(curves.W) ** 2
     L, one = G * K, np.ones(curves.omega.size)
     return Terms(
