@@ -29,6 +29,7 @@ __all__ = [
     "LoopGains",
     "StepResponse",
     "classical_margins",
+    "judge_step",
     "loop_gains",
     "simulate_samples",
     "simulate_step",
@@ -371,7 +372,7 @@ def step_response(
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
     final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(loop, None if duration is None else require_positive("duration", duration))
-    step = judged(t, out[j], out[n_y], final, cut=duration is None)
+    step = judge_step(t, out[j], out[n_y], final, cut=duration is None)
     kept = step.t.size
     return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
 
@@ -431,7 +432,7 @@ def states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
     return found[:, :n]
 
 
-def judged(t: np.ndarray, y: np.ndarray, u: np.ndarray, final: float, *, cut: bool) -> StepResponse:
+def judge_step(t: np.ndarray, y: np.ndarray, u: np.ndarray, final: float, *, cut: bool) -> StepResponse:
     """The numbers of a step that was simulated; cut: what lies long after it has settled is left out."""
     size = abs(final)
     relative = y / final if size else np.full(y.size, np.nan)
