@@ -36,7 +36,9 @@ from robust.reports.command import (
     model_pictures,
     named_signals,
 )
+from robust.reports.drive_check import check_drive, read_trace
 from robust.reports.shaping_page.command import write_from_files
+from robust.synthesis.drive.gains_file import load_gains
 
 app = Commands(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
@@ -49,6 +51,8 @@ app = Commands(
 OPTIONS = dict(
     n_poles="poles", n_zeros="zeros", dt="sample-time", n_samples="period", n_discard="discard", hold="hold", M_S="peak"
 )
+drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
+app.add_typer(drive_app, name="drive")
 BLAS = (".npz", ".h5", ".hdf5")
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
@@ -431,6 +435,49 @@ def shape(
     refuse_demand(bandwidth, error)
     parts = [model_of_one(path) for path in model], controller and robust.load_controller(controller)
     write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
+
+
+@drive_app.command(name="check")
+def check_gains(
+    file: Annotated[
+        list[Path],
+        typer.Argument(metavar="TRACE... GAINS.toml", help="Traces, one a level, and the gains with their units."),
+    ],
+    input: Annotated[str, typer.Option("--input", help="Name of the current or force in the traces.")] = "u",
+    output: Annotated[str, typer.Option("--output", help="Name of the position in the traces.")] = "y",
+    reference: Annotated[
+        str | None, typer.Option(help="Name of what was added to the loop, where the drive was on.")
+    ] = None,
+    fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")] = None,
+    period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
+    discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
+    design: Annotated[Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it.")] = None,
+    actual: Annotated[
+        bool, typer.Option("--actual", help="The input is the actual current, not its set point.")
+    ] = False,
+    stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Page to write (.txt).")] = None,
+    json: Json = False,
+) -> None:
+    """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
+
+    Exit code 0 where the loop is proved stable for the whole set, and to come to rest where the levels give the
+    friction; 1 where not, and where the position loop is slower than the velocity loop, as that is approximated.
+    """
+    gains = [path for path in file if path.suffix.lower() == ".toml"]
+    traces = [path for path in file if path not in gains]
+    if len(gains) != 1 or not traces:
+        raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, file))}")
+    settings, say = load_gains(gains[0]), printer(json)
+    load: dict[str, Any] = {"u": input, "y": output, "r": reference, "fs": fs, "n_samples": period}
+    load |= {"n_discard": discard, "design": design}
+    records = [read_trace(path, settings, actual=actual, **load) for path in traces]
+    with spinner("checking"):
+        found = check_drive(records, settings, names=[path.name for path in traces], actual=actual, stiction=stiction)
+    say(found)
+    if out is not None:
+        write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
+    finish_command(found, found.proved, json)
 
 
 def named_after(controller: Path, out: Path | None, several: bool) -> Path | None:

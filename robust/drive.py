@@ -13,6 +13,7 @@ from robust.synthesis.drive.feedforward import (
 )
 from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
 from robust.synthesis.drive.gains import DriveReading, gains
+from robust.synthesis.drive.gains_file import load_gains
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.drive.structured_text import structured_text
 
@@ -28,6 +29,7 @@ __all__ = [
     "feedforward",
     "feedforward_error",
     "gains",
+    "load_gains",
     "low_pass",
     "notch",
     "structured_text",

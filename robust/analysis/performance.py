@@ -31,6 +31,7 @@ __all__ = [
     "StepResponse",
     "classical_margins",
     "loop_gains",
+    "measure_step",
     "simulate_samples",
     "simulate_step",
     "step_response",

@@ -34,6 +34,7 @@ __all__ = [
     "certificate_of",
     "class_from_files",
     "controller_of",
+    "highest_level",
     "linear_part_tested",
     "prove_all",
     "save_certificate",

@@ -2,6 +2,7 @@
 
 command       what the command reads, draws and leaves beside a report
 data          sections on what was measured and modelled
+drive_check   gains of a drive checked against traces of its axis
 page          the file: its sections in order
 parts         what a section is made of: tables, pictures inside the page
 sections      sections on the controller: verdict, loop, check, worst case, settings

@@ -35,6 +35,7 @@ COMMANDS = (
     "robust prove model.json Kc.json --stiffness 8e4 -o {}",
     "robust prove bla.npz bla.npz bla.npz Kc.json --nominal model.json -o {}",
     "robust orders bla.npz --picture {}",
+    "robust drive check rec.npz gains.toml -o {}",
     "robust export Kc.json -o {}",
     "robust report model.json Kc.json --bla bla.npz --record rec.npz -o {}",
     "robust shape model.json --controller Kc.json -o {}",
@@ -71,6 +72,8 @@ def files(tmp_path_factory):
     nlfrf.save_record(record, "mid.csv")
     assert run("robust model bla.npz --poles 2 --zeros 0 -o m0.json")[0] == 0
     robust.save_controller(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
+    gains = f'fs = "{record.fs:g} Hz"\nkv = "10 1/s"\nkp = "10 N/(m/s)"\n'
+    Path("gains.toml").write_text(gains)
     (folder / "sub").mkdir()
     yield folder
     os.chdir(before)
@@ -104,19 +107,26 @@ def reads(command):
     return [word for word in command.split() if Path(word).is_file()]
 
 
+def commands_of(group):
+    """Name and command of each of a group, and of the groups inside it."""
+    for name, command in group.commands.items():
+        inner = commands_of(command) if hasattr(command, "commands") else [("", command)]
+        yield from ((f"{name} {rest}".strip(), one) for rest, one in inner)
+
+
 def test_every_command_that_writes_is_here():
     from typer.main import get_command
 
     writing = {
         f"{program} {name} {parameter.name}"
         for program, module in (("nlfrf", measuring), ("robust", controlling))
-        for name, command in get_command(module.app).commands.items()
+        for name, command in commands_of(get_command(module.app))
         for parameter in command.params
         if parameter.name in OUTPUT_PARAMETERS
     }
     options = {"out": "-o {}", "picture": "--picture {}"}
     tried = {
-        f"{' '.join(command.split()[:2])} {name}"
+        f"{' '.join(command.split()[: 3 if 'robust drive' in command else 2])} {name}"
         for command in COMMANDS
         for name, option in options.items()
         if option in command
@@ -125,7 +135,7 @@ def test_every_command_that_writes_is_here():
     paths = {
         parameter.name
         for module in (measuring, controlling)
-        for command in get_command(module.app).commands.values()
+        for _, command in commands_of(get_command(module.app))
         for parameter in command.params
         if "out" in parameter.name or "picture" in parameter.name
     } - {"output"}

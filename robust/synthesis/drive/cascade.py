@@ -20,7 +20,7 @@ from robust.models.fit.nominal import DesignWarning
 from robust.synthesis.drive.filters import bilinear_section
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = ["cascade", "hold_mean", "realise_section", "set_point_path", "velocity_section"]
+__all__ = ["cascade", "hold_mean", "realise_section", "velocity_section", "with_set_point"]
 
 
 def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
@@ -73,11 +73,7 @@ def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = 
     scale = settings.gain * settings.output_factor(unit)
     warn_of_slow_position_loop(settings)
     dt = settings.dt
-    velocity = times(settings.unit_factor, realise_section(velocity_section(settings), dt))
-    factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
-    by_position = times(settings.kv * factor, hold_mean(settings))
-    error = beside(velocity, by_position, joined=settings.encoder != "both")
-    K = in_series(error, *behind_velocity_loop(settings, scale), dt=dt)
+    K = in_series(measured_velocity(settings), *behind_velocity_loop(settings, scale), dt=dt)
     if actuator:
         current = control.StateSpace([], [], [], [[1.0]], 0)
         if rate := settings.lag and 1 / settings.lag:
@@ -87,16 +83,23 @@ def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = 
     return with_names(K, inputs, ("current" if unit == "A" else "force",))
 
 
-def set_point_path(settings: DriveSettings, *, output_unit: str = "") -> control.StateSpace:
-    """Return the drive from the position set point to u, the measured positions at zero; both in their own units."""
+def with_set_point(settings: DriveSettings, *, output_unit: str = "") -> control.StateSpace:
+    """Return the drive as it runs, from the position set point and the measured positions to u, all in their units."""
     scale = settings.gain * settings.output_factor(output_unit or settings.output_unit)
     factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
     n, held = settings.position_every, hold_mean(settings)
     ahead = settings.velocity_feedforward * settings.fs / n  # differences over a period of the position loop
     difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
-    velocity = beside(times(settings.kv, held), in_series(difference, held, dt=settings.dt), joined=True)
-    path = in_series(times(factor, velocity), *behind_velocity_loop(settings, scale), dt=settings.dt)
-    return with_names(path, ("set point",), ("u",))
+    asked = beside(times(settings.kv, held), in_series(difference, held, dt=settings.dt), joined=True)
+    error = beside(times(factor, asked), times(-1.0, measured_velocity(settings)), joined=False)
+    return in_series(error, *behind_velocity_loop(settings, scale), dt=settings.dt)
+
+
+def measured_velocity(settings: DriveSettings) -> control.StateSpace:
+    """What the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
+    velocity = times(settings.unit_factor, realise_section(velocity_section(settings), settings.dt))
+    factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
+    return beside(velocity, times(settings.kv * factor, hold_mean(settings)), joined=settings.encoder != "both")
 
 
 def behind_velocity_loop(settings: DriveSettings, scale: float) -> list[control.StateSpace]:
@@ -159,10 +162,10 @@ def times(factor: float, system: control.StateSpace) -> control.StateSpace:
 
 
 def beside(F: control.StateSpace, G: control.StateSpace, *, joined: bool) -> control.StateSpace:
-    """The sum of two outputs, of one input that both share or of an input each."""
+    """The sum of two outputs, of one input that both share or of inputs of their own."""
     n, m = F.nstates, G.nstates
     A = np.block([[F.A, np.zeros((n, m))], [np.zeros((m, n)), G.A]])
-    B = np.block([[F.B, np.zeros((n, 1))], [np.zeros((m, 1)), G.B]])
+    B = np.block([[F.B, np.zeros((n, G.ninputs))], [np.zeros((m, F.ninputs)), G.B]])
     D = np.hstack([F.D, G.D])
     if joined:
         B, D = B.sum(axis=1, keepdims=True), D.sum(axis=1, keepdims=True)

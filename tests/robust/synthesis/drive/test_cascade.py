@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 import nlfrf
 import robust
 from robust.drive import DriveSettings, biquad, cascade, low_pass, notch
-from robust.synthesis.drive.cascade import set_point_path
+from robust.synthesis.drive.cascade import with_set_point
 from tests.support.linear_axis import PRESETS, frictionless, linear_plant, settings_of
 
 FS = 4000.0
@@ -44,8 +44,13 @@ def test_load_encoder_and_set_point():
     r[0] = 0.0
     trace = nlfrf.run_servo(axis, position=r, oversampling=4)
     G = robust.sampled(linear_plant(axis), settings.dt, settings.delay)
-    L = control.feedback(G, cascade(settings, output_unit="N"))
-    y = control.forced_response(control.series(set_point_path(settings, output_unit="N"), L), inputs=r).outputs
+    drive, y, x = with_set_point(settings, output_unit="N"), [], np.zeros(G.nstates)
+    xd = np.zeros(drive.nstates)
+    for set_point in r:  # the loop, sample by sample
+        y.append((G.C @ x).item())
+        seen = np.array([set_point, y[-1]])
+        u = drive.C @ xd + drive.D @ seen
+        xd, x = drive.A @ xd + drive.B @ seen, G.A @ x + G.B @ u
     assert 1e-4 < np.abs(trace.position).max() < 1e-2
     assert np.abs(y - trace.position).max() < 5e-6 * np.abs(trace.position).max()
 

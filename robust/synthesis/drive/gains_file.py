@@ -1,0 +1,122 @@
+"""Gains of a drive in a TOML file, every number with its unit."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from nlfrf._base.arguments import short_form
+from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
+from robust.synthesis.drive.settings import DriveSettings
+from robust.synthesis.drive.units import parse_quantity
+
+__all__ = ["load_gains"]
+
+#: Entry of the file -> kind of quantity, as it is.
+NUMBERS = {
+    **dict.fromkeys(("fs", "observer_frequency"), "frequency"),
+    **dict.fromkeys(("tn", "lag", "delay", "velocity_lag"), "time"),
+    "kv": "rate",
+    "limit": "output",
+    "torque_constant": "torque constant",
+    "velocity_feedforward": "share",
+}
+#: Entries that are texts or whole numbers, as `DriveSettings` takes them.
+PLAIN = ("position_every", "encoder", "velocity_from", "position_unit", "load_unit", "unit_factor", "load_factor")
+FILTERS: dict[str, Any] = {"notch": notch, "low_pass": low_pass, "biquad": biquad}
+FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
+    "numerator_frequency": "frequency",
+    "numerator_zeta": "share",
+}
+
+
+def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
+    """Read the settings of a drive from a TOML file, in which every number has its unit.
+
+    Parameters
+    ----------
+    path : path
+        With `fs`, `kv`, `kp`, and what else `DriveSettings` has; `delay` in ms in place of periods; filters in tables
+        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency, and the other numbers of that function.
+
+    Returns
+    -------
+    DriveSettings
+
+    Raises
+    ------
+    ValueError
+        A file that is not TOML, an entry that is not known or missing, a number without a unit or with a wrong one.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = '''
+    ... fs = "4 kHz"
+    ... kv = "100 1/s"
+    ... kp = "143 A/(m/s)"
+    ... tn = "10 ms"
+    ... torque_constant = "52.8 N/A"
+    ... lag = "0.3 ms"
+    ... delay = "0.25 ms"
+    ... [[filters]]
+    ... notch = "83 Hz"
+    ... bandwidth = "20 Hz"
+    ... depth = 0.1
+    ... '''
+    >>> with tempfile.NamedTemporaryFile("w", suffix=".toml") as file:
+    ...     _ = file.write(text), file.flush()
+    ...     print(load_gains(file.name))
+    position loop kv = 100 1/s, every 0.25 ms
+    velocity loop kp = 143 A/(m/s), tn = 10 ms, velocity from differences, every 0.25 ms
+    filters: notch at 83 Hz
+    force constant 52.8 N/A; current loop: lag 0.3 ms, delay 0.25 ms
+    """
+    with open(path, "rb") as file:
+        try:
+            content = tomllib.load(file)
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"path must be a TOML file with the gains of a drive, got {path}: {error}") from None
+    known = {*NUMBERS, *PLAIN, "kp", "filters"}
+    if others := sorted(set(content) - known):
+        raise ValueError(f"{path} must have no entry {others[0]}; it may have {', '.join(sorted(known))}")
+    if missing := [name for name in ("fs", "kv", "kp") if name not in content]:
+        raise ValueError(f"{path} must have an entry {missing[0]}, got none")
+    found: dict[str, Any] = {name: content[name] for name in PLAIN if name in content}
+    for name, kind in NUMBERS.items():
+        if name in content:
+            found[name] = parse_quantity(name, kind, content[name])
+    kp = content["kp"]
+    number, _, unit = kp.strip().partition(" ") if isinstance(kp, str) else ("", "", "")
+    try:
+        found |= {"kp": float(number), "kp_unit": unit.strip()}
+    except ValueError:
+        raise ValueError(f'kp must be a number with its unit, such as "143 A/(m/s)", got {short_form(kp)}') from None
+    if "delay" in found:
+        found["delay_periods"] = found.pop("delay") * found["fs"]
+    slots = content.get("filters", [])
+    if not isinstance(slots, list):
+        raise ValueError(f"filters must be tables [[filters]], got {short_form(slots)}")
+    return DriveSettings(**found, filters=tuple(map(read_slot, slots)))
+
+
+def read_slot(given: Any) -> FilterSlot:
+    """One filter of the file."""
+    kinds = [kind for kind in FILTERS if isinstance(given, Mapping) and kind in given]
+    if len(kinds) != 1:
+        raise ValueError(f"filters must each have one of {', '.join(FILTERS)}, got {short_form(given)}")
+    kind = kinds[0]
+    if others := sorted(set(given) - {kind} - set(FILTER_NUMBERS)):
+        raise ValueError(f"filters must have no entry {others[0]}; of {', '.join(FILTER_NUMBERS)} what {kind} takes")
+    numbers = {name: parse_quantity(name, FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
+    try:
+        slot: FilterSlot = FILTERS[kind](parse_quantity(kind, "frequency", given[kind]), **numbers)
+    except TypeError:
+        raise ValueError(
+            f"filters must have the numbers that {kind} takes, got {', '.join(numbers) or 'none'}"
+        ) from None
+    return slot

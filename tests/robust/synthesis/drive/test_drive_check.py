@@ -1,0 +1,267 @@
+"""The command `robust drive check`: traces and gains in, one page out, held against the axis behind the traces."""
+
+import json
+import re
+import sys
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+import nlfrf
+import robust
+from robust import cli
+from robust.drive import cascade, load_gains
+from robust.reports.drive_check import check_drive, read_trace
+from tests.support.linear_axis import frictionless, linear_plant, settings_of
+
+LINEAR = """
+fs = "4 kHz"
+kv = "100 1/s"
+kp = "143 A/(m/s)"
+tn = "10 ms"
+torque_constant = "52.8 N/A"
+lag = "0.3 ms"
+delay = "0.25 ms"
+"""
+ROTARY = """
+fs = "4 kHz"
+kv = "15 1/s"
+kp = "16 A/(rad/s)"
+tn = "50 ms"
+torque_constant = "12 Nm/A"
+lag = "0.5 ms"
+delay = "0.25 ms"
+"""
+
+
+def trace(axis, rms, *, base_velocity=0.0, f_min=5, f_max=400, n_samples=4000):
+    ms = nlfrf.multisine(fs=4000, n_samples=n_samples, f_min=f_min, f_max=f_max, rms=rms, rng=1)
+    record = nlfrf.simulate_servo(axis, ms, n_periods=3, base_velocity=base_velocity)
+    if axis.resolution:
+        return record
+    noise = 1e-3 * np.std(record.y) * np.random.default_rng(0).standard_normal(record.y.shape)
+    return replace(record, y=record.y + noise)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Traces of a linear motor under a soft drive, at rest and in motion, and of a rotary axis; gains of both."""
+    folder = tmp_path_factory.mktemp("traces")
+    axis = nlfrf.servo_axis("linear motor")
+    axis = replace(axis, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
+    for name, rms, velocity in (("low", 0.7, 0), ("mid", 2.0, 0), ("high", 10.0, 0), ("moving", 60.0, 0.1)):
+        nlfrf.save_record(trace(axis, rms, base_velocity=velocity), folder / f"{name}.npz")
+    joint = frictionless("joint", kv=2.0, kp=4.0, tn=0.5)
+    nlfrf.save_record(trace(joint, 5.0, f_min=3, f_max=200, n_samples=8000), folder / "joint.npz")
+    (folder / "gains.toml").write_text(LINEAR)
+    (folder / "joint.toml").write_text(ROTARY)
+    return folder
+
+
+@pytest.fixture
+def run(folder, monkeypatch, capsys):
+    def command(words):
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(sys, "argv", ["robust", "drive", "check", *words.split()])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        printed = capsys.readouterr()
+        return stop.value.code or 0, printed.out, printed.err
+
+    return command
+
+
+def test_levels_give_every_verdict_on_one_page(run, folder):
+    code, page, _ = run("low.npz mid.npz high.npz moving.npz gains.toml -o page.txt")
+    assert code == 0, page
+    assert "kp = 143 A/(m/s), tn = 10 ms" in page
+    assert "linear loop, from moving.npz (m/N)" in page
+    assert "STATISTICALLY ROBUST" in page
+    assert re.search(r"\|S\| at most 1\.[5-9]\d? over the set, at \d+", page)
+    assert "proved: Comes to rest from every state with every Maxwell-slip friction" in page
+    assert "behind a current loop of 0.3 ms, sampled at 4 kHz with 0.25 ms of delay" in page
+    assert "of 1 m goes to 1, 10 to 90 % in" in page
+    assert 2000 < float(re.search(r"K0 = (\d+) kN/m", page)[1]) < 3500  # the axis has 2000
+    assert float(re.search(r"m = ([\d.]+) \+-", page)[1]) == pytest.approx(12, rel=0.02)
+    assert page.replace("wrote page.txt\n", "").strip() in (folder / "page.txt").read_text()
+
+
+def test_gains_that_are_too_high_are_not_safe(run, folder):
+    (folder / "hot.toml").write_text(LINEAR.replace("143", "600"))
+    code, page, _ = run("moving.npz hot.toml")
+    assert code == 1
+    assert "NOT ROBUST" in page
+    assert "worst case" not in page
+
+
+def test_an_approximation_is_no_proof(run, folder):
+    (folder / "slow.toml").write_text(LINEAR + "position_every = 4\n")
+    code, page, warning = run("moving.npz slow.toml")
+    assert (code, "STATISTICALLY ROBUST" in page) == (1, True)
+    assert "nothing is proved of the drive itself" in page
+    assert warning.startswith("robust: warning: the position loop runs once in 4 periods")
+
+
+def test_the_result_as_json(run):
+    code, out, _ = run("moving.npz gains.toml --json")
+    found = json.loads(out)
+    assert (code, found["unit"], found["proved"]) == (0, "N", True)
+    assert found["report"]["nominally_stable"] is True
+    assert "three levels" in found["friction_note"]
+
+
+def test_no_metre_is_said_of_a_radian(run):
+    code, page, _ = run("joint.npz joint.toml")
+    assert code == 0, page
+    assert "rad/Nm" in page
+    assert "of 1 rad goes to 1" in page
+    assert "Nm rms" in page
+    assert not re.search(r"\bm/N\b|\bN/m\b|\bkN\b|\bkg\b|\d m\b|\bm rms|\d N\b", page)
+
+
+@pytest.mark.filterwarnings("ignore:G stands out of its neighbours")  # where it sticks, a narrow resonance
+def test_no_metre_is_said_of_a_radian_in_a_proof(folder):
+    settings = load_gains(folder / "gains.toml")
+    linear = [read_trace(folder / f"{name}.npz", settings) for name in ("low", "mid", "high", "moving")]
+    turned = [replace(one, input_units=("Nm",), output_units=("rad",)) for one in linear]
+    found = check_drive(turned, replace(settings, kp_unit="A/(rad/s)", position_unit="", load_unit=""))
+    assert found.proofs
+    assert found.proved
+    assert "kNm/rad" in str(found)
+    assert not re.search(r"\bm/N\b|\bN/m\b|\bkN/m\b|\bkg\b(?! m\^2)|\d m\b|\bm rms|\d N\b", str(found))
+
+
+def exact_margins(axis, settings):
+    """Crossover [Hz] and phase margin [deg] of the true linear loop."""
+    G = robust.sampled(linear_plant(axis), settings.dt, settings.delay)
+    w = 2 * np.pi * np.geomspace(1, 1000, 20001)
+    L = (control.series(cascade(settings, output_unit="N"), G))(np.exp(1j * w * settings.dt))
+    k = np.flatnonzero((np.abs(L[1:]) < 1) & (np.abs(L[:-1]) >= 1))[-1]
+    return w[k] / 2 / np.pi, 180 - abs(np.degrees(np.angle(L[k])))
+
+
+@pytest.mark.parametrize("actual", [False, True])
+def test_margins_and_step_are_those_of_the_axis(actual):
+    axis = frictionless("linear motor")
+    settings = settings_of(axis)
+    record = trace(frictionless("linear motor", kv=20, kp=40, tn=0.05), 5.0)
+    if actual:  # what the current loop makes of its set point, by an exact lag behind a delay of one period
+        lag = robust.sampled(control.tf([1], [axis.drive.lag, 1]), settings.dt, settings.delay)
+        z = np.exp(2j * np.pi * np.arange(2001) / 4000)
+        current = np.fft.irfft(np.fft.rfft(record.u) * lag(z) * np.exp(0j), 4000)
+        record = replace(record, u=current, hold="band-limited")
+    found = check_drive([record], settings, actual=actual)
+    crossover, phase = exact_margins(axis, settings)
+    margins = found.report.classical
+    late = 1.5 if actual else 0.05  # the samples of the current have no hold: half a period, 4.5 deg at 50 Hz
+    assert margins.crossover / 2 / np.pi == pytest.approx(crossover, rel=0.01)
+    assert np.degrees(margins.phase_margin) == pytest.approx(phase, abs=2 * late)
+    assert (found.proved, found.unit) == (True, "N")
+    r = np.full(1200, 1e-3)
+    r[0] = 0.0
+    moved = nlfrf.run_servo(axis, position=r).position[1:] / 1e-3
+    if not actual:
+        assert found.step.y == pytest.approx(moved[: found.step.y.size], abs=2e-3)
+        assert found.step.y.size > 100
+
+
+def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
+    settings = load_gains(folder / "gains.toml")
+    record = nlfrf.load_record(folder / "moving.npz")
+    named = replace(record, u=record.u / 52.8, y=record.y * 1e3, input_units=("A",), output_units=("mm",))
+    nlfrf.save_record(named, folder / "amperes.npz")
+    one, other = (read_trace(folder / name, settings) for name in ("moving.npz", "amperes.npz"))
+    assert np.allclose(one.u, other.u, rtol=1e-12)
+    assert np.allclose(one.y, other.y, rtol=1e-12)
+    assert (other.u_unit, other.y_unit, other.hold) == ("N", "m", "zoh")
+    bare = replace(settings, torque_constant=np.nan)
+    assert read_trace(folder / "amperes.npz", bare).u_unit == "A"
+    with pytest.raises(ValueError, match=r"torque_constant must be given \[N/A\] between a gain in A/\(m/s\)"):
+        read_trace(folder / "moving.npz", replace(bare, kp_unit="A/(m/s)")) and check_drive(
+            [read_trace(folder / "moving.npz", bare)], bare
+        )
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("moving.npz", "file must be traces and one GAINS.toml, got moving.npz"),
+        ("gains.toml", "file must be traces and one GAINS.toml"),
+        ("moving.npz gains.toml joint.toml", "file must be traces and one GAINS.toml"),
+        ("joint.npz gains.toml", "trace must have the position in m or a multiple of m, got joint.npz in rad"),
+        ("moving.npz none.toml", "none.toml could not be opened"),
+        ("moving.npz gains.toml --input w", "w"),
+        (
+            "moving.npz gains.toml --fs 1000",
+            "trace must be sampled as the velocity loop is, at 4000 Hz, got moving.npz at",
+        ),
+    ],
+)
+def test_mistakes_are_one_line(run, words, message):
+    code, out, err = run(words)
+    assert code == 2
+    assert message in err
+    assert err.strip().splitlines()[-1].startswith("robust: ")
+    assert not out
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('"100 1/s"', "100"), 'kv must be a number with its unit, such as "1 1/s"'),
+        (('"10 ms"', '"10 Hz"'), "tn must be a number with its unit"),
+        (('"143 A/(m/s)"', "143"), "kp must be a number with its unit"),
+        (('"143 A/(m/s)"', '"143 V"'), "kp_unit must be current or force over velocity"),
+        (("tn =", "Tn ="), "must have no entry Tn"),
+        (('kv = "100 1/s"', ""), "must have an entry kv, got none"),
+        (("lag = ", "lag = = "), "path must be a TOML file with the gains of a drive"),
+        (("fs =", "filters = 3\nfs ="), r"filters must be tables \[\[filters\]\], got 3"),
+        (("delay", "encoder"), "encoder must be one of"),
+    ],
+)
+def test_gains_that_are_not_well_written_are_refused(tmp_path, change, message):
+    path = tmp_path / "g.toml"
+    path.write_text(LINEAR.replace(*change))
+    with pytest.raises(ValueError, match=message):
+        load_gains(path)
+
+
+@pytest.mark.parametrize(
+    ("slot", "message"),
+    [
+        ('bandwidth = "2 Hz"', "filters must each have one of notch, low_pass, biquad"),
+        ('notch = "80 Hz"', "filters must have the numbers that notch takes, got none"),
+        ('notch = "80 Hz"\nwidth = "2 Hz"', "filters must have no entry width"),
+        ('low_pass = "80"', 'low_pass must be a number with its unit, such as "1 Hz" or "1 kHz"'),
+    ],
+)
+def test_filters_that_are_not_well_written_are_refused(tmp_path, slot, message):
+    path = tmp_path / "g.toml"
+    path.write_text(f"{LINEAR}\n[[filters]]\n{slot}\n")
+    with pytest.raises(ValueError, match=message):
+        load_gains(path)
+
+
+def test_a_file_holds_what_the_settings_hold(tmp_path):
+    path = tmp_path / "g.toml"
+    path.write_text(
+        'fs = "8 kHz"\nkv = "2 (m/min)/mm"\nkp = "2.5 Nm/(rad/s)"\ntn = "4 ms"\ntorque_constant = "0.9 Nm/A"\n'
+        'position_unit = "counts"\nunit_factor = 6e-6\nvelocity_lag = "0.1 ms"\nlimit = "12 Nm"\n'
+        'velocity_feedforward = "80 %"\ndelay = "187.5 us"\nposition_every = 2\n'
+        '[[filters]]\nlow_pass = "1 kHz"\nzeta = 0.6\n'
+        '[[filters]]\nbiquad = "80 Hz"\nzeta = 0.5\nnumerator_frequency = "47 Hz"\nnumerator_zeta = 0.02\n'
+    )
+    found = load_gains(path)
+    assert (found.fs, found.tn, found.delay_periods, found.position_every) == (8000.0, 0.004, 1.5, 2)
+    assert found.kv == pytest.approx(2000 / 60)
+    assert (found.kp, found.kp_unit, found.limit, found.velocity_feedforward) == (2.5, "Nm/(rad/s)", 12.0, 0.8)
+    assert [slot.kind for slot in found.filters] == ["low-pass", "biquad"]
+    assert np.allclose(found.filters[0].section(8000), robust.drive.low_pass(1000, zeta=0.6).section(8000))
+
+
+def test_two_encoders_are_no_trace_of_one_position(folder):
+    settings = replace(load_gains(folder / "gains.toml"), encoder="both")
+    with pytest.raises(ValueError, match='encoder must be "motor" or "load"'):
+        check_drive([read_trace(folder / "moving.npz", settings)], settings)
