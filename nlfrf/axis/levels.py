@@ -24,11 +24,14 @@ __all__ = ["AxisLevels", "LevelState", "find_levels"]
 
 LOW_LINES = 6  # lowest lines that the stiffness is read from: two periods of a special-odd grid
 STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
-PLATEAU = 0.05  # relative: how far the stiffness of levels that stick may scatter; quantisation makes 1 to 2 %
+PLATEAU = 0.1  # relative: how far the stiffness of levels that stick may scatter; quantisation makes up to 6 %
 STICKS = 0.97  # of the plateau: with less, elements slip at the peaks of the multisine
 PLATEAU_SPAN = 2.0  # highest over lowest position of the plateau, so that two equal levels are not taken for one
 SLIDES = 0.005  # of the fall of the stiffness: what is left of it where the axis slides
 SETTLED = 0.02  # of the plateau: largest change of the stiffness between the two highest levels where it slides
+HELD = (
+    0.5  # share of the force on the lowest lines that stiffness takes, where it is more than a correction of the mass
+)
 RISES = 1.2  # stiffness over its plateau above which it rises with the level
 CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
 
@@ -177,11 +180,12 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
 
 
 class Level(NamedTuple):
-    """What is read of one level: rms of force and position, stiffness, and whether it can be believed."""
+    """What is read of one level: rms of force and position, stiffness, its share of the force on the lowest lines."""
 
     force: float
     position: float
     stiffness: float
+    held: float
     readable: bool
     limited: bool
 
@@ -200,7 +204,8 @@ def read_level(record: Record) -> Level:
     steps = steps[steps > 1e-9 * np.ptp(record.y)]
     limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
     readable = not limited and position > STEPS * steps.min()
-    return Level(force, position, float(found[0]), readable, limited)
+    held = float(found[0] * np.linalg.norm(Y[low]) / np.linalg.norm(U[low]))
+    return Level(force, position, float(found[0]), held, readable, limited)
 
 
 def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelState], str]:
@@ -214,22 +219,28 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelS
             f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
             f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
         )
-    k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
-    largest = int(np.argmax(k))
-    first = plateau_of(k, position)
-    if position[largest] > PLATEAU_SPAN * position[0] and k[largest] > RISES * max(k[0], 0.0):
+    k, position, held = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position", "held"))
+    if not np.any(held > HELD):
         return states, (
-            f"the stiffness rises with the level, from {k[0]:.3g} to {k[largest]:.3g} {unit}: that is backlash or a "
-            "hardening spring, friction makes it fall. Take the play out first"
+            f"friction holds the axis at no level, from {read[good[0]].force:.3g} {force} rms on: the force goes into "
+            "its mass. Begin the ramp lower: raise span"
         )
-    if first is None:
+    stiffest = int(np.argmax(k))
+    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
+        return states, (
+            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} {unit}: that "
+            "is backlash or a hardening spring, friction makes it fall. Take the play out first"
+        )
+    first, last = plateau_of(k, position)
+    if first == last:
         for i in good:
             states[i] = LevelState.BENDS
         return states, (
-            f"no level sticks: the stiffness falls from the lowest one on, from {k[0]:.3g} to {k[1]:.3g} {unit}. "
-            f"Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
+            f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
+            f"{k[1]:.3g} {unit} on the lowest. Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
         )
-    k0, k_end = first, float(k[-1])
+    good, k = good[first:], k[first:]  # what is below the plateau is quantisation
+    k0, k_end = float(np.median(k[: last - first])), float(k[-1])
     share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
     settled = abs(k[-1] - k[-2]) < SETTLED * k0 and k_end < STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
@@ -251,12 +262,18 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelS
     return states, ""
 
 
-def plateau_of(k: np.ndarray, position: np.ndarray) -> float | None:
-    """The stiffness that the lowest levels share, None where they share none over a sufficient range of position."""
-    n = 1
-    while n < k.size and abs(k[n] / np.median(k[:n]) - 1) < PLATEAU:
-        n += 1
-    return float(np.median(k[:n])) if k[0] > 0 and position[n - 1] >= PLATEAU_SPAN * position[0] else None
+def plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
+    """First level, and the one behind the last, of the longest run of one stiffness over a sufficient range."""
+    best = (0, 0)
+    for first in range(k.size):
+        last = first + 1
+        while last < k.size and abs(k[last] / np.median(k[first:last]) - 1) < PLATEAU:
+            last += 1
+        wide = position[last - 1] >= PLATEAU_SPAN * position[first]
+        stiff = k[first] > k.max() / 2  # sliding axes have a plateau, too
+        if wide and stiff and last - first > best[1] - best[0]:
+            best = (first, last)
+    return best
 
 
 def choose_levels(states: list[LevelState], stiffness: np.ndarray) -> list[int]:

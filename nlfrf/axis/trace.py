@@ -17,6 +17,7 @@ from nlfrf._base.files import to_path
 from nlfrf._base.numbers import rfft_at, squared_modulus
 from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_experiment
+from nlfrf.io.records import find_lost_rows
 from nlfrf.records.record import Record
 from nlfrf.records.reference import design_period
 from nlfrf.records.screening.input import warn_about_channel
@@ -29,10 +30,22 @@ MOTION_UNITS = (
     *("m", "mm", "um", "µm", "nm", "rad", "mrad", "deg", "°", "inc", "counts", "m/s", "mm/s", "rad/s", "deg/s", "°/s"),
     *("rpm", "1/min", "rev/min", "U/min", "m/s^2", "m/s²", "mm/s^2", "mm/s²", "rad/s^2", "rad/s²"),
 )
+#: Units of position in those of the simulated axis, by which the base motion is taken off.
+POSITION_SCALES = {
+    "mm": 1e3,
+    "um": 1e6,
+    "µm": 1e6,
+    "nm": 1e9,
+    "mrad": 1e3,
+    **dict.fromkeys(("deg", "°"), 180 / np.pi),
+}
 SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the one that was played: rounding
 OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expected to differ from it
 MIN_LIKENESS = 0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
 FACTOR = 2.0  # between what is measured and what the design expects, on the upper lines, where friction hardly counts
+START = 0.02  # of a period by which a trace may begin elsewhere: delays of the loop that a design does not know
+AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
+TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
 UPPER_SHARE = 1 / 3  # of the lines that count as upper
 OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
 TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back without a word
@@ -127,7 +140,7 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
     if not labels or (len(labels) < len(experiment.groups) and not experiment.is_ramp):
         raise ValueError(
             f"path must hold the whole experiment, {experiment.duration:g} s from start = {start:g} s on, got "
-            f"{min(run.u.size for run in runs) / fs:g} s"
+            f"{min(run.u.size for run in runs) / fs:g} s: is fs right?"
         )
     drawn = experiment.ms.sampled(N)
     order = match_realizations([one[labels[-1]] for one in cut], drawn, lines.excited)
@@ -143,10 +156,12 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
         records.append(Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **runs[0].labels))
     if not records:
         raise ValueError("y must move by at least one step of its encoder, got a position that stands still")
-    examine_trace(experiment, records[-1])
     if not experiment.is_ramp:
         for label, record in zip(labels, records, strict=True):
-            examine_motion(experiment, label, record, max(one[label].drift for one in cut))
+            require_even_periods(record)
+            examine_motion(experiment, label, record, max((one[label].drift for one in cut), key=abs))
+    if examine_trace(experiment, records[-1]) and not experiment.is_ramp:
+        for label, record in zip(labels, records, strict=True):
             warn_of_other_level(experiment, label, record)
     return tuple(records)
 
@@ -161,7 +176,7 @@ class Run(NamedTuple):
 
 
 class Periods(NamedTuple):
-    """Kept periods (P, N) of force set point and position, and the base velocity that was measured over the played."""
+    """Kept periods (P, N) of force set point and position, and by how much the base velocity is off, relative."""
 
     u: np.ndarray
     y: np.ndarray
@@ -177,6 +192,9 @@ def read_run(file: Channels, u: str, y: str, fs: float | None) -> Run:
             f"u must be the force, torque or current set point behind the loops, got {u!r} in {unit}: "
             "trace that channel, not a set point of motion"
         )
+    lost = find_lost_rows(file.seconds(u), run.fs)
+    if lost is not None:
+        raise ValueError(f"path must be a trace without gaps, got {lost}; trace again")
     if run.u.size != run.y.size:
         raise ValueError(f"y must be as long as u, {run.u.size} samples, got {run.y.size}")
     return run
@@ -199,7 +217,8 @@ def cut_run(run: Run, experiment: AxisExperiment, N: int, start: float) -> dict[
     first = round(start * run.fs)
     block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
     moments = (np.arange(run.y.size) - first) / run.fs
-    base = np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
+    scale = POSITION_SCALES.get(run.labels["y_unit"], 1.0)
+    base = scale * np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
     found = {}
     for label, segments in experiment.groups.items():
         u, y, drifts = [], [], []
@@ -212,13 +231,13 @@ def cut_run(run: Run, experiment: AxisExperiment, N: int, start: float) -> dict[
             u.append(run.u[some].reshape(n, N))
             way = (run.y - base)[some].reshape(n, N)
             slope = float(np.polyfit(np.arange(n) * N, way.mean(axis=1), 1)[0]) if n > 1 else 0.0
-            velocity = float(experiment.velocities[s])
+            velocity = scale * float(experiment.velocities[s])
             if velocity:
                 way = way - slope * np.arange(n * N).reshape(n, N)
-                drifts.append(abs(slope * run.fs / velocity))
+                drifts.append(slope * run.fs / velocity)
             y.append(way - way.mean())
         if u:
-            found[label] = Periods(np.concatenate(u), np.concatenate(y), max(drifts, default=0.0))
+            found[label] = Periods(np.concatenate(u), np.concatenate(y), max(drifts, key=abs, default=0.0))
     return found
 
 
@@ -253,9 +272,12 @@ def same_signal(A: np.ndarray, R: np.ndarray, lines: np.ndarray, N: int) -> floa
     return float(1 - gain / np.sum(squared_modulus(A)))
 
 
-def examine_trace(experiment: AxisExperiment, record: Record) -> None:
-    """Refuse set points in place of what was measured; warn of a limit, a wrong sign, another size than expected."""
-    lines, N, ms = record.lines.excited, record.n_samples, experiment.ms
+def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
+    """Whether force and position are as the design expects, but for friction.
+
+    Refuses set points in place of what was measured; warns of a limit, a wrong sign, another size than expected.
+    """
+    lines, N = record.lines.excited, record.n_samples
     U, Y, R = (rfft_at(one.mean(axis=1), lines) for one in (record.u, record.y, record.r))
     for name, A, expected, cure in (
         ("u", U, experiment.force_response, "trace the force, torque or current set point behind the loops"),
@@ -267,27 +289,64 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> None:
         ):
             raise ValueError(f"{name} must be measured in the loop, got the multisine that was played: {cure}")
     warn_about_channel("u", np.ascontiguousarray(record.u[0]).ravel(), N)
-    if is_turned(U, Y, 2 * np.pi * ms.f):
-        data_warning(
-            "y falls where u rises, as of a negative mass: turn the sign of the position or of the force, "
-            "before a controller is designed for it"
-        )
+    require_start(U / R / experiment.force_response, record)
     upper = slice(-max(int(UPPER_SHARE * lines.size), 3), None)
-    for what, A, expected in (
-        (f"u ({record.u_name or 'force'})", U, experiment.force_response),
-        (f"y ({record.y_name or 'position'})", Y, experiment.position_response),
-    ):
-        ratio = float(np.median(np.abs(A / R / expected)[:, upper]))
-        if not 1 / FACTOR < ratio < FACTOR:
+    ratios = {"u": (U / R / experiment.force_response)[:, upper], "y": (Y / R / experiment.position_response)[:, upper]}
+    means = {name: np.mean(one / np.abs(one)) for name, one in ratios.items()}
+    turns = {name: float(np.degrees(np.angle(one))) * (abs(one) > AGREE) for name, one in means.items()}
+    if all(abs(turn) > TURNED for turn in turns.values()):
+        raise ValueError(
+            "path must begin with what was played, or start say when it begins, got u and y with the other sign, as of "
+            "half a period"
+        )
+    units = {"u": (experiment.force_unit, record.u_unit), "y": (experiment.position_unit, record.y_unit)}
+    found = True
+    for name, turn in turns.items():
+        gain, (designed, traced) = float(np.median(np.abs(ratios[name]))), units[name]
+        if abs(turn) > TURNED:
+            data_warning(f"{name} has the other sign than the design expects: turn it, G is that of a negative mass")
+        elif abs(turn) > 180 - TURNED or (traced in ("", designed) and not 1 / FACTOR < gain < FACTOR):
             data_warning(
-                f"{what} is {ratio:.3g} times what the design expects on the upper lines, where friction hardly "
-                f"counts: is it in another unit than {experiment.force_unit if A is U else experiment.position_unit}, "
-                "or the machine another one?"
+                f"{name} is {gain:.3g} times what the design expects, turned by {turn:.0f} deg, on the upper lines, "
+                f"where friction hardly counts: is it another signal, in another unit than {designed}, or the machine "
+                "another one?"
             )
+        else:
+            continue
+        found = False
+    return found
+
+
+def require_even_periods(record: Record) -> None:
+    """Refuse periods of very different size: of them some are none of those that were to be kept."""
+    size = np.sum(squared_modulus(rfft_at(record.u, record.lines.excited)), axis=2).min(axis=0)
+    if size.min() * FACTOR**2 < size.max():
+        first, last = np.sqrt(2 * size[[size.argmin(), size.argmax()]]) / record.n_samples
+        raise ValueError(
+            f"path must begin with what was played, or start say when it begins, got a force of {first:.2g} to "
+            f"{last:.2g} {record.u_unit} rms from period to period"
+        )
+
+
+def require_start(ratio: np.ndarray, record: Record) -> None:
+    """Refuse a force whose phases, against the design (M, F), are those of a trace that begins somewhere else."""
+    N = record.n_samples
+    spectrum = np.zeros(N // 2 + 1, dtype=complex)
+    spectrum[record.lines.excited] = np.mean(ratio / np.abs(ratio), axis=0)
+    alike = np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size  # 1: all lines agree on that delay
+    late, near, half = int(np.argmax(alike)), max(int(START * N), 1), N // 2
+    late = (late + half // 2) % half - half // 2  # over half a period odd lines repeat with the other sign
+    if alike[late] > AGREE and max(alike[: near + 1].max(), alike[-near:].max()) < AGREE * alike[late]:
+        raise ValueError(
+            "path must begin with what was played, or start say when it begins, got a force that is "
+            f"{late / record.fs:.3g} s late, give or take half periods"
+        )
 
 
 def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) -> None:
     """Warn of a force far from what was asked for: the loop is not the one that the design took."""
+    if record.u_unit not in ("", experiment.force_unit):
+        return
     U = rfft_at(record.u.mean(axis=1), record.lines.excited) * 2 / record.n_samples
     reached = float(np.sqrt(np.mean(np.sum(squared_modulus(U), axis=1)) / 2))
     if not 1 / FACTOR < reached / experiment.rms < FACTOR:
@@ -297,36 +356,25 @@ def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) 
         )
 
 
-def is_turned(U: np.ndarray, Y: np.ndarray, omega: np.ndarray) -> bool:
-    """Whether U = (k - m w^2 + j c w) Y fits far better with all three negative than with none negative."""
-    from scipy.optimize import nnls
-
-    low = slice(0, max(omega.size // 2, 3))  # a delay turns the upper ones
-    columns = [(Y * factor)[:, low].ravel() for factor in (np.ones(omega.size), -(omega**2), 1j * omega)]
-    A, b = np.column_stack([np.concatenate([one.real, one.imag]) for one in columns]), U[:, low].ravel()
-    b = np.concatenate([b.real, b.imag])
-    scale = np.linalg.norm(A, axis=0)
-    right, turned = (float(nnls(A / scale, sign * b)[1]) for sign in (1.0, -1.0))
-    return turned < right / 2
-
-
 def examine_motion(experiment: AxisExperiment, label: str, record: Record, off: float) -> None:
     """Refuse a base motion at another velocity, and warn of an axis that turns back in it."""
     velocity = float(experiment.velocities[experiment.groups[label][0]])
     if not velocity:
         return
-    unit = f"{experiment.position_unit}/s"
-    if off > OFF_VELOCITY:
+    moved = f"{(1 + off) * velocity:.3g}"
+    if abs(off) > OFF_VELOCITY:
+        cure = f"is y the actual position in {experiment.position_unit}, and start right?"
         raise ValueError(
-            f"y must move at the base velocity of {velocity:g} {unit} {label}, got one that is off by "
-            f"{100 * off:.2g} %: is y the actual position in {experiment.position_unit}, and start right?"
+            f"y must move at {velocity:g} {experiment.position_unit}/s {label}, as the file does, got {moved}: "
+            + ("turn its sign" if abs(off + 2) < OFF_VELOCITY else cure)
         )
     lines, N = record.lines.excited, record.n_samples
+    velocity *= POSITION_SCALES.get(record.y_unit, 1.0)
     spectrum = np.zeros((record.n_realizations, N // 2 + 1), dtype=complex)
     spectrum[:, lines] = 2j * np.pi * lines * record.f0 * rfft_at(record.y.mean(axis=1), lines)
     back = float(np.mean((np.fft.irfft(spectrum, N, axis=1) + velocity) * velocity < 0))
     if back > TURNED_BACK:
         data_warning(
             f"the axis turns back in {100 * back:.2g} % of the samples {label}: it does not slide all the time. "
-            f"Raise base_velocity above {abs(velocity):g} {unit}, or lower the level"
+            "Raise base_velocity, or lower the level"
         )
