@@ -10,7 +10,7 @@ With --certificates: what three levels are enough for, every certificate made ag
 
 "Still moving": swing in the last tenth above 1e-3 of the largest after 20 slowest time constants; else it runs on.
 
-python -m benchmarks.bench_friction_proof [--bursts 24] [--loops 460] [--bristles] [--certificates]
+python -m benchmarks.bench_friction_proof [--bursts 24] [--loops 460] [--bristles] [--bounded] [--certificates]
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import time
 import warnings
 from collections import Counter
 
+import control
 import numpy as np
 
 import nlfrf
@@ -214,15 +215,31 @@ def certificates(loops: list, friction: AnyFriction) -> None:
     print(f"CPU with both limits: median {np.median(times):.2g} s, most {max(times):.2g} s", flush=True)
 
 
+def bounded() -> None:
+    """The bound of any friction of 1 N under a PD at ever faster clocks: they tend to one, and take how long."""
+    for clock in (1e-3, 1e-4, 1e-5):
+        K = control.ss([[0.0]], [[1.0]], [[-60 / clock]], [[20e3 + 60 / clock]], clock)
+        begin = time.process_time()
+        proof = robust.prove_friction(MACHINE, K, robust.any_bounded(1.0))
+        seconds = time.process_time() - begin
+        print(
+            f"any_bounded at {1e6 * clock:.0f} us: {proof.verdict}, {1e6 * proof.error_bound:.3f} um, {seconds:.3f} s"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bursts", type=int, default=24, help="bursts for each proved loop and stiction")
     parser.add_argument("--loops", type=int, default=460, help="loops, at most")
     parser.add_argument("--bristles", action="store_true", help="bristles that creep only")
+    parser.add_argument("--bounded", action="store_true", help="bounded friction at three clocks only")
     parser.add_argument("--certificates", action="store_true", help="levels and certificates only, no bursts")
     args = parser.parse_args()
     loops = (of_example_14() + random_loops(220, 1))[: args.loops]
     rng = np.random.default_rng(0)
+    if args.bounded:
+        bounded()
+        return
     if args.certificates:
         from_levels(loops)
         for stiction in (1.05, 1 / 0.7):

@@ -374,6 +374,8 @@ PIECES_PER_CYCLE = 32  # of a sampling period, or of half a swing of the fastest
 MAX_PIECES = 4096  # of a period
 MAX_PERIODS = 200_000
 MAX_OPERATIONS = 1e10  # multiplications
+MERGED_PER_CYCLE = 128  # pieces of whole periods in half a swing of the fastest mode that lasts: 0.02 % of the bound
+N_FINE_PERIODS = 64  # after which modes that are fast beside the clock have died
 TAIL_SHARE = 1e-4
 ROUNDED_UP = 1 + 1e-6  # outward
 CIRCLE_MARGIN = 1e-9  # a pole closer to the unit circle may lie on either side
@@ -396,8 +398,8 @@ class PeriodPieces:
         What 1 N in the pieces of the period before each makes of it, at most.
     bends, bends_within : ndarray
         The acceleration at the ends of the pieces, likewise.
-    longest : float
-        Length of the longest piece [s].
+    lengths : (P,) ndarray
+        Lengths of the pieces [s].
     """
 
     map: np.ndarray
@@ -406,7 +408,7 @@ class PeriodPieces:
     within: np.ndarray
     bends: np.ndarray
     bends_within: np.ndarray
-    longest: float
+    lengths: np.ndarray
 
 
 def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) -> float:
@@ -461,26 +463,64 @@ def steady_error_bound(loop: FrictionLoop) -> float:
         return np.inf
     # between two readings the position leaves its chord by at most h^2/8 times the acceleration: twice the most read
     bend = 2 * (absolute_kernel_integral(cut, cut.bends, cut.bends_within).max() + np.abs(loop.v @ loop.B))
-    return float((positions.max() + cut.longest**2 / 8 * bend) * ROUNDED_UP)
+    return float((positions.max() + cut.lengths.max() ** 2 / 8 * bend) * ROUNDED_UP)
 
 
 def absolute_kernel_integral(cut: PeriodPieces, rows: np.ndarray, within: np.ndarray) -> np.ndarray:
     """Return an upper bound (R,) of the integral of |kernel| from the past friction to each reading."""
-    state, norm = cut.kernel, lyapunov_norm(cut.map)
+    norm = lyapunov_norm(cut.map)
     if norm is None:
         return np.full(rows.shape[0], np.inf)
     factor, inverse, rate = norm
     n = cut.map.shape[0]
-    weight = np.linalg.norm(rows @ inverse, axis=1) / (1 - rate)
+    weight = np.linalg.norm(rows @ inverse, axis=1)
     total = within
-    for k in range(int(min(MAX_PERIODS, MAX_OPERATIONS / (rows.shape[0] * state.size)))):
-        if k % 8 == 0:  # what is left: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map shrinks
-            rest = weight * np.linalg.norm((factor @ state).reshape(n, -1, n), axis=(0, 2)).sum()
-            if (rest <= TAIL_SHARE * total.max()).all():
-                return np.asarray(total + rest)
-        total = total + kernel_norms(rows, state)
-        state = cut.map @ state
+    merged = merge_periods(cut)
+    affordable = int(min(MAX_PERIODS, MAX_OPERATIONS / (rows.shape[0] * cut.kernel.size)))
+    stages = [(1, cut.map, cut.kernel, affordable)]
+    if merged is not None and affordable > N_FINE_PERIODS:
+        count, kernel = merged
+        start = np.linalg.matrix_power(cut.map, N_FINE_PERIODS) @ kernel
+        stages = [
+            (1, cut.map, cut.kernel, N_FINE_PERIODS),
+            (count, np.linalg.matrix_power(cut.map, count), start, (affordable - N_FINE_PERIODS) // count),
+        ]
+    for count, step, state, n_steps in stages:
+        for k in range(n_steps):
+            if k % 8 == 0:  # what is left: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map shrinks
+                left = np.linalg.norm((factor @ state).reshape(n, -1, n), axis=(0, 2)).sum()
+                rest = weight * left / (1 - rate**count)
+                if (rest <= TAIL_SHARE * total.max()).all():
+                    return np.asarray(total + rest)
+            total = total + kernel_norms(rows, state)
+            state = step @ state
     return np.full(rows.shape[0], np.inf)
+
+
+def merge_periods(cut: PeriodPieces) -> tuple[int, np.ndarray] | None:
+    """How many periods are cut into pieces of whole periods, and what the friction of each makes of the state.
+
+    That is for modes which are slow beside the clock, once the fast ones have died; None where one of them is not slow.
+    """
+    poles = np.linalg.eigvals(cut.map)
+    lasting = poles[np.abs(poles) ** N_FINE_PERIODS > TAIL_SHARE]
+    fastest = np.abs(np.log(lasting)).max(initial=0.0)
+    if not fastest * MERGED_PER_CYCLE <= np.pi:
+        return None
+    together = int(np.pi / (MERGED_PER_CYCLE * fastest)) if fastest else 1
+    n = cut.map.shape[0]
+    pieces = cut.kernel.reshape(n, -1, n)
+    # (sum of h_p) times the sum of int g^2, of which a piece holds h_p int g^2
+    gram = np.einsum("ipk,jpk,p->ij", pieces, pieces, cut.lengths.sum() * together / cut.lengths)
+    total, power = np.zeros((n, n)), np.eye(n)
+    for _ in range(together):
+        total += power @ gram @ power.T
+        power = cut.map @ power
+    root = gramian_root(total)
+    kernel = [root]
+    for _ in range(MERGED_PER_CYCLE - 1):
+        kernel.append(power @ kernel[-1])
+    return MERGED_PER_CYCLE * together, np.hstack(kernel)
 
 
 def kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
@@ -544,7 +584,7 @@ def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
         within=sums[:, 0],
         bends=reads[:, 1],
         bends_within=sums[:, 1],
-        longest=float((spans / counts).max()),
+        lengths=np.repeat(spans / counts, counts.astype(int)),
     )
 
 
@@ -555,12 +595,19 @@ def flow_and_gramian_root(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.nd
     block[:n, :n], block[:n, n:], block[n:, n:] = -F, np.outer(B, B), F.T
     both = expm(block * h)
     flow = both[n:, n:].T
-    gram = h * flow @ both[:n, n:]
-    # in units in which every state is moved alike, as eigenvalues are as good as the largest
+    return flow, gramian_root(h * flow @ both[:n, n:])
+
+
+def gramian_root(gram: np.ndarray) -> np.ndarray:
+    """Return G with G G' a little over the Gramian: what rounding may have taken is put back.
+
+    In units in which every state is moved alike, as eigenvalues are as good as the largest.
+    """
+    n = gram.shape[0]
     unit = np.sqrt(np.maximum(np.diag(gram), 0))
     per_unit = np.divide(1.0, unit, out=np.zeros(n), where=unit > 0)
     sizes, turns = np.linalg.eigh((gram + gram.T) / 2 * np.outer(per_unit, per_unit))
-    return flow, unit[:, None] * turns * np.sqrt(np.maximum(sizes, 0) + 4 * n * np.finfo(float).eps * sizes.max())
+    return np.asarray(unit[:, None] * turns * np.sqrt(np.maximum(sizes, 0) + 4 * n * np.finfo(float).eps * sizes.max()))
 
 
 # ---- The sliding loop over frequency: what the friction at its port makes of the velocity there.
