@@ -16,6 +16,8 @@ from .bla.bla import DistortionLevels as DistortionLevels
 
 # Several inputs and outputs
 from .bla.bla import Frm as Frm
+from .bla.cross_check import SecondOpinion as SecondOpinion
+from .bla.cross_check import second_opinion as second_opinion
 from .bla.from_frf import bla_from_frf as bla_from_frf
 from .bla.gains import RelativeGains as RelativeGains
 from .bla.gains import SingularValues as SingularValues
@@ -23,8 +25,6 @@ from .bla.gains import rga as rga
 from .bla.gains import singular_values as singular_values
 from .bla.identify import identify as identify
 from .bla.noise_excitation import identify_noise as identify_noise
-from .bla.cross_check import SecondOpinion as SecondOpinion
-from .bla.cross_check import second_opinion as second_opinion
 
 # Files
 from .io.designs import load_multisine as load_multisine
