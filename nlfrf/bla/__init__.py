@@ -1,11 +1,11 @@
 """Identification: from a periodic record of any number of channels to the best linear approximation with its variances.
 
 bla                `Bla`: the matrix, its covariances, its bounds
-calibration        variance of a cubic on detection lines against that on excited lines; correction for the crest factor
+calibration        variance of a cubic on detection lines against that on excited lines; crest factor correction
 channel_mismatch   a channel whose gain or delay differs in one experiment from the others
 covariance         Hermitian matrices on every line: products, inverses, correlations, square roots
 cross_check        second opinion: distortion from detection lines against distortion from roughness; power law
-distortion         the covariance of one experiment's distortion and the distribution of the error: one statistical model
+distortion         covariance of one experiment's distortion and distribution of the error, by one statistical model
 experiment_checks  experiments refused or warned of: silent, unequal, dependent, copies, low crest, disturbed
 frf                the matrix over all sets, its covariance by noise and in total; outputs that follow no input
 from_frf           a `Bla` of an FRF that was measured elsewhere, from its standard deviation or coherence

@@ -1,4 +1,8 @@
-"""``Bla``: the best linear approximation of a nonlinear system, and the bound on its distortion."""
+"""`Bla`: the best linear approximation of a nonlinear system, its variances, and the bound on its distortion.
+
+One type for any number of channels: Cov(vec G) = conj(gamma) kron cov (Pintelon & Schoukens, 2nd ed., 2.7), so that
+a 1 x 1 matrix is a scalar with one variance a line, and everything that takes a matrix takes it.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from nlfrf._base.numbers import TINY, roy_quantile
 from nlfrf._base.values import Sketch, field_names, value
 from nlfrf.bla.calibration import FEW_LINES
 from nlfrf.bla.covariance import diagonal, hermitian_sqrt
-from nlfrf.bla.line_index import index_lines
+from nlfrf.bla.line_index import SMOOTHING_LINES, index_lines
 from nlfrf.bla.local_models import MIN_FIT_LINES, fit_locally
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
@@ -29,7 +33,6 @@ COVARIANCE_KINDS = ("noise", "total", "distortion", "even", "bound")
 COVARIANCES = tuple(f"cov_{kind}" for kind in COVARIANCE_KINDS)
 PER_LINE = ("f", "dof", "grid_factor", "coherence")
 PER_REALIZATION = ("distortion", "even")  # whose variances are of one realisation, whatever their number is
-AROUND = 9  # lines over which noise and distortion are told apart
 
 
 @value
@@ -82,7 +85,7 @@ class Bla(Channels):
         of fewer than 27 lines always, from 0.6 to 6. Of several inputs the mean over them.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
-        records, where distortion and noise are told apart instead.
+        records, where distortion and noise are separated instead.
     hold : str
         How the inputs ran between their samples, as the `Record` says: with "zoh" the hold of 1/fs is in G.
     inputs, outputs, input_units, output_units : tuple of str
@@ -136,7 +139,7 @@ class Bla(Channels):
     level_source: str
     dof: np.ndarray
     grid_factor: np.ndarray
-    levels: Any
+    levels: Any  # one, or a tuple of one an output: a union would ask every reader of the field for a cast
     gamma: np.ndarray
     cov_noise: np.ndarray
     cov_total: np.ndarray
@@ -168,9 +171,9 @@ class Bla(Channels):
         level_source: str,
         dof: np.ndarray,
         grid_factor: np.ndarray,
-        levels: Any,
+        levels: DistortionLevels | Sequence[DistortionLevels],
         typical: float = 1.0,
-        coherence: Any = None,
+        coherence: np.ndarray | None = None,
         hold: str = "unknown",
         inputs: Sequence[str] = (),
         outputs: Sequence[str] = (),
@@ -182,17 +185,17 @@ class Bla(Channels):
         y_unit: str = "",
         design: str = "orthogonal",
         n_experiments: int | None = None,
-        gamma: Any = None,
-        cov_noise: Any = None,
-        cov_total: Any = None,
-        cov_distortion: Any = None,
-        cov_even: Any = None,
-        cov_bound: Any = None,
-        var_noise: Any = None,
-        var_total: Any = None,
-        var_distortion: Any = None,
-        var_even: Any = None,
-        var_bound: Any = None,
+        gamma: np.ndarray | None = None,
+        cov_noise: np.ndarray | None = None,
+        cov_total: np.ndarray | None = None,
+        cov_distortion: np.ndarray | None = None,
+        cov_even: np.ndarray | None = None,
+        cov_bound: np.ndarray | None = None,
+        var_noise: np.ndarray | None = None,
+        var_total: np.ndarray | None = None,
+        var_distortion: np.ndarray | None = None,
+        var_even: np.ndarray | None = None,
+        var_bound: np.ndarray | None = None,
     ) -> None:
         G = np.asarray(G)
         n_y, n_u = G.shape[:-1] if G.ndim == 3 else (1, 1)
@@ -251,12 +254,12 @@ class Bla(Channels):
 
     @property
     def is_single(self) -> bool:
-        """Whether it is of one input and one output, so that its arrays have no axes of channels."""
+        """Whether the plant has one input and one output, so that arrays have no axes of channels."""
         return bool(self.G.ndim == 1)
 
     @property
     def _stored_(self) -> tuple[str, ...]:
-        """What a file holds of it: of one input and output the variances of G itself."""
+        """Names of the fields that a file holds: for one input and output the variances of G itself."""
         several = field_names(self)
         if not self.is_single:
             return several
@@ -288,7 +291,7 @@ class Bla(Channels):
 
     @property
     def var_even(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) what the even lines say, as a variance of one realisation's FRF; nan without them."""
+        """(F,) or (n_y, n_u, F) variance of one realisation's FRF as read on the even lines; nan without them."""
         return self.n_realizations * self.entries(self.cov_even)
 
     @property
@@ -301,7 +304,7 @@ class Bla(Channels):
         return self.entries(self.cov_bound)
 
     def entries(self, cov: np.ndarray) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variances of the entries under a covariance (n_y, n_y, F) of one experiment."""
+        """Return (F,) or (n_y, n_u, F) variances of the entries of G, of a covariance (n_y, n_y, F)."""
         every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.gamma).real
         return np.asarray(every[0, 0] if self.is_single else every)
 
@@ -322,7 +325,7 @@ class Bla(Channels):
         return np.asarray(self.var_total < 2 * noise)
 
     def covariance_of(self, of: str) -> np.ndarray:
-        """(n_y, n_y, F) covariance of one experiment behind a bound: of the BLA, or of a new realisation about G."""
+        """Return the (n_y, n_y, F) covariance of one experiment behind a bound: of the BLA, or of a new realisation."""
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov_bound
@@ -332,7 +335,7 @@ class Bla(Channels):
         return self.cov_bound * (1 + share[:, None] * share)
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
-        """Radius of the disc around G, of several channels around each entry, that holds the truth.
+        """Return the radius of the disc around G, or around each entry of it, that holds the truth.
 
         Parameters
         ----------
@@ -358,7 +361,7 @@ class Bla(Channels):
         return np.sqrt(quantile * self.entries(self.covariance_of(of)))
 
     def covariance(self) -> np.ndarray:
-        """(n_y n_u, n_y n_u, F) covariance of vec G, columns of G one after the other: conj(gamma) kron cov_bound."""
+        """Return the (n_y n_u, n_y n_u, F) covariance of vec G, columns stacked: conj(gamma) kron cov_bound."""
         n = self.n_inputs * self.n_outputs
         both = np.einsum("abk,cdk->acbdk", self.gamma.conj(), self.cov_bound)
         return both.reshape(n, n, -1)
@@ -366,7 +369,7 @@ class Bla(Channels):
     def block(
         self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The set {G + left Delta right, sigma_max(Delta) <= 1} that holds the whole matrix of a line.
+        """Return left and right of the set {G + left Delta right, sigma_max(Delta) <= 1} that holds the whole matrix.
 
         By the exact law of the largest singular value of C^-1/2 dG gamma^-1/2 (Roy's largest root), which is free of
         unknowns. An ellipsoid would gain nothing: the smallest destabilising Delta has rank one.
@@ -388,7 +391,7 @@ class Bla(Channels):
         return np.sqrt(x) * hermitian_sqrt(self.covariance_of(of)), np.swapaxes(hermitian_sqrt(self.gamma), 0, 1).conj()
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
-        """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.
+        """Return the quantile of F(2, 2 dof): squared modulus of a complex normal over its estimated variance.
 
         Parameters
         ----------
@@ -413,10 +416,10 @@ class Bla(Channels):
         return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
 
     def distorted_share(self) -> np.ndarray:
-        """(F,) or (n_y, F) share of `var_bound` that is distortion: a new realisation scatters by it, not by the noise.
+        """Return the (F,) or (n_y, F) share of `var_bound` that is distortion: a new realisation scatters by it alone.
 
-        Line by line the difference of two estimates is nothing half of the time where noise prevails, so it is taken
-        over nine lines, with an allowance for chance; where one line by itself shows more, it counts by itself.
+        Where noise dominates, total less noise is negative on every second line. So the difference is taken over nine
+        lines, with an allowance for chance; a single line that shows more counts by itself.
         """
         noise = diagonal(np.nan_to_num(self.cov_noise))
         if not noise.any():
@@ -424,15 +427,16 @@ class Bla(Channels):
         total = diagonal(self.cov_total if self.n_realizations == 1 else self.cov_bound)
         dof_noise = self.n_experiments * max(self.n_periods - 1, 1)
         weight = 1 / np.maximum(total + noise, TINY)
-        around = local_mean(noise * weight, AROUND) / np.maximum(local_mean(total * weight, AROUND), 1e-300)
-        around = 1 - around * (1 - np.sqrt(1 / self.dof + 1 / (AROUND * dof_noise)) / 3)
-        alone = noise / np.maximum(total, TINY)
-        alone = 1 - alone - 2 * np.sqrt(1 / self.dof + alone**2 / dof_noise)
-        share = np.clip(np.maximum(around, alone), 0.0, 1.0)
+        n = SMOOTHING_LINES
+        smoothed = local_mean(noise * weight, n) / np.maximum(local_mean(total * weight, n), 1e-300)
+        smoothed = 1 - smoothed * (1 - np.sqrt(1 / self.dof + 1 / (n * dof_noise)) / 3)
+        by_line = noise / np.maximum(total, TINY)
+        by_line = 1 - by_line - 2 * np.sqrt(1 / self.dof + by_line**2 / dof_noise)
+        share = np.clip(np.maximum(smoothed, by_line), 0.0, 1.0)
         return share[0] if self.is_single else share
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
-        """Order of magnitude of how far the BLA lies from the FRF of the linear part alone: not a bound.
+        """Estimate the order of magnitude of |G_BLA - G_0|, G_0 the FRF of the linear part alone: not a bound.
 
         Parameters
         ----------
@@ -454,7 +458,7 @@ class Bla(Channels):
         )
 
     def entry(self, output: int, input: int) -> Bla:
-        """One entry by itself: whatever takes one input and one output takes it."""
+        """Return one entry as a `Bla` of one input and one output."""
         j, i = require_integer("output", output, least=0), require_integer("input", input, least=0)
         if j >= self.n_outputs or i >= self.n_inputs:
             raise ValueError(
@@ -462,19 +466,24 @@ class Bla(Channels):
             )
         if self.is_single:
             return self
-        names: dict[str, Any] = {"inputs": self.inputs[i : i + 1], "outputs": self.outputs[j : j + 1]}
-        units: dict[str, Any] = {
-            "input_units": self.input_units[i : i + 1],
-            "output_units": self.output_units[j : j + 1],
-        }
-        covariances: dict[str, Any] = {name: getattr(self, name)[j : j + 1, j : j + 1].real for name in COVARIANCES}
+        covariances = {name: getattr(self, name)[j : j + 1, j : j + 1].real for name in COVARIANCES}
         left = covariances["cov_total"] - np.nan_to_num(covariances["cov_noise"])
         covariances["cov_distortion"] = np.maximum(left, 0.0)
         gamma = self.gamma[i : i + 1, i : i + 1].real
-        return replace(self, G=self.G[j, i], gamma=gamma, levels=self.levels[j], **covariances, **names, **units)
+        return replace(
+            self,
+            G=self.G[j, i],
+            gamma=gamma,
+            levels=self.levels[j],
+            inputs=self.inputs[i : i + 1],
+            outputs=self.outputs[j : j + 1],
+            input_units=self.input_units[i : i + 1],
+            output_units=self.output_units[j : j + 1],
+            **covariances,
+        )
 
     def every(self, step: int) -> Bla:
-        """The same on every so many-th of its excited lines: for a fit that does not need them all."""
+        """Return the `Bla` on every `step`-th excited line, for a fit that does not need them all."""
         some = slice(None, None, require_integer("step", step, least=1))
         per_line = ("G", "gamma", *COVARIANCES, *PER_LINE)
         levels = [
@@ -486,16 +495,16 @@ class Bla(Channels):
         return replace(self, lines=lines, levels=levels[0] if self.is_single else tuple(levels), **kept)
 
     def times(self, factor: np.ndarray) -> Bla:
-        """The same with G times a factor (F,) on each line, and its variances times the square of that.
+        """Return the `Bla` with G times a factor (F,) and its variances times the squared modulus of that.
 
-        What the output holds, `levels`, stays as it was measured.
+        The output amplitudes in `levels` stay as measured.
         """
         square = np.abs(factor) ** 2
         scaled = {name: getattr(self, name) * square for name in COVARIANCES}
         return replace(self, G=self.G * factor, **scaled)
 
     def _sketch_(self) -> Sketch:
-        """|G| and its bound, or the singular values, for a notebook."""
+        """Return curves of |G| and its bound, or of the singular values, for a notebook."""
         with np.errstate(divide="ignore"):
             if self.is_single:
                 rows = [("|G|", np.abs(self.G)), ("bound", self.bound())]
@@ -505,10 +514,10 @@ class Bla(Channels):
             return Sketch("Hz", "dB", [(name, self.f, 20 * np.log10(one)) for name, one in rows], log=True)
 
     def roughness(self) -> np.ndarray:
-        """Variance of G read from how rough it is over its lines: a second reading beside `var_total`.
+        """Estimate the variance of G from its roughness over the lines: a second estimate to compare with `var_total`.
 
-        A level from detection lines errs on the wide side where it can be read in two ways; the scatter that is in G
-        itself does not, but it reads too high where G bends within a few lines, and misses what is smooth.
+        Where detection lines allow two readings, `var_total` takes the larger variance. The roughness of G does not
+        depend on that, but it is too high where G bends within a few lines, and misses distortion that is smooth.
 
         Returns
         -------
@@ -531,7 +540,7 @@ class Bla(Channels):
         return fit_locally(self.G[None], np.ones((1, self.f.size)), index_lines(self.lines)).variance[0]
 
     def __str__(self) -> str:
-        """What was found, in a few lines."""
+        """Describe the result in a few lines."""
         if not self.is_single:
             return describe_matrix(self)
         about = (
@@ -554,11 +563,11 @@ class Bla(Channels):
         source = self.level_source
         if np.isfinite(self.coherence).any():
             source += f", {np.nanmedian(self.coherence):.2g} in the median"
-        said = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
+        parts = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
         return (
             f"{about}  largest |G| {gain[peak]:.4g}{f' {self.unit}' * bool(self.unit)} at {self.f[peak]:g} Hz; "
             f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
-            f"  under the median |G|: {', '.join(said) or 'nothing above rounding'}\n"
+            f"  under the median |G|: {', '.join(parts) or 'nothing above rounding'}\n"
             f"  transient: {self.transient}; level from {source}"
             + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
         )
@@ -570,7 +579,7 @@ Frm = Bla
 
 @value
 class DistortionLevels:
-    """What the output holds on each kind of line.
+    """Output amplitudes on each kind of line.
 
     Fields
     ------
@@ -610,7 +619,7 @@ class DistortionLevels:
 
 
 def describe_matrix(bla: Bla) -> str:
-    """What was found of each entry, in a line each."""
+    """Describe each entry of the matrix in one line."""
     gain = np.abs(bla.G)
     rows = [
         f"FRM of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from {bla.f[0]:g} to "
@@ -636,5 +645,5 @@ def describe_matrix(bla: Bla) -> str:
 
 
 def median_over_lines(share: np.ndarray) -> np.ndarray:
-    """(n_y, n_u) median over lines of shares of |G|; nothing of nothing is none."""
+    """Return the (n_y, n_u) median over lines of shares of |G|, 0 / 0 counted as 0."""
     return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))

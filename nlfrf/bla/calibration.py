@@ -1,9 +1,9 @@
-"""What a detection line tells about an excited line, grid by grid.
+"""Variance of a cubic's output on excited lines against that on detection lines, and a correction for the crest factor.
 
-A cubic nonlinearity sends to line k every combination f1 + f2 + f3 of excited lines. How many combinations land on
-a detection line and how many on an excited line depends on the grid, so a level that was read on detection lines
-has to be scaled before it says anything about excited lines. The counts below are exact for y = u^3 and any
-amplitude spectrum; they are convolutions, done by FFT.
+For y = u^3 the output on line k sums every combination f1 + f2 + f3 = k of excited lines (Pintelon & Schoukens, 2nd
+ed., 3.4). How many combinations reach a detection line and how many an excited line depends on the grid, so a variance
+read on detection lines needs a factor before it holds on excited lines. The counts are exact for any amplitude
+spectrum: they are convolutions, computed by FFT, where simulation would need thousands of realisations.
 """
 
 from __future__ import annotations
@@ -27,22 +27,19 @@ MAX_SPECIAL_ODD_RATIO = 3.0  # what a special-odd grid reaches in a narrow band:
 #: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and
 #: the middle lines by 3/2 (of a fifth power the share is 6 / n).
 COHERENT_SHARE = 8 / 3
-FEW_LINES = (
-    27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
-)
+#: Lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies.
+FEW_LINES = 27
 MAX_DISTORTION_RATIO = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
 MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
 MIN_RATIO_ON_FEW_LINES, MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
-HIGHER_ORDER_ALLOWANCE = (
-    1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
-)
-ENOUGH_AMPLITUDES = (
-    500  # lines of all realisations past which they distort alike, within 17 %, unless their peaks are low
-)
+#: Of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one.
+HIGHER_ORDER_ALLOWANCE = 1.25
+#: Lines of all realisations past which they distort alike, within 17 %, unless their peaks are low.
+ENOUGH_AMPLITUDES = 500
 
 
 def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Variance of the output amplitude of y = u^3 over random phases, on any lines.
+    """Return the variance of the output amplitude of y = u^3 over random phases, on any lines.
 
     Parameters
     ----------
@@ -91,7 +88,7 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
 
 
 def cubic_bla(amplitude: np.ndarray) -> np.ndarray:
-    """(F,) the best linear approximation of y = u^3 on the excited lines: 3 sigma^2 - 3/4 A_k^2.
+    """Return the (F,) best linear approximation of y = u^3 on the excited lines: 3 sigma^2 - 3/4 A_k^2.
 
     >>> cubic_bla(np.ones(6))
     array([8.25, 8.25, 8.25, 8.25, 8.25, 8.25])
@@ -100,7 +97,7 @@ def cubic_bla(amplitude: np.ndarray) -> np.ndarray:
 
 
 def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.ndarray, window: np.ndarray) -> np.ndarray:
-    """Variance at each excited line over the mean on its window of detection lines, for a cubic.
+    """Return the variance at each excited line over the mean on its window of detection lines, for a cubic.
 
     Parameters
     ----------
@@ -127,12 +124,12 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
 
 
 def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, float]:
-    """What the peaks of the inputs tell of their distortion: how typical it is, and how much of it no level shows.
+    """Return the correction of a distortion level for the crest factor of the inputs, and its coherent share.
 
-    Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. What a cubic
-    makes of them is known. Where there are few lines, and where peaks are lower than usual, a fifth power is allowed
-    for, which changes about as the square of that. What is more than `MAX_DISTORTION_RATIO` and `MAX_COHERENT_SHARE` was chosen. Behind dynamics the
-    peaks are others, and an input all but square would ask for a factor without end.
+    Low-crest signals excite less distortion. A low crest factor is either luck or the result of optimisation; both
+    bias the level low. For a cubic the ratio is known exactly. With few lines, or a crest factor lower than usual, its
+    square allows for a fifth power. The ratio is clipped at `MAX_DISTORTION_RATIO`, the share at `MAX_COHERENT_SHARE`:
+    behind dynamics the crest factor is another, and a nearly square input would ask for a factor without bound.
 
     Parameters
     ----------
@@ -141,15 +138,15 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     lines : (F,) int ndarray
         Excited lines.
     low : bool
-        Whether their peaks are lower than usual (`are_low`).
+        Whether their crest factor is lower than usual (`have_low_crest`).
 
     Returns
     -------
-    typical : float
-        How much more random phases distort than those at hand: at least one, as powers; of fewer than `FEW_LINES` lines,
-        where high peaks are chance too, also less.
-    common : float
-        The distortion that is one gain on all lines, over what scatters about it, as powers.
+    distortion_ratio : float
+        Distortion power expected of random phases over that of the phases at hand: at least one; with fewer than
+        `FEW_LINES` lines, where high peaks are luck too, also less.
+    coherent_share : float
+        Power of the distortion that is one gain on all lines, over the power that scatters about it.
 
     Examples
     --------
@@ -181,10 +178,10 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
 
 
 def cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
-    """What random phases leave of the cube of an input (M, F) beside its linear part, over what those at hand leave.
+    """Return the distortion power of u^3 expected of random phases over that of an input (M, F), and a gain difference.
 
-    And by how much the gain of that linear part, mean u^4 over mean u^2, differs. Those of a sum of cosines of
-    independent phases are known exactly, by its cumulants: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 of each.
+    The second is the gain of the linear part of u^3, mean u^4 over mean u^2, less its expectation. The expectations
+    are exact, by the cumulants of a sum of cosines of independent phases: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 of each.
     """
     second, fourth, sixth = signal_moments(U, lines)
     gain = fourth / second
@@ -197,7 +194,7 @@ def cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, flo
 
 
 def signal_moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """(3, M) mean square, fourth and sixth power of multisines of amplitudes U (M, F)."""
+    """Return the (3, M) mean square, fourth and sixth power of multisines of amplitudes U (M, F)."""
     n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines mirror themselves
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
     spectrum[:, lines] = U / 2

@@ -1,8 +1,9 @@
-"""Experiments that do not belong to one machine: a channel that stands higher, or comes later, in one of them.
+"""A channel whose gain or delay differs in one experiment from the others.
 
-A channel that is off by a factor 1 + a in experiment e leaves V = Y - G U = a X there, X what the channel adds to G U:
-in the phases of that experiment, which are random from line to line, as no smooth G has them. So a is told by all lines
-together, long before the matrix is seen to jump. What all experiments have in common looks like the machine.
+A channel that is off by a factor 1 + a in experiment e leaves V = Y - G U = a X there, X what the channel adds to G U.
+So a is the weighted regression of V on X over all lines. X has the random phases of that experiment, which no smooth G
+has: the regression finds a mismatch long before the matrix jumps from line to line. An error that all experiments have
+in common looks like the plant and is not found.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, squared_modulus
 from nlfrf._base.values import value
+from nlfrf.bla.line_index import SMOOTHING_LINES
 from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
 from nlfrf.records.record import Record
@@ -22,18 +24,14 @@ from nlfrf.signals.lines import local_mean
 __all__ = ["warn_of_mismatch"]
 
 
-MIN_SIGNIFICANCE, FEW_LINES_WIDENING = (
-    4.0,
-    10.0,
-)  # standard deviations, times 1 + FEW_LINES_WIDENING over the lines that weigh: a few of them scatter by chance
-MIN_RELATIVE_ERROR = (
-    0.25  # error by it over the variance of G from which it is told: the bound then holds 91 % instead of 95 %
-)
+#: Standard deviations, times 1 + FEW_LINES_WIDENING over the lines that weigh: a few of them scatter by chance.
+MIN_SIGNIFICANCE, FEW_LINES_WIDENING = 4.0, 10.0
+#: Error by it over the variance of G from which to warn: the bound then holds 91 % instead of 95 %.
+MIN_RELATIVE_ERROR = 0.25
 MAX_LINE_WEIGHT = 3.0  # times the usual line that one may weigh
-NEARBY = 9  # lines over which the residual is averaged to weigh them
-MIN_EXPERIMENT_WEIGHT = (
-    1e-9  # of the weight of a line in the most telling experiment, under which a channel was not played
-)
+
+#: Of the weight of a line in the most telling experiment, under which a channel was not played.
+MIN_EXPERIMENT_WEIGHT = 1e-9
 RIVAL_SHARE = 0.8  # of the most telling one, for a channel that explains it nearly as well
 
 
@@ -50,9 +48,9 @@ class ChannelMismatch:
     kind : str
         "gain" or "delay".
     size : float
-        How far it is off, of its size or in samples: above zero it stands higher, or comes later.
+        Mismatch, relative or in samples: positive for a channel that is too large, or late.
     significance : float
-        By how many times what chance makes of it.
+        Size over its standard deviation by chance.
     """
 
     name: str
@@ -75,9 +73,9 @@ def warn_of_mismatch(
     level: np.ndarray,
     retained: float,
 ) -> bool:
-    """Warn of the channel and the experiment that differ most, where the bound would not hold for it.
+    """Warn of the channel and the experiment that differ most, where the bound of G would not hold.
 
-    `retained` is what the G of the residual, which took part in the fault, leaves of it.
+    `retained` is the share of the mismatch left in the residual: the G that was subtracted has fitted the rest.
     """
     if excited.U.shape[1] < 2:
         return False
@@ -89,12 +87,12 @@ def warn_of_mismatch(
     if not found:
         return False
     worst = max(found, key=lambda one: one.significance)
-    beside = {
+    rivals = {
         one.name
         for one in found
         if one.significance > RIVAL_SHARE * worst.significance and one.experiment == worst.experiment
     }
-    others = " or ".join(sorted(beside - {worst.name}))
+    others = " or ".join(sorted(rivals - {worst.name}))
     data_warning(
         f"{worst} in experiment {worst.experiment} of {excited.U.shape[1]} than in the others"
         f"{f' ({others} would explain it nearly as well)' if others else ''}, by what all lines together tell: G is of "
@@ -111,13 +109,13 @@ def estimate_mismatches(
     level: np.ndarray,
     retained: float,
 ) -> Iterator[ChannelMismatch]:
-    """Every channel, and all outputs together, in the experiment in which they differ most, where that does harm."""
+    """Yield the worst experiment of every channel, and of all outputs together, with its gain and its delay."""
     at = excited.index.excited
     V, G = (one.take(at, axis=-1) for one in (residual.Y, residual.G))
     known = [residual.smoothed_noise(j) for j in range(len(V))]
     noise = np.stack([np.zeros(at.size) if one is None else one.take(at) for one in known])
     size = np.mean(squared_modulus(excited.Y), axis=1)
-    weight = 1 / (local_mean(np.mean(squared_modulus(V), axis=1), NEARBY) + 1e-24 * size + TINY)
+    weight = 1 / (local_mean(np.mean(squared_modulus(V), axis=1), SMOOTHING_LINES) + 1e-24 * size + TINY)
     C = level + TINY
     samples = record.n_samples / (2 * np.pi * excited.lines)  # by which a line is late, for a radian
     X = G[:, :, None] * excited.U  # (n_y, n_u, M, F)
@@ -133,18 +131,34 @@ def estimate_mismatches(
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
             chance = bent[rows].max() if kind == "gain" else 1.0
-            yield estimate_mismatch(name, kind, (V[rows], x * slope, weight[rows], C[rows]), retained, float(chance))
+            yield estimate_mismatch(
+                V[rows],
+                x * slope,
+                name=name,
+                kind=kind,
+                weight=weight[rows],
+                level=C[rows],
+                retained=retained,
+                common_scatter=float(chance),
+            )
 
 
 def estimate_mismatch(
-    name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, chance: float
+    V: np.ndarray,
+    X: np.ndarray,
+    *,
+    name: str,
+    kind: str,
+    weight: np.ndarray,
+    level: np.ndarray,
+    retained: float,
+    common_scatter: float,
 ) -> ChannelMismatch:
-    """How far V (n, M, F) is X times a factor of its own in one experiment, against the others.
+    """Regress the residual V (n, M, F) on X (n, M, F) in each experiment and return the one that differs most.
 
-    `lines` is V, X, and (n, F) their weight and the level C of V. How far chance takes the factor, its scatter over the
-    lines tells, whatever they scatter by; `chance` is what they have in common.
+    `weight` and `level` (n, F) are the weight of each line and the variance of V. The standard deviation of the factor
+    comes from its scatter over the lines, times `common_scatter` for what distortion has in common on all lines.
     """
-    V, X, weight, C = lines
     along = np.sum((V.real * X.real + V.imag * X.imag) * weight[:, None], axis=0)  # (M, F)
     power = squared_modulus(X)
     whole = np.sum(power * weight[:, None], axis=0)
@@ -161,13 +175,14 @@ def estimate_mismatch(
     total = whole.sum(axis=1)
     factor = along.sum(axis=1) / total
     variance = np.sum((along - factor[:, None] * whole) ** 2, axis=1) / total**2
-    apart = (factor - factor.mean()) * M / (M - 1)
+    deviation = (factor - factor.mean()) * M / (M - 1)  # from the mean of the others
     scatter = np.sqrt(variance + (variance.sum() - variance) / (M - 1) ** 2)
     n = float(np.min(total**2 / np.sum(whole**2, axis=1)))
-    told = np.abs(apart) / np.maximum(scatter * chance * (1 + FEW_LINES_WIDENING / n), TINY)
-    worst = int(told.argmax())
-    size = float(apart[worst] / left)
-    chances = float(told[worst])
-    if chances > MIN_SIGNIFICANCE and size**2 / M * np.median(power[:, worst] / C, axis=1).max() < MIN_RELATIVE_ERROR:
-        chances = 0.0
-    return ChannelMismatch(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, significance=chances)
+    sigmas = np.abs(deviation) / np.maximum(scatter * common_scatter * (1 + FEW_LINES_WIDENING / n), TINY)
+    worst = int(sigmas.argmax())
+    size = float(deviation[worst] / retained)
+    significance = float(sigmas[worst])
+    error_over_variance = size**2 / M * np.median(power[:, worst] / level, axis=1).max()
+    if significance > MIN_SIGNIFICANCE and error_over_variance < MIN_RELATIVE_ERROR:
+        significance = 0.0
+    return ChannelMismatch(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, significance=significance)

@@ -1,6 +1,6 @@
-"""Hermitian matrices on every line, lines last: products, inverses, correlations, roots.
+"""Hermitian matrices on every line, the line as last axis: products, inverses, correlations, square roots.
 
-One channel costs no more than the products that it is.
+For one channel each function is a scalar product, so that SISO records do not pay for the axes.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ MIN_EIGENVALUE = 1e-8  # of the largest eigenvalue of a correlation: one nonline
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """A B of matrices (..., n, m, F) and (..., m, p, F)."""
+    """Return A B of matrices (..., n, m, F) and (..., m, p, F)."""
     if A.shape[-2] == 1:
         return A * B
     return np.einsum("...jef,...eif->...jif", A, B)
 
 
 def adjoint(X: np.ndarray) -> np.ndarray:
-    """Conjugate transposes (..., m, n, F) of matrices (..., n, m, F)."""
+    """Return the conjugate transposes (..., m, n, F) of matrices (..., n, m, F)."""
     return np.swapaxes(X, -2, -3).conj()
 
 
 def diagonal(X: np.ndarray) -> np.ndarray:
-    """(..., n, F) diagonals, which are real, of Hermitian matrices (..., n, n, F)."""
+    """Return the real diagonals (..., n, F) of Hermitian matrices (..., n, n, F)."""
     if X.shape[-2] == 1:
         return X[..., 0, :].real
     return np.einsum("...jjk->...jk", X).real
 
 
 def inverse(X: np.ndarray) -> np.ndarray:
-    """Inverses of matrices (..., n, n, F)."""
+    """Return the inverses of matrices (..., n, n, F)."""
     if X.shape[-2] == 1:
         return np.asarray(1 / X)
     return np.moveaxis(np.linalg.inv(np.moveaxis(X, -1, -3)), -3, -1)
 
 
 def sum_outer_products(V: np.ndarray) -> np.ndarray:
-    """(n, n, F) sum of v v^H over all vectors v of V (n, ..., F)."""
+    """Return the (n, n, F) sum of v v^H over all vectors v of V (n, ..., F)."""
     V = V.reshape(len(V), -1, V.shape[-1])
     if len(V) == 1:
         return np.asarray(np.add.reduce(squared_modulus(V), axis=1)[None])
@@ -60,9 +60,9 @@ def sum_outer_products(V: np.ndarray) -> np.ndarray:
 
 
 def to_correlation(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The correlation (..., n, n, F) of a covariance and the sizes (..., n, F) of its channels.
+    """Split a covariance into its correlation (..., n, n, F) and the standard deviations (..., n, F) of its channels.
 
-    What floors or cuts eigenvalues does it there: those of a covariance are of sums of metres and newtons.
+    Eigenvalues are floored or cut on the correlation: those of a covariance mix units, metres and newtons.
     """
     size = np.sqrt(diagonal(cov))
     size = np.where(size > 0, size, 1.0)
@@ -70,7 +70,7 @@ def to_correlation(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def psd_difference(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """(n, n, F) Hermitian matrices less a part of them, without negative eigenvalues in the units of the first."""
+    """Return cov - part (n, n, F) with negative eigenvalues set to zero, scaled to the correlation of `cov`."""
     if len(cov) == 1:
         return np.maximum((cov - part).real, 0.0)
     _, size = to_correlation(cov)
@@ -80,7 +80,7 @@ def psd_difference(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 def hermitian_sqrt(cov: np.ndarray) -> np.ndarray:
-    """(n, n, F) roots L with L L^H = cov, with eigenvalues floored so that they can be divided by."""
+    """Return (n, n, F) square roots L with L L^H = cov, eigenvalues floored so that L can be inverted."""
     correlation, size = to_correlation(cov)
     values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
     values = np.maximum(values, MIN_EIGENVALUE * values[:, -1:])

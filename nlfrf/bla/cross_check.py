@@ -1,4 +1,9 @@
-"""A second opinion on the distortion level, from the same record: detection lines against the roughness of the FRF."""
+"""A second opinion on the distortion variance of one record: detection lines against the roughness of the FRF.
+
+Pintelon & Schoukens, 2nd ed., 4.3 and 7.2.2. The two fail for different reasons: detection lines need a grid that
+calibrates and a steady record, roughness needs an FRF that is smooth over a few lines. The phases of the detection
+lines add what the order of the nonlinearity is: those of a cubic are the phases of the cube of its source.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ from nlfrf._base.values import value
 from nlfrf.bla.distortion import fit_sets, variance_from_detection_lines
 from nlfrf.bla.experiment_checks import check_experiments
 from nlfrf.bla.frf import estimate_frm
-from nlfrf.bla.line_index import index_lines
+from nlfrf.bla.line_index import SMOOTHING_LINES, index_lines
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
 from nlfrf.bla.spectra import TREATMENTS, Spectra, period_spectra
 from nlfrf.records.record import Record
@@ -21,7 +26,7 @@ __all__ = ["DISAGREEMENT_DB", "SecondOpinion", "second_opinion"]
 
 DISAGREEMENT_DB = 6.0  # dB
 MIN_DETECTION_LINES = 4  # detection lines
-AROUND = 9  # lines over which the powers of detection lines, and |G|^2, are averaged
+
 MIN_RELATIVE_LEVEL = 1e-12  # of the largest power, under which it is rounding
 FALSE_ALARM_PROBABILITY = 1e-3  # with which phases may agree by it
 MIN_SIGNAL_SHARE = 0.7  # share of the power on detection lines that is no noise, at least
@@ -30,16 +35,16 @@ SAMPLES_PER_CYCLE = 6  # to a cycle of the last line, so that fifth powers fold 
 SOURCE_TEXTS = (
     "the input, before the dynamics",
     "the output, fed back as by a spring",
-    "the input, beside the dynamics",
+    "the input, in parallel with the dynamics",
     "the output, behind the dynamics as by a sensor",
 )
-MAX_CUBIC_REMAINDER_RATIO = 0.35  # what a cube leaves over what a fifth power leaves, where it is told to be the law
+MAX_CUBIC_REMAINDER_RATIO = 0.35  # what a cube leaves over what a fifth power leaves, below which the law is a cubic
 MIN_FIFTH_COHERENCE = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
 
 
 @value
 class SecondOpinion:
-    """Two levels of the same distortion, as variances of one realisation's FRF, and where they part.
+    """Two estimates of the same distortion, as variances of one realisation's FRF, and where they disagree.
 
     Fields
     ------
@@ -54,7 +59,7 @@ class SecondOpinion:
     unit : str
         Unit of G, where the record says it.
     law : str
-        What the phases of the odd detection lines tell of the law behind them; empty where they tell none.
+        Order of the nonlinearity by the phases of the odd detection lines, described; empty where it is not known.
 
     References
     ----------
@@ -83,11 +88,11 @@ class SecondOpinion:
         return np.abs(self.difference) > DISAGREEMENT_DB
 
     def __str__(self) -> str:
-        """Whether they agree, and what it usually means where they do not."""
+        """Describe whether the two agree, and what it usually means where they do not."""
         if not np.isfinite(self.difference).any():
             return "second opinion: this grid has too few odd detection lines to compare the roughness of the FRF with"
         median = np.median(self.difference)
-        said = [f"second opinion: roughness over detection lines {median:+.1f} dB in the median"]
+        rows = [f"second opinion: roughness over detection lines {median:+.1f} dB in the median"]
         for wrong, meaning in (
             (
                 self.difference > DISAGREEMENT_DB,
@@ -102,16 +107,16 @@ class SecondOpinion:
         ):
             if wrong.any():
                 more = "above" if self.difference[wrong][0] > 0 else "below"
-                said.append(f"  more than 6 dB {more} at {format_frequency_ranges(self.f, wrong)}: {meaning}")
-        if len(said) == 1:
-            said[0] += "; within 6 dB of each other at every line"
+                rows.append(f"  more than 6 dB {more} at {format_frequency_ranges(self.f, wrong)}: {meaning}")
+        if len(rows) == 1:
+            rows[0] += "; within 6 dB of each other at every line"
         if self.law:
-            said.append(f"  {self.law}")
-        return "\n".join(said)
+            rows.append(f"  {self.law}")
+        return "\n".join(rows)
 
 
 def second_opinion(record: Record, *, transient: str = "auto", n_detection: int = 6) -> SecondOpinion:
-    """Read the distortion level of a record twice, by means that fail for different reasons.
+    """Estimate the distortion of a record twice, by means that fail for different reasons.
 
     Parameters
     ----------
@@ -155,11 +160,11 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     frm = estimate_frm(excited)
     fit, gamma = fit_sets(frm, excited), frm.gamma_of_set[0]
     rough = fit.variance.mean(axis=0)[0, 0]
-    detected, said = np.full(rough.size, np.nan), ""
+    detected, law = np.full(rough.size, np.nan), ""
     if grid.odd.size >= n_detection:
         residual = nonlinear_residual(spectra, excited, frm.G, fit.G.mean(axis=0))
         detected = variance_from_detection_lines(excited, residual, frm) * gamma
-        said = detect_nonlinearity(excited, residual).describe(residual.gain_varies[0], record.n_periods < 2)
+        law = detect_nonlinearity(excited, residual).describe(residual.gain_varies[0], record.n_periods < 2)
     window = index.excited_windows
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = EPS**2 * mean_power(spectra.Y[0]).sum() / rms(excited.U[0]) ** 2
@@ -171,22 +176,23 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         roughness=rough,
         difference=difference,
         unit=ratio_unit(record.y_unit, record.u_unit),
-        law=said,
+        law=law,
     )
 
 
 @value(copy=False)
 class NonlinearityOrder:
-    """What the phases of the odd detection lines tell of the law behind them.
+    """Order of the nonlinearity, by the phases of the odd detection lines.
 
     Fields
     ------
     order : int
-        3: a cubic. 5: it may be a fifth power. 1: flatter than any, it saturates, jumps or remembers. 0: not told.
+        3: a cubic. 5: it may be a fifth power. 1: flatter than any power: it saturates, jumps or has a memory. 0:
+        unknown.
     coherence : float
-        Squared, of those lines with the cube of what drives them.
+        Squared coherence of those lines with the cube of their source.
     hypothesis : int
-        Which drive, and where: the input (0, 2) or the output (1, 3), into the dynamics (0, 1) or behind them.
+        Source and place: the input (0, 2) or the output (1, 3), before the dynamics (0, 1) or behind them.
     """
 
     order: int = 0
@@ -194,7 +200,7 @@ class NonlinearityOrder:
     hypothesis: int = 0
 
     def describe(self, gain_varies: bool, one_period: bool) -> str:
-        """The law in words, its place where |G| changes over the band, and what one period leaves open; or nothing."""
+        """Describe the order, and its source where |G| varies over the band; an empty text where it is unknown."""
         if self.order == 3:
             what = SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
             return (
@@ -212,10 +218,10 @@ UNKNOWN_ORDER = NonlinearityOrder()
 
 
 def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> NonlinearityOrder:
-    """The law that makes the odd detection lines: of which power of the input, or of the output, they have the phases.
+    """Find the power of the input, or of the output, whose phases the odd detection lines have.
 
-    Their powers are made even from line to line, so that phases alone count, over all lines and realisations, less what
-    chance and noise make of it.
+    The lines are scaled to one power, so that phases alone count, over all lines and realisations. The squared
+    coherence is corrected for chance and for noise.
 
     Parameters
     ----------
@@ -236,14 +242,14 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> Nonlin
     candidates[1] = odd_powers_on_lines(index.lines[index.odd], [U, G.take(index.excited) * U], excited.lines)
     np.multiply(G.take(index.odd), candidates[1], out=candidates[0])
     level = smooth_power(mean_power(Y))
-    noise = local_mean(np.nan_to_num(residual.noise[0].take(index.odd)), AROUND)
-    heard = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
-    share = float(heard.mean())
+    noise = local_mean(np.nan_to_num(residual.noise[0].take(index.odd)), SMOOTHING_LINES)
+    signal_share = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
+    share = float(signal_share.mean())
     if share < MIN_SIGNAL_SHARE:
         return UNKNOWN_ORDER
     y = Y / np.sqrt(level)
     levels = smooth_power(np.add.reduce(squared_modulus(candidates), axis=-2))
-    x = candidates * np.sqrt(heard / levels)[..., None, :]
+    x = candidates * np.sqrt(signal_share / levels)[..., None, :]
     common = squared_modulus(np.add.reduce(np.vecdot(x, y), axis=-1))
     common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
     if common.max() < chance_correlation(FALSE_ALARM_PROBABILITY, n):
@@ -262,12 +268,12 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> Nonlin
 
 
 def smooth_power(power: np.ndarray) -> np.ndarray:
-    """Mean power (..., K) over the lines around each, but not under what rounding leaves of running sums."""
-    return np.maximum(local_mean(power, AROUND), MIN_RELATIVE_LEVEL * power.max(axis=-1, keepdims=True)) + TINY
+    """Return the mean power (..., K) over the lines around each, floored above the rounding of running sums."""
+    return np.maximum(local_mean(power, SMOOTHING_LINES), MIN_RELATIVE_LEVEL * power.max(axis=-1, keepdims=True)) + TINY
 
 
 def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
-    """(drives, 2, M, K) the third and fifth powers of multisines of these amplitudes (M, F), on some lines."""
+    """Return (sources, 2, M, K) third and fifth powers of multisines of amplitudes (M, F), on `lines`."""
     last = int(max(excited[-1], lines[-1]))
     n = 2 * fast_length(SAMPLES_PER_CYCLE // 2 * last + 1)  # terms beyond alias onto lines past the last one
     spectrum = np.zeros((len(sources), *sources[0].shape[:-1], n // 2 + 1), dtype=complex)
@@ -280,7 +286,7 @@ def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: n
 
 
 def format_frequency_ranges(f: np.ndarray, mask: np.ndarray) -> str:
-    """Frequencies where something holds, as a few ranges."""
+    """Format the frequencies where a mask holds, as a few ranges."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     pairs = [(f[a], f[b - 1]) for a, b in edges.reshape(-1, 2)]
     shown = [f"{a:g} Hz" if a == b else f"{a:g} to {b:g} Hz" for a, b in pairs[:4]]

@@ -59,9 +59,8 @@ ROUGHNESS_EVIDENCE = 2.0  # independent roughnesses in nine neighbouring windows
 #: One realisation in five cases has a level that is not that of the scatter, by a log-variance of 2 (6 dB): the weight
 #: with which scatter over realisations stands by itself.
 UNRELATED, UNRELATED_LOG_VARIANCE = 0.2, 2.0
-MIN_RELATIVE_COUNT = (
-    0.1  # of the mean of a cubic's counts over a window: other orders fill the lines that a cubic leaves
-)
+#: Of the mean of a cubic's counts over a window: other orders fill the lines that a cubic leaves.
+MIN_RELATIVE_COUNT = 0.1
 #: What the cubic of an output makes of the excited line at three times a light resonance, over its mean on the window.
 #: Of an input it is `MAX_SPECIAL_ODD_RATIO`, as a special-odd grid reaches 3 (4.77 dB) in a narrow band.
 MAX_OUTPUT_RATIO = 12.0
@@ -72,10 +71,8 @@ ENOUGH_ROUGHNESS_LINES = 20  # lines over which roughness shows most of the dist
 #: Of the degrees of freedom that a level loses to a factor which all outputs have in common, the share that the law of
 #: the matrix keeps: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of that factor of 0.06 and 0.15.
 COMMON_ERROR = 0.5
-LOG_TAIL_PROBABILITIES = (
-    math.log(0.05),
-    math.log(0.001),
-)  # where the scaled F that stands for the mixture has its quantiles
+#: Where the scaled F that stands for the mixture has its quantiles.
+LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
 N_NEWTON_STEPS = 3, 2  # of Newton's method; more change no radius by 1e-4
 
 
@@ -105,7 +102,7 @@ class DistortionVariance(NamedTuple):
     detected: np.ndarray
 
     def with_minimum(self, power: np.ndarray) -> DistortionVariance:
-        """The same with a variance of at least some power (n_y, F) of each output."""
+        """Return the covariances with each diagonal raised to at least `power` (n_y, F)."""
         if not power.any():
             return self
         cov, cov_bound = self.cov.copy(), self.cov_bound.copy()
@@ -116,7 +113,7 @@ class DistortionVariance(NamedTuple):
 
 
 class OutputVariance(NamedTuple):
-    """The same of one output, as variances (F,).
+    """Distortion of one output, as variances (F,).
 
     Fields
     ------
@@ -168,6 +165,49 @@ class WindowCoordinates:
     n_distinct: np.ndarray
 
 
+class LevelMixture(NamedTuple):
+    """Posterior of the log variance of one output, a mixture of C components on F excited lines.
+
+    The components are the H hypotheses, with the roughness as distortion and then, if C = 2 H, as a bend of G.
+
+    Fields
+    ------
+    log_level, dof, log_weight : (C, F) ndarray
+        Log variance, its degrees of freedom, log weight of each component.
+    factors : (H, F) ndarray
+        c at the excited line over its mean on the window.
+    detected : (F,) ndarray
+        Variance expected by the detection lines alone; nan without them.
+    """
+
+    log_level: np.ndarray
+    dof: np.ndarray
+    log_weight: np.ndarray
+    factors: np.ndarray
+    detected: np.ndarray
+
+
+class Hypotheses(NamedTuple):
+    """Places and laws of the distortion, H of them.
+
+    Fields
+    ------
+    before_dynamics : (H,) bool ndarray
+        Whether the distortion passes through the dynamics.
+    on_window : (H, n, F) ndarray
+        c on the lines of each window, over its mean there.
+    factors : (H, F) ndarray
+        c at the excited line over that mean.
+    log_prior : (H,) ndarray
+        Log prior probability.
+    """
+
+    before_dynamics: np.ndarray
+    on_window: np.ndarray
+    factors: np.ndarray
+    log_prior: np.ndarray
+
+
 class OutputData(NamedTuple):
     """The data of one output.
 
@@ -176,7 +216,7 @@ class OutputData(NamedTuple):
     power : (K,) ndarray
         Mean |Y - G U|^2 over experiments, on all lines.
     Y : (M, F) complex ndarray
-        It, on the excited lines.
+        The output on the excited lines.
     gain, noise : (K,) ndarray
         As of `NonlinearResidual`; the noise over neighbouring lines, or None.
     uneven : bool
@@ -252,7 +292,7 @@ def estimate_distortion_variance(
 def collect_output_data(
     j: int, excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None
 ) -> OutputData:
-    """The data of output j."""
+    """Return the data of output j."""
     rough = dof_rough = None
     if fit is not None:
         n = fit.variance[:, j, :, 0].size
@@ -273,11 +313,12 @@ def collect_output_data(
 def estimate_output_variance(
     source: str, excited: Spectra, row: OutputData, frm: FrmEstimate, M: int, nu: int
 ) -> OutputVariance:
-    """The mixture of an output, of M independent experiments and a scatter of nu complex degrees of freedom."""
+    """Estimate the variance of an output, from M independent experiments and a scatter of nu degrees of freedom."""
     F = excited.lines.size
     ones, detected = np.ones(F), np.full(F, np.nan)
     if source == "detection":
-        log_level, dof, log_weight, factors, detected = level_from_detection_lines(excited, row, frm.level_scale, M)
+        mixture = level_from_detection_lines(excited, row, frm.level_scale, M)
+        log_level, dof, log_weight, factors, detected = mixture
     elif row.rough is not None and row.dof_rough is not None:
         log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
         log_level, dof = level_from_roughness(excited.index, row.rough, row.dof_rough, log_gamma)
@@ -308,16 +349,13 @@ def estimate_output_variance(
 
 
 def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
-    """(F,) expected variance of the first output's residual by its detection lines alone, noise included."""
+    """Return the (F,) expected variance of the first output's residual by detection lines alone, noise included."""
     row = collect_output_data(0, excited, residual, frm, None)
-    return level_from_detection_lines(excited, row, frm.level_scale, excited.U.shape[1])[-1]
-
-
-# ---- What outputs have in common.
+    return level_from_detection_lines(excited, row, frm.level_scale, excited.U.shape[1]).detected
 
 
 def scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
-    """(n, n, F) covariance of variances (n, F) under a correlation (n, n, F)."""
+    """Return the (n, n, F) covariance with variances (n, F) and a correlation (n, n, F)."""
     if len(variance) == 1:
         return variance[None]
     size = np.sqrt(variance)
@@ -334,7 +372,10 @@ def pool_correlations(
     M: int,
     nu: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Correlation (n_y, n_y, F) of the outputs, and the complex degrees of freedom (F,) behind it."""
+    """Return the correlation (n_y, n_y, F) of the outputs, and the complex degrees of freedom (F,) behind it.
+
+    Correlations on detection lines, of the roughness and of the scatter, weighted by their degrees of freedom.
+    """
     parts: list[tuple[np.ndarray, np.ndarray | float]] = []
     if source == "detection":
         near = index.detection_windows[:, 0]
@@ -349,23 +390,23 @@ def pool_correlations(
 
 
 def correlation_on_lines(near: np.ndarray, residual: NonlinearResidual) -> np.ndarray:
-    """(n_y, n_y, F) correlation of the residuals on windows of lines (n, F), each line over its gain."""
+    """Return the (n_y, n_y, F) correlation of the residuals on windows of lines (n, F), each line over its gain."""
     x = residual.Y.take(near, axis=-1) / np.sqrt(residual.gain.take(near, axis=-1) + TINY)[:, None]
     return to_correlation(sum_outer_products(x))[0]
 
 
 def correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
-    """(n_y, n_y, F) correlation of what local fits leave, e N^-1 e^H with N the correlation of the inputs in gamma."""
+    """Return the (n_y, n_y, F) correlation e N^-1 e^H of the residuals e of local fits, N that of inputs in gamma."""
     inverted = inverse(to_correlation(frm.gamma_each)[0])
     weighted = np.einsum("rjifn,rilf->rjlfn", rest, inverted)
     return to_correlation(np.einsum("rjlfn,rklfn->jkf", weighted, rest.conj()))[0]
 
 
 def pool_dof(found: list[OutputVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Degrees of freedom (F,) of all rows, and their scales (n_y, F), which keep the 95 % quantile of each.
+    """Return degrees of freedom (F,) for all rows, and scales (n_y, F) that keep the 95 % quantile of each row.
 
-    What a calibration is uncertain by is one factor for all outputs. It widens the law of the matrix as it widens that
-    of an entry, and less than as many degrees of freedom less would.
+    The calibration error is one factor for all outputs. It widens the distribution of the matrix as it widens that of
+    an entry, less than the same loss of degrees of freedom would.
     """
     n_y = len(found)
     own = n_y / np.add.reduce([1 / one.dof for one in found])
@@ -376,18 +417,15 @@ def pool_dof(found: list[OutputVariance], count: np.ndarray) -> tuple[np.ndarray
 
 
 def normalize_weights(log_weight: np.ndarray) -> np.ndarray:
-    """Weights of sum one over the first axis."""
+    """Return weights with sum one over the first axis."""
     weight = np.exp(log_weight - np.maximum.reduce(log_weight))
     return np.asarray(weight / np.add.reduce(weight))
 
 
 def level_from_detection_lines(
     excited: Spectra, row: OutputData, level_scale: np.ndarray | float, M: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Log level, degrees of freedom and log weight (C, F) of every component; c (H, F); and the expected variance (F,).
-
-    Components are the hypotheses, with the roughness as distortion and then as a bend of G.
-    """
+) -> LevelMixture:
+    """Fit the log level under every hypothesis to the detection lines, and update it by the roughness if known."""
     index = excited.index
     windows = window_coordinates(index, M)
     before, relative, factors, prior = list_hypotheses(excited, row)
@@ -406,8 +444,8 @@ def level_from_detection_lines(
     zeros = np.zeros(log_level.shape)
     detected = np.asarray(np.add.reduce(normalize_weights(evidence) * np.exp(log_level)))
     if row.rough is None or row.dof_rough is None:
-        return log_level, windows.dof + zeros, evidence, factors, detected
-    # the roughness, as a datum of nu complex degrees of freedom at x_rough
+        return LevelMixture(log_level, windows.dof + zeros, evidence, factors, detected)
+    # the roughness, an estimate of nu complex degrees of freedom at x_rough
     x, nu = windows.x_rough, row.dof_rough
     var_level, cov_slope, var_slope = windows.covariance
     rough = row.rough + TINY
@@ -426,20 +464,17 @@ def level_from_detection_lines(
     # by the line count alone two chi-squares are pooled; what the slope leaves open comes on top
     by_count = 1 / (windows.information[0] + nu)
     dof = widened_dof(1 / by_count, var_level - gain * cov_here - by_count)
-    return (
-        np.concatenate([pooled, log_level]),
-        np.concatenate([dof + zeros, windows.dof + zeros]),
-        (evidence + both).reshape(-1, log_level.shape[1]),
-        factors,
-        detected,
+    return LevelMixture(
+        log_level=np.concatenate([pooled, log_level]),
+        dof=np.concatenate([dof + zeros, windows.dof + zeros]),
+        log_weight=(evidence + both).reshape(-1, log_level.shape[1]),
+        factors=factors,
+        detected=detected,
     )
 
 
-def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Whether each of H hypotheses is before the dynamics; its c on the windows (H, n, F) and here (H, F); log priors.
-
-    c is over its mean on the window. Where |G| is even over the band, places and drives are one.
-    """
+def list_hypotheses(excited: Spectra, row: OutputData) -> Hypotheses:
+    """Return the hypotheses of place and law; where |G| is constant over the band, places and sources are one."""
     laws = [input_cubic_counts(excited)]
     if row.gain_varies:
         laws.append(cubic_count_ratios(rms(row.Y), excited.index, MAX_OUTPUT_RATIO))
@@ -448,12 +483,17 @@ def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.n
     for i, (on_window, here) in enumerate(laws):
         relative[i], factors[i] = on_window, here
     if not row.gain_varies:
-        return ~BEFORE_DYNAMICS[:n_laws], relative, factors, CONSTANT_GAIN_LOG_PRIOR
-    return BEFORE_DYNAMICS, np.concatenate([relative, relative]), np.concatenate([factors, factors]), EQUAL_LOG_PRIOR
+        return Hypotheses(~BEFORE_DYNAMICS[:n_laws], relative, factors, CONSTANT_GAIN_LOG_PRIOR)
+    return Hypotheses(
+        before_dynamics=BEFORE_DYNAMICS,
+        on_window=np.concatenate([relative, relative]),
+        factors=np.concatenate([factors, factors]),
+        log_prior=EQUAL_LOG_PRIOR,
+    )
 
 
 def input_cubic_counts(excited: Spectra) -> tuple[np.ndarray, np.ndarray]:
-    """`cubic_count_ratios` of the inputs: of their rms spectrum, as their cubes and products have its ratios in a band."""
+    """Return `cubic_count_ratios` of the rms spectrum of the inputs: cubes and products have its ratios in a band."""
     amplitude = excited.amplitude
     return (
         flat_input_cubic_counts(excited.index)
@@ -463,14 +503,12 @@ def input_cubic_counts(excited: Spectra) -> tuple[np.ndarray, np.ndarray]:
 
 
 BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
-EQUAL_LOG_PRIOR, CONSTANT_GAIN_LOG_PRIOR = (
-    np.zeros(6),
-    np.log([2 / 3, 1 / 3]),
-)  # the laws of input and output are one where |G| is even
+#: Where |G| is constant over the band, the cubic of the input and that of the output are one law.
+EQUAL_LOG_PRIOR, CONSTANT_GAIN_LOG_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])
 
 
 def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) -> tuple[np.ndarray, np.ndarray]:
-    """c of the cubic of a drive (F,) on the windows (n, F) and on the excited lines (F,), over its mean on the window.
+    """Return c of the cubic of a source (F,) on the windows (n, F) and excited lines (F,), over its mean on the window.
 
     The latter from 1/3 to `highest`; 3 where the lines of a window hold no combination at all.
     """
@@ -491,7 +529,7 @@ def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def flat_input_cubic_counts(index: LineIndex) -> tuple[np.ndarray, np.ndarray]:
-    """`cubic_count_ratios` of a flat input, which depend on the grid alone."""
+    """Return `cubic_count_ratios` of a flat input, which depend on the grid alone."""
     relative, factors = cubic_count_ratios(np.ones(index.excited.size), index, MAX_SPECIAL_ODD_RATIO)
     relative.flags.writeable = factors.flags.writeable = False
     return relative, factors
@@ -503,7 +541,7 @@ MIN_RELATIVE_POWER = 1e-10  # of the largest expected one in a window
 def expected_total(
     power: np.ndarray, noise: np.ndarray, shape: np.ndarray, factors: np.ndarray, noise_here: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Expected power by distortion and noise on the lines of a window (H, n, F) over that at its line, and that (H, F).
+    """Return the expected power on the lines of a window (H, n, F) over that at its excited line, and that (H, F).
 
     The noise is known from the periods. The distortion d in q_j = d a_j + n_j by maximum likelihood, scoring on
     exponentially distributed powers (n, F); the first step weighs as without noise.
@@ -526,7 +564,7 @@ def expected_total(
 def fit_log_level(
     y: np.ndarray, log_shape: np.ndarray, windows: WindowCoordinates, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Log level at each line, its slope and the log likelihood of the window (H, F), of whitened powers y (H, n, F).
+    """Fit the log level at each line, its slope and the log likelihood (H, F) to whitened powers y (H, n, F).
 
     Gamma likelihood of M degrees of freedom a line, log-linear mean, standard normal prior of the slope, a calibration
     error common to the window: scoring, whose information matrix does not depend on the data.
@@ -563,11 +601,10 @@ def fit_log_level(
 def level_from_roughness(
     index: LineIndex, rough: np.ndarray, nu: np.ndarray, log_gamma: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Log level and its degrees of freedom (1, F) from the roughness (F,) alone, of nu degrees of freedom.
+    """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, of nu degrees of freedom.
 
-    It is the level of G, gamma times that of the residual, whose slope is small.
-    At the ends of the band windows lie to one side of their lines: the slope over three windows side by side, with its
-    prior, takes the level there.
+    The level of G, gamma times that of the residual, has a small slope. At the ends of the band windows lie to one
+    side of their lines: the slope over three windows side by side, with its prior, extrapolates the level.
     """
     rough = rough + TINY
     if rough.size < FEW_LINES:  # one window, or two that overlap, tell no slope
@@ -602,7 +639,7 @@ def update_by_scatter(
 
 
 def widened_dof(dof: np.ndarray, log_variance: np.ndarray | float) -> np.ndarray:
-    """Degrees of freedom of an inverse chi-square whose log has some variance more.
+    """Return the degrees of freedom of an inverse chi-square whose log variance is larger by `log_variance`.
 
     The variance of the log is trigamma(nu), 1/nu + 1/(2 nu^2) but for a third of 1/(2 nu^3).
 
@@ -616,7 +653,7 @@ def widened_dof(dof: np.ndarray, log_variance: np.ndarray | float) -> np.ndarray
 
 
 def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scale and degrees of freedom (F,) of the scaled F(2, 2 nu) that stands for a mixture of them (C, F).
+    """Return scale and degrees of freedom (F,) of the scaled F(2, 2 nu) that approximates a mixture of them (C, F).
 
     Both have the same quantiles at 95 % and, as all lines together ask for, at 99.9 %: the r with
     sum_h w_h (1 + r^2 / (nu_h s_h^2))^(-nu_h) = 1 - p, by Newton's method in log r from the mean of their quantiles.
@@ -652,7 +689,7 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
 
 
 def f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
-    """Quantile of F(2, 2 dof) at the log of one less its probability."""
+    """Return the quantile of F(2, 2 dof) that is exceeded with probability exp(tail)."""
     return np.asarray(dof * np.expm1(-tail / np.asarray(dof)))
 
 
@@ -662,14 +699,14 @@ FURTHER_TAIL = float(np.log(f_quantile(6.0, LOG_TAIL_PROBABILITIES[1]) / f_quant
 
 @lru_cache(maxsize=1)
 def ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
-    """Log of the 95 % quantile of F(2, 2 nu) over that at 99.9 %, increasing, and log nu, from 0.2 to 1e5."""
+    """Return a table of log(95 % quantile of F(2, 2 nu) / 99.9 % quantile), increasing, and log nu, from 0.2 to 1e5."""
     dofs = np.linspace(np.log(0.2), np.log(1e5), 800)
     quantiles = np.log([f_quantile(np.exp(dofs), tail) for tail in LOG_TAIL_PROBABILITIES])
     return quantiles[0] - quantiles[1], dofs
 
 
 def log_density_of_ratio(log_ratio: np.ndarray, nu: np.ndarray | float, dof: np.ndarray) -> np.ndarray:
-    """Log density of the log of s1^2 / s2^2 ~ F(2 nu, 2 dof): two estimates of one variance."""
+    """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): two estimates of one variance."""
     share = nu / dof
     return np.asarray(
         nu * (log_ratio + np.log(share))
@@ -679,7 +716,7 @@ def log_density_of_ratio(log_ratio: np.ndarray, nu: np.ndarray | float, dof: np.
 
 
 def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Log of the beta function, by Stirling's series two above each argument: within 1e-5."""
+    """Return the log of the beta function, by Stirling's series two above each argument: within 1e-5."""
     x = np.empty((3, *np.broadcast_shapes(a.shape, b.shape)))
     x[0], x[1], x[2] = a, b, a + b
     up = x + 2
@@ -688,13 +725,13 @@ def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def clip(x: np.ndarray, least: float, most: float) -> np.ndarray:
-    """`numpy.clip`, without what it checks."""
+    """Return `numpy.clip` without its checks of arguments, which take longer than short arrays do."""
     return np.minimum(np.maximum(x, least), most)
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
-    """The coordinates and normal equations of a grid, for M realisations."""
+    """Return the coordinates and normal equations of a grid, for M realisations."""
     lines = index.lines[index.excited].astype(float)
     near = index.odd_windows.T
     n, F = near.shape
@@ -730,7 +767,7 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def roughness_positions(index: LineIndex) -> np.ndarray:
-    """(2, F) mean position of a roughness window from its line; and the position of each line from the first."""
+    """Return (2, F) coordinates: mean of a roughness window from its line, and each line from the first."""
     lines = index.lines[index.excited].astype(float)
     around = slope_coordinate(lines[index.excited_windows.T], lines)
     positions = np.array([around.mean(axis=0), slope_coordinate(lines, lines[:1])])
@@ -739,14 +776,14 @@ def roughness_positions(index: LineIndex) -> np.ndarray:
 
 
 def slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """How far lines lie from others, in standard deviations of the change of the log level."""
+    """Return the signed distance between lines, in standard deviations of the change of the log level."""
     by_frequency = SLOPE_PER_LOG_FREQUENCY * np.log((at + LOWEST_LINES) / (line + LOWEST_LINES))
     by_line = SLOPE_PER_LINE * (at - line)
     return np.asarray(np.copysign(np.hypot(by_frequency, by_line), at - line))
 
 
 def windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
-    """Mean over the n neighbours of each entry along the last axis; at the ends over the first n, or the last."""
+    """Return the mean over the n neighbours of each entry along the last axis; at the ends over the first or last n."""
     size = x.shape[-1]
     n = min(n, size)
     sums = np.zeros((*x.shape[:-1], size + 1))
@@ -757,14 +794,14 @@ def windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def centred_windows(size: int, n: int) -> np.ndarray:
-    """(size,) which window of n neighbours is nearest to being centred on each entry."""
+    """Return for each of `size` entries the first index of the window of n entries most nearly centred on it."""
     return np.clip(np.arange(size) - n // 2, 0, size - n)
 
 
 def variance_on_even_lines(index: LineIndex, row: OutputData) -> np.ndarray:
-    """(F,) what the even lines show, as a variance of the residual on the excited lines; nan without them.
+    """Return the (F,) variance of the residual as read on the even lines; nan without them.
 
-    It counts as before the dynamics, with no factor.
+    The distortion is taken as before the dynamics, with no factor.
     """
     if not index.even.size:
         return np.full(index.excited.size, np.nan)
@@ -778,7 +815,7 @@ def variance_on_even_lines(index: LineIndex, row: OutputData) -> np.ndarray:
 
 
 def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.ndarray, LocalFit | None]:
-    """(n_y, n_u, F) a matrix to take the linear part off with; and the fit of each set where its roughness counts."""
+    """Return a smoothed matrix (n_y, n_u, F), and the local fit of each set where its roughness is needed."""
     if not is_source and (excited.lines.size < MIN_FIT_LINES or len(frm.G_each) >= ENOUGH_REALIZATIONS):
         return frm.G, None
     fit = fit_sets(frm, excited)
@@ -786,14 +823,14 @@ def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.
 
 
 def fit_sets(frm: FrmEstimate, excited: Spectra) -> LocalFit:
-    """The matrix of each set, fitted over the excited lines: what remains is its roughness."""
+    """Fit the matrix of each set locally over the excited lines: the residual is its roughness."""
     gamma = diagonal(frm.gamma_each)[:, None]
     noise = frm.noise_each[:, :, None] * gamma if np.isfinite(frm.noise_each).all() else None
     return fit_locally(frm.G_each, 1 / np.sqrt(gamma), excited.index, noise)
 
 
 def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
-    """Which source the level is taken from, with a warning where detection lines are passed over."""
+    """Choose the source of the distortion variance, with a warning where detection lines are not used."""
     if level_from == "detection" and grid.odd.size < n_detection:
         raise ValueError(
             f"lines must hold at least n_detection = {n_detection} odd detection lines for "
@@ -810,7 +847,7 @@ def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection
 
 
 def can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
-    """Whether odd detection lines tell the level within a known factor on this grid."""
+    """Whether odd detection lines give the distortion variance within a known factor on this grid."""
     kind = grid.kind
     if grid.odd.size < n_detection or kind in ("full", "odd", "odd-odd"):
         return False
@@ -823,7 +860,7 @@ def can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
 
 
 def describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
-    """The warning that goes with a level from the roughness."""
+    """Return the warning that explains why the distortion variance comes from the roughness."""
     kind, n_odd = grid.kind, grid.odd.size
     if kind == "odd-odd":
         reason = (

@@ -1,4 +1,7 @@
-"""What experiments have to be for their matrix to mean what is said: excited, of one excitation, independent."""
+"""Checks of the experiments behind a matrix: every line excited, equal amplitude spectra, independent phases.
+
+They run before the estimate, because none of these faults shows in the estimate itself.
+"""
 
 from __future__ import annotations
 
@@ -19,33 +22,28 @@ __all__ = ["CrestCorrection", "check_experiments", "count_independent_experiment
 
 
 MIN_LINE_POWER = 1e-18  # of the largest power of an input on a line, below which there is none
-MIN_POWER_OVER_NOISE, MAX_LOST_SHARE = (
-    4.0,
-    0.1,
-)  # power over that of its noise below which an input is lost, and the share of lines that may
-FEW_PHASE_LINES = 5  # lines that do not tell phases apart
+#: Power over that of its noise below which an input is lost, and the share of lines that may.
+MIN_POWER_OVER_NOISE, MAX_LOST_SHARE = 4.0, 0.1
+FEW_PHASE_LINES = 5  # lines up to which phases cannot be compared
 HIGH_CONDITION, MAX_CONDITION = 10.0, 1e6  # condition of the inputs: warned of, refused
 MIN_COPY_COHERENCE = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
 MAX_INPUT_NOISE = 0.3  # power of the noise on an input over its own: bounds hold up to there, at 1 G is off by a third
-MAX_EXPERIMENT_NOISE = (
-    1.3  # covariance of one experiment over the mean of all, above which the law of the matrix is off
-)
+#: Covariance of one experiment over the mean of all, above which the law of the matrix is off.
+MAX_EXPERIMENT_NOISE = 1.3
 SCATTER_ROUNDING = 1e-12  # of |Y|: scatter below it is none
-MIN_PLAYED_AMPLITUDE = (
-    0.03  # of the largest amplitude, below which an input is not played on a line, or in an experiment
-)
+#: Of the largest amplitude, below which an input is not played on a line, or in an experiment.
+MIN_PLAYED_AMPLITUDE = 0.03
 
 
 class CrestCorrection(NamedTuple):
-    """What the peaks of the inputs tell of their distortion; see `crest_correction`.
+    """Correction of the distortion level for the crest factor of the inputs; see `crest_correction`.
 
     Fields
     ------
-    typical, coherent : float
-        How much more random phases distort than those at hand, and how much of that is one gain on all lines; means
-        over the inputs.
-    low : bool
-        Whether some input has lower peaks than usual.
+    distortion_ratio, coherent_share : float
+        As of `crest_correction`; means over the inputs.
+    has_low_crest : bool
+        Whether some input has a lower crest factor than usual.
     """
 
     distortion_ratio: float
@@ -54,12 +52,12 @@ class CrestCorrection(NamedTuple):
 
 
 def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectra, CrestCorrection]:
-    """Experiments of which a matrix can be made: with input on the lines said, of one excitation, told apart.
+    """Check that a matrix can be made of the experiments, and merge those that repeat another one.
 
     Returns
     -------
     The spectra, with experiments that repeat another one as periods of it; the same on the excited lines alone; and
-    what their peaks tell.
+    the correction for the crest factor.
 
     Warns
     -----
@@ -108,11 +106,11 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
 
 
 def correct_for_crest(record: Record, before: Spectra, excited: Spectra, played: np.ndarray) -> CrestCorrection:
-    """What the peaks of each input tell, as it was played (n_u, M, N), on average over the inputs.
+    """Return the correction for the crest factor of each input as played (n_u, M, N), averaged over the inputs.
 
-    Warns of the first input whose peaks are lower than random phases have them.
+    Warns of the first input whose crest factor is lower than that of random phases.
     """
-    told, any_low, lines = [], False, excited.lines
+    corrections, any_low, lines = [], False, excited.lines
     names = ("u",) if record.is_single else record.inputs
     for u, U, known, name in zip(played, excited.U, before.excitation, names, strict=True):
         size, own = rms(known), slice(None)
@@ -123,22 +121,22 @@ def correct_for_crest(record: Record, before: Spectra, excited: Spectra, played:
             own = size > MIN_PLAYED_AMPLITUDE * size.max()
         peaks = warn_of_low_crest(u, size[own], lines[own], name)
         low = have_low_crest(peaks)
-        told.append(crest_correction(U[:, own], lines[own], low))
+        corrections.append(crest_correction(U[:, own], lines[own], low))
         any_low |= low
         if is_improbable(peaks):
             break
-    typical, coherent = (sum(one) / len(told) for one in zip(*told, strict=True))
-    return CrestCorrection(distortion_ratio=typical, coherent_share=coherent, has_low_crest=any_low)
+    ratio, coherent_share = (sum(one) / len(corrections) for one in zip(*corrections, strict=True))
+    return CrestCorrection(distortion_ratio=ratio, coherent_share=coherent_share, has_low_crest=any_low)
 
 
 def played_experiments(U: np.ndarray) -> np.ndarray:
-    """(M,) in which experiments an input U (M, F) was played."""
+    """Return an (M,) mask of the experiments in which an input U (M, F) was played."""
     size = power(U)
     return np.asarray(size > MIN_PLAYED_AMPLITUDE**2 * size.max())
 
 
 def require_equal_sets(record: Record, excited: Spectra) -> None:
-    """Refuse sets that were played louder or softer than the others."""
+    """Refuse sets whose input power differs from that of the others."""
     if excited.U.shape[1] == excited.experiments_per_set:
         return
     power = excited.power_U if excited.R is None else squared_modulus(excited.R)
@@ -205,7 +203,7 @@ def warn_of_copies(excited: Spectra) -> None:
 
 
 def warn_of_dependent_inputs(excited: Spectra) -> bool:
-    """Refuse inputs that cannot be told apart, warn of those that nearly depend on each other: noise grows by it."""
+    """Refuse linearly dependent inputs; warn, and return True, of ill-conditioned ones, which amplify noise."""
     U = excited.U
     n_u, _M, F = U.shape
     one = U.reshape(n_u, -1, n_u, F).transpose(1, 3, 0, 2)
@@ -229,14 +227,14 @@ def warn_of_dependent_inputs(excited: Spectra) -> bool:
 
 
 def find_phase_copies(Z: np.ndarray) -> np.ndarray:
-    """(M, n, n) bool, which channels of (n, M, F) have the same phases but for a constant, in each experiment."""
+    """Return (M, n, n) bool: which channels of Z (n, M, F) have the same phases but for a constant."""
     phase = Z / np.maximum(np.abs(Z), 1e-300)
     like = np.abs(np.einsum("imf,jmf->mij", phase, phase.conj())) / Z.shape[2]
     return np.asarray((like > MIN_COPY_COHERENCE) & ~np.eye(len(Z), dtype=bool))
 
 
 def count_independent_experiments(excited: Spectra) -> int:
-    """How many experiments have phases of their own in every input."""
+    """Count the experiments that have phases of their own in every input."""
     Z = excited.excitation
     if len(Z) == 1 or Z.shape[2] <= FEW_PHASE_LINES:
         return Z.shape[1]
@@ -245,7 +243,7 @@ def count_independent_experiments(excited: Spectra) -> int:
 
 
 def warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
-    """Warn of inputs that are lost in their noise on some lines, where no references over several sets average it."""
+    """Warn of inputs below their noise on some lines, where no references over several sets average it."""
     noise = np.sum(squared_modulus(excited.dU), axis=(1, 2)) / np.maximum(np.sum(excited.power_U, axis=1), TINY)
     lost = noise > MAX_INPUT_NOISE
     if (excited.R is None or excited.U.shape[1] == record.n_inputs) and lost.any():
@@ -258,10 +256,11 @@ def warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
 
 
 def warn_of_noisy_experiment(excited: Spectra, cov_total: np.ndarray) -> None:
-    """Warn of an experiment that was disturbed: bounds take all of a set to scatter alike.
+    """Warn of an experiment that scatters more than the others: the bound assumes equal scatter within a set.
 
-    Its own scatter takes the place of the mean one in the covariance (n_y, n_y, F) by everything. Entries are hardly
-    moved, as every experiment goes into every entry; the largest singular value is, as the error has rank one.
+    The test replaces the mean scatter in the total covariance (n_y, n_y, F) by that of one experiment. Bounds of
+    single entries hardly change, as every experiment enters every entry; the largest singular value does, as the error
+    has rank one.
     """
     noise = np.sum(squared_modulus(excited.dY), axis=2)  # (n_y, M, F)
     size = np.mean(squared_modulus(excited.Y), axis=1)

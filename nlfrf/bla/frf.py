@@ -1,7 +1,10 @@
-"""The frequency response matrix over all sets, with its covariance by noise and in total, and whether it is one.
+"""The frequency response matrix over all sets, with its covariance by noise and in total, and checks that it is one.
 
-A smooth FRF turns its phase by the same angle over neighbouring steps between lines that are equally long, whatever its
-delay. That of an output over the input of another realisation turns at random.
+    G = Y Z^H (U Z^H)^-1,  Z: references, or the inputs of each set        (Pintelon & Schoukens, 2nd ed., 2.7, 4.3.1)
+
+The checks use phases. Over two neighbouring steps between lines that are equally long, the phase of a smooth FRF
+changes by the same angle, whatever its delay. The phase of an output over the input of another realisation changes at
+random.
 """
 
 from __future__ import annotations
@@ -33,10 +36,10 @@ __all__ = [
 ]
 
 
-#: Roughness over the level and over |G|^2 past which u and y do not belong together, where most lines have it.
+#: Roughness over the level and over |G|^2 above which, on most lines, u and y do not belong together.
 MAX_ROUGHNESS_OVER_LEVEL, MAX_ROUGHNESS_OVER_GAIN = 2.5, 0.03
-#: The same of an output of several experiments: where those of others were taken it is 0.3 and more; a sound matrix
-#: that bends within a few lines has up to 0.3, and one experiment that differs from the others is told before.
+#: The same for an output of several experiments: 0.3 and more where experiments were exchanged. A correct matrix that
+#: bends within a few lines has up to 0.3; one experiment that differs from the others is found before.
 MAX_MATRIX_ROUGHNESS_OVER_GAIN = 0.2
 N_SPARE_LINES = 2  # lines more than the half: few lines are rough by chance
 MIN_STEP_PAIRS = 4  # pairs of equal steps that can tell phases apart
@@ -47,7 +50,7 @@ MAINS_FREQUENCIES = 50.0, 60.0  # Hz
 OUTPUT_ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
 MAX_CHANCE_SIGMAS = 3.0  # standard deviations of chance up to which phases agree by it
 CHANCE_MATCH_PROBABILITY = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
-MIN_WARNING_STEP_PAIRS = 30  # pairs of equal steps from which it is said that y follows no input
+MIN_WARNING_STEP_PAIRS = 30  # pairs of equal steps from which to warn that y follows no input
 MIN_RELATIVE_SCATTER = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
 MAX_RELATIVE_NOISE = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
 
@@ -66,7 +69,7 @@ class FrmEstimate(NamedTuple):
     G_each : (R, n_y, n_u, F) complex ndarray
         That of each set, Y U^-1.
     gamma : (n_u, n_u, F) ndarray
-        What the covariance of one experiment's residual is multiplied by.
+        Factor of Cov(vec G) on the covariance of one experiment's residual.
     gamma_each : (R, n_u, n_u, F) ndarray
         That of each set.
     noise_each : (R, n_y, F) ndarray
@@ -94,11 +97,11 @@ class FrmEstimate(NamedTuple):
 
 
 def estimate_frm(excited: Spectra) -> FrmEstimate:
-    """The matrix over all sets, its gamma, and the covariances that the experiments themselves tell.
+    """Estimate the matrix over all sets, its gamma, and the covariances from the scatter over periods and sets.
 
     With references the instruments are these, each over its size: noise on the inputs then leaves no bias, in open and
-    in closed loop. Without, sets are averaged, not fitted at once: noise on the inputs would meet the distortion in a
-    common residual and be under-read (Pintelon & Schoukens, 2.7, 3.7 and 4.3.1).
+    in closed loop. Without references sets are averaged, not fitted at once: one least-squares fit would underestimate
+    the noise on the inputs (Pintelon & Schoukens, 2.7, 3.7 and 4.3.1).
     """
     n_u, n_y = len(excited.U), len(excited.Y)
     U, Y = split_into_sets(excited.U, n_u), split_into_sets(excited.Y, n_u)
@@ -152,34 +155,39 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
 
 
 def split_into_sets(X: np.ndarray, n_u: int) -> np.ndarray:
-    """(R, n, n_u, F) channels x experiments of each set, from (n, R n_u, F)."""
+    """Reshape (n, R n_u, F) to (R, n, n_u, F): channels x experiments of each set."""
     return X.reshape(len(X), -1, n_u, X.shape[-1]).swapaxes(0, 1)
 
 
 def warn_of_rough_frf(
     rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G", share: float = MAX_ROUGHNESS_OVER_GAIN
 ) -> bool:
-    """Warn where an FRF jumps from line to line by more than its distortion can make it.
+    """Warn where an FRF varies from line to line by more than its distortion explains.
 
     Parameters
     ----------
     rough, level, size : (F,) ndarray
-        Variance of an FRF about its neighbours, the one that detection lines tell, and |G|^2.
+        Variance of an FRF about its neighbours, its variance by the detection lines, and |G|^2.
     what : str
-        What the FRF is called.
+        Name of the FRF.
     share : float
-        Roughness over |G|^2 past which it is no bend.
+        Roughness over |G|^2 above which it is no bend of a smooth FRF.
+
+    Returns
+    -------
+    bool
+        Whether it warned.
     """
     jumps = (rough > MAX_ROUGHNESS_OVER_LEVEL * level) & (rough > share * size)
-    strange = np.count_nonzero(jumps) > jumps.size / 2 + N_SPARE_LINES
-    if strange:
+    is_rough = np.count_nonzero(jumps) > jumps.size / 2 + N_SPARE_LINES
+    if is_rough:
         of_size, above = (float(np.median(rough / np.maximum(one, TINY))) for one in (size, level))
         data_warning(
             f"{what} jumps from line to line by {100 * of_size**0.5:.0f} % of its size, {10 * np.log10(above):.0f} dB "
             "more than its detection lines tell of distortion and noise: do u and y belong to the same runs, in the "
             "same order, with one trigger and one sign? If they do it bends within a few lines: record a longer period"
         )
-    return bool(strange)
+    return bool(is_rough)
 
 
 def warn_of_outlier_lines(
@@ -191,11 +199,11 @@ def warn_of_outlier_lines(
     gamma: np.ndarray,
     what: str = "G",
 ) -> np.ndarray:
-    """Warn of single lines that neither distortion nor noise can bring so far from their neighbours.
+    """Warn of single lines that differ from their neighbours by more than distortion and noise explain.
 
-    A disturbance that keeps step with the periods does, as the hum of the mains nearly does: it averages out over
-    realisations, and one alone does not show it on its detection lines. So does a resonance narrower than the lines are
-    apart. Nobody can tell which.
+    Two causes look the same: a disturbance that is periodic in the period, as the hum of the mains nearly is, and a
+    resonance narrower than the line spacing. The disturbance averages out over realisations, but the detection lines
+    of one realisation do not show it.
 
     Parameters
     ----------
@@ -207,49 +215,50 @@ def warn_of_outlier_lines(
     f : (F,) ndarray
         Their frequencies [Hz].
     gamma : (n_u, F) ndarray
-        By what the variance of each input's FRF is larger.
+        Factor on that variance for the FRF of each input.
     what : str
-        What they are called.
+        Name of the FRFs.
 
     Returns
     -------
     (F,) ndarray
-        Power by which such lines stand apart, over gamma; zeros elsewhere.
+        Squared deviation of such lines, over gamma; zeros elsewhere.
     """
     if (
         f.size < FEW_LINES
         or not (np.add.reduce(squared_modulus(G - fitted) / gamma) > OUTLIER_CANDIDATE * len(G) * level).any()
     ):
         return np.zeros(f.size)
-    apart, scatter, spread = leave_one_out_residual(G, index)
+    deviation, scatter, spread = leave_one_out_residual(G, index)
     by_chance = spread * np.maximum(OUTLIER_OVER_SCATTER * np.mean(scatter / gamma, axis=0), OUTLIER_OVER_LEVEL * level)
-    power_beyond = np.mean(squared_modulus(apart) / gamma, axis=0)
-    told = np.where(power_beyond > by_chance, power_beyond, 0.0)
-    out = np.flatnonzero(told)
+    deviation_power = np.mean(squared_modulus(deviation) / gamma, axis=0)
+    outlier_power = np.where(deviation_power > by_chance, deviation_power, 0.0)
+    out = np.flatnonzero(outlier_power)
     if not out.size:
-        return told
-    said = ", ".join(f"{f[k]:g}" for k in out[:6]) + (", ..." if out.size > 6 else "")
-    worst = int(out[np.argmax(told[out] / level[out])])
+        return outlier_power
+    listed = ", ".join(f"{f[k]:g}" for k in out[:6]) + (", ..." if out.size > 6 else "")
+    worst = int(out[np.argmax(outlier_power[out] / level[out])])
     half = (f[1:] - f[:-1]).min() / 2
     hum = next(
         (m for m in MAINS_FREQUENCIES if all(round(f[k] / m) and abs(f[k] - round(f[k] / m) * m) < half for k in out)),
         None,
     )
     mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
+    ratio = np.sqrt(outlier_power[worst] / level[worst])
     data_warning(
-        f"{what} stands out of its neighbours at {said} Hz, by {np.sqrt(told[worst] / level[worst]):.0f} times its "
+        f"{what} stands out of its neighbours at {listed} Hz, by {ratio:.0f} times its "
         f"scatter at {f[worst]:g} Hz{mains}: a disturbance in step with the periods, or a resonance narrower than the "
         "lines are apart. The bound there holds what the neighbours say; record several realisations, or another period"
     )
-    return told
+    return outlier_power
 
 
 def check_outputs_follow_input(
     frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, outputs: Sequence[str]
 ) -> bool:
-    """Refuse outputs that follow the input of another realisation, or turned round; warn of one that follows none.
+    """Refuse outputs that follow the input of another realisation, or its negative; warn of one that follows none.
 
-    Their distortion and scatter would be those of random phases, and without detection lines nothing else tells.
+    Their distortion and scatter would be those of random phases. Without detection lines no other check finds this.
 
     Parameters
     ----------
@@ -259,19 +268,19 @@ def check_outputs_follow_input(
     fit : LocalFit or None
         Of each realisation, where it is known.
     outputs : sequence of str
-        What the outputs are called.
+        Names of the outputs.
 
     Returns
     -------
     bool
-        Whether it was warned of.
+        Whether it warned.
 
     Raises
     ------
     ValueError
         An output that follows the input of another realisation, not its own, or that has another sign than the others.
     """
-    n, steps, strange = len(frm.G_each), pair_equal_steps(excited.index), False
+    n, steps, has_warned = len(frm.G_each), pair_equal_steps(excited.index), False
     gamma = frm.gamma_of_set[0]
     for j, (name, each) in enumerate(zip(outputs, frm.G_each[:, :, 0].swapaxes(0, 1), strict=True)):
         spread = (n - 1) * frm.cov_scatter[j, j].real * gamma if n > 1 else None
@@ -280,12 +289,12 @@ def check_outputs_follow_input(
         if spread is not None and np.add.reduce(spread) <= MIN_RELATIVE_SCATTER * power(frm.G[j, 0]):
             continue  # one that follows another input would scatter by more
         noise = frm.noise_each[:, j] * frm.gamma_each[:, 0, 0].real / np.maximum(squared_modulus(each), TINY)
-        strange |= check_follows(name, excited.Y[j], "u", excited.U[0], noise, steps)
-    return strange
+        has_warned |= check_follows(name, excited.Y[j], "u", excited.U[0], noise, steps)
+    return has_warned
 
 
 def check_input_follows_reference(excited: Spectra) -> None:
-    """The same of an only input that follows the reference of another realisation, or none."""
+    """Refuse a single input that follows the reference of another realisation; warn where it follows none."""
     if excited.R is not None and len(excited.U) == 1:
         scatter = np.add.reduce(squared_modulus(excited.dU[0]), axis=1)
         noise = (scatter if excited.dU.shape[2] else np.nan) / np.maximum(excited.power_U[0], TINY)
@@ -295,9 +304,10 @@ def check_input_follows_reference(excited: Spectra) -> None:
 def check_follows(
     output_name: str, Y: np.ndarray, input_name: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray
 ) -> bool:
-    """Whether an answer Y (M, F) was warned of that follows no cause U; refused where it is that of another.
+    """Check that Y (M, F) of each realisation follows its own U.
 
-    `noise` (M, F) is what Y / U has over its size squared, nan where it is not known.
+    Raises if it follows another realisation's; warns, and returns True, if it follows none. `noise` (M, F) is the
+    variance of Y / U by noise over its squared modulus, nan where it is not known.
     """
     n, n_steps = len(Y), steps.shape[1]
     if n_steps < MIN_STEP_PAIRS:
@@ -318,47 +328,47 @@ def check_follows(
             f"that of realisation {m} follows {input_name} of realisation {other}" for m, other in pairs[:4]
         )
         raise ValueError(
-            f"{output_name} must stand beside the {input_name} that it answers, got {who}{', ...' if len(pairs) > 4 else ''}, by "
-            "the phases of all lines: are the files of both in one order?"
+            f"{output_name} must follow the {input_name} of its own realisation, got {who}"
+            f"{', ...' if len(pairs) > 4 else ''}, by the phases of all lines: are the files of both in one order?"
         )
     quiet = ~(np.median(noise, axis=1) > MAX_RELATIVE_NOISE)  # or nothing is known of it
-    strange = np.flatnonzero(alone & quiet)
-    told = strange.size > 0 and n_steps >= MIN_WARNING_STEP_PAIRS
-    if told:
-        who = ", ".join(map(str, strange[:6])) + (", ..." if strange.size > 6 else "")
+    mismatched = np.flatnonzero(alone & quiet)
+    warns = mismatched.size > 0 and n_steps >= MIN_WARNING_STEP_PAIRS
+    if warns:
+        who = ", ".join(map(str, mismatched[:6])) + (", ..." if mismatched.size > 6 else "")
         data_warning(
-            f"{output_name} does not follow {input_name} in realisation {who}: from line to line its phase is random. Is it of "
-            "another run, or all noise and distortion?"
+            f"{output_name} does not follow {input_name} in realisation {who}: from line to line its phase is random. "
+            "Is it of another run, or all noise and distortion?"
         )
-    return told
+    return warns
 
 
 def require_same_sign(output_name: str, phases: np.ndarray) -> None:
-    """Refuse phases (M, F) of another sign than those of the other realisations."""
+    """Refuse phases (M, F) of one realisation that have another sign than those of the others."""
     n, n_lines = phases.shape
     agree = np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines  # with the others
     turned = np.flatnonzero(agree < -chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
-        told = (
+        which = (
             "realisations 0 and 1 differ by it" if n == 2 else f"it turns in realisation {', '.join(map(str, turned))}"
         )
-        raise ValueError(f"{output_name} must have one sign, got: {told}; was it rewired, or is it half a turn late?")
+        raise ValueError(f"{output_name} must have one sign, got: {which}; was it rewired, or is it half a turn late?")
 
 
 def chance_sigmas(n: int) -> float:
-    """How many standard deviations the largest of n means of random phases stays under, but for `CHANCE_MATCH_PROBABILITY`.
+    """Return how many sigmas the largest of n means of random phases exceeds with `CHANCE_MATCH_PROBABILITY`.
 
-    They have lighter tails than a normal distribution.
+    An upper bound: such means have lighter tails than a normal distribution.
     """
     return float(np.sqrt(2 * np.log(n / CHANCE_MATCH_PROBABILITY)))
 
 
 def unit_phasors(x: np.ndarray) -> np.ndarray:
-    """Complex numbers of size one, with the phases of x; zero where x is."""
+    """Return x / |x|; zero where x is zero."""
     return np.asarray(x / np.maximum(np.abs(x), TINY))
 
 
 def second_phase_differences(phases: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """(M, n) by how much phases (M, F) turn more over one step between lines than over the next equal one."""
+    """Return (M, n) second differences of the phase of unit phasors (M, F), over pairs of equal steps between lines."""
     step = phases[:, 1:] * phases[:, :-1].conj()
     return np.asarray(step.take(steps[0], axis=1) * step.take(steps[1], axis=1).conj())

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import data_warning, require_choice, require_positive, require_real, require_real_array
 from nlfrf.bla.bla import Bla, DistortionLevels
@@ -23,8 +23,8 @@ def bla_from_frf(
     f: np.ndarray,
     G: np.ndarray,
     *,
-    std: Any = None,
-    coherence: Any = None,
+    std: ArrayLike | None = None,
+    coherence: ArrayLike | None = None,
     n_averages: float | None = None,
     fs: float | None = None,
     hold: str = "unknown",
@@ -101,7 +101,7 @@ def bla_from_frf(
         raise ValueError("f must be positive and increasing frequencies [Hz]; sort the lines by frequency")
     if G.ndim not in (1, 3) or G.shape[-1] != f.size:
         raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}), as f has it, got {G.shape}")
-    variance, dof = entry_variances(G.astype(complex), std, coherence, n_averages)
+    variance, dof = entry_variances(G.astype(complex), std=std, coherence=coherence, n_averages=n_averages)
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
         raise ValueError('fs must be given where hold is "zoh": the hold of 1/fs is in G')
@@ -141,16 +141,18 @@ def bla_from_frf(
     )
 
 
-def entry_variances(G: np.ndarray, std: Any, coherence: Any, n_averages: float | None) -> tuple[np.ndarray, float]:
-    """E|.|^2 of each entry, of the shape of G, and the complex degrees of freedom behind it."""
+def entry_variances(
+    G: np.ndarray, *, std: ArrayLike | None, coherence: ArrayLike | None, n_averages: float | None
+) -> tuple[np.ndarray, float]:
+    """Return the variance of each entry, of the shape of G, and the complex degrees of freedom behind it."""
     if (std is None) == (coherence is None):
         got = "neither" if std is None else "both"
         raise ValueError(f"std or coherence must be given, got {got}: without a variance the bound has no probability")
     n = None if n_averages is None else require_real("n_averages", n_averages)
     if n is not None and n < 2:
         raise ValueError(f"n_averages must be at least 2, got {n:g}: one average has no scatter")
-    name, given = ("std", std) if coherence is None else ("coherence", coherence)
-    numbers = require_real_array(name, given, ndim=np.ndim(given))
+    name, given = ("std", np.asarray(std)) if coherence is None else ("coherence", np.asarray(coherence))
+    numbers = require_real_array(name, given, ndim=given.ndim)
     try:
         numbers = np.broadcast_to(numbers, G.shape)
     except ValueError:
@@ -168,7 +170,7 @@ def entry_variances(G: np.ndarray, std: Any, coherence: Any, n_averages: float |
 
 
 def unknown_levels(f: np.ndarray) -> DistortionLevels:
-    """Amplitudes of the output that nobody noted."""
+    """Return `DistortionLevels` whose amplitudes are not known: nan on the excited lines, no detection lines."""
     none = np.zeros(0)
     nan = np.full(f.size, np.nan)
     return DistortionLevels(
@@ -185,7 +187,7 @@ def unknown_levels(f: np.ndarray) -> DistortionLevels:
 
 
 def bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n_y, F) and (n_u, F) whose products are the variances (n_y, n_u, F), or the next larger that are one."""
+    """Return (n_y, F) and (n_u, F) whose product equals the variances (n_y, n_u, F), or is the least bound above."""
     # rank one in the logarithm: exact where every input meets the same residual of an output
     of_output = np.exp(np.mean(np.log(np.maximum(variance, np.finfo(float).tiny)), axis=1))
     of_input = np.max(variance / of_output[:, None], axis=0)

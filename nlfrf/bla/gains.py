@@ -1,11 +1,18 @@
-"""What the directions of a measured matrix are worth: its singular values and its relative gains, with their bounds."""
+"""Singular values and relative gain array of a measured matrix, with their bounds.
+
+    G = U diag(sigma) V^H,    RGA(G) = G times G^-T, element by element        (SP 3.3 and 3.4)
+
+Singular values are bounded over the whole set of `Bla.block`, because an SVD of the estimate alone hides a weak
+direction that the data do not show. The RGA has bounds to first order in the covariance.
+"""
 
 from __future__ import annotations
 
 from statistics import NormalDist
-from typing import Any
+from typing import overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import Sketch, value
@@ -16,7 +23,7 @@ __all__ = ["RelativeGains", "SingularValues", "rga", "singular_values"]
 
 @value
 class SingularValues:
-    """Singular values of a measured matrix, largest first, and between what they lie.
+    """Singular values of a measured matrix, largest first, with lower and upper bounds.
 
     Fields
     ------
@@ -56,23 +63,23 @@ class SingularValues:
         return Sketch("Hz", "dB", [(f"value {i + 1}", self.f, one) for i, one in enumerate(decibels)], log=True)
 
     def __str__(self) -> str:
-        """What was found, in a few lines."""
+        """Describe the result in a few lines."""
         with np.errstate(divide="ignore", invalid="ignore"):
             condition = np.nan_to_num(self.sigma[0] / self.sigma[-1], nan=np.inf, posinf=np.inf)
         k = int(condition.argmax())
         lost = int(np.count_nonzero(self.low[-1] == 0))
-        said = (
+        text = (
             f"{len(self.sigma)} singular values on {self.f.size} lines; largest {self.sigma[0].max():.4g}, smallest "
             f"{self.sigma[-1].min():.4g}, condition at most {condition[k]:.4g} at {self.f[k]:g} Hz"
         )
         if lost:
-            said += f"; on {lost} lines the set may hold a matrix of lower rank: the weakest direction is not measured"
-        return said
+            text += f"; on {lost} lines the set may hold a matrix of lower rank: the weakest direction is not measured"
+        return text
 
 
 @value
 class RelativeGains:
-    """The relative gain array of a measured matrix, and how far it is known.
+    """The relative gain array of a measured matrix, with radii.
 
     Fields
     ------
@@ -124,7 +131,7 @@ class RelativeGains:
 def singular_values(
     frm: Bla, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
 ) -> SingularValues:
-    """Singular values of a measured matrix with what the bound of the whole matrix leaves of them.
+    """Return the singular values of a measured matrix, bounded over the set that holds the matrix.
 
     Parameters
     ----------
@@ -182,7 +189,15 @@ def singular_values(
     return SingularValues(f=frm.f, sigma=sigma.T, low=low.T, high=high.T, confidence=float(confidence))
 
 
-def rga(G: Any, confidence: float = 0.95) -> Any:
+@overload
+def rga(G: Bla, confidence: float = ...) -> RelativeGains: ...
+
+
+@overload
+def rga(G: ArrayLike, confidence: float = ...) -> np.ndarray: ...
+
+
+def rga(G: ArrayLike | Bla, confidence: float = 0.95) -> np.ndarray | RelativeGains:
     """Relative gain array: how much a channel's gain changes when all other loops are closed tightly.
 
     Parameters
@@ -235,31 +250,32 @@ def rga(G: Any, confidence: float = 0.95) -> Any:
 
 
 def rga_radius(frm: Bla, confidence: float) -> np.ndarray:
-    """(n_y, n_u, F) radii of the elements, from d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H the (pseudo-)inverse of G.
+    """Return (n_y, n_u, F) radii of the elements, from d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H = pinv(G).
 
-    dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. What comes with dG^H is zero of a square matrix; of any
-    other it lets an error lie along a line, and the quantile is that of a real number, the larger one.
+    dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. The terms in dG^H are zero for a square matrix. For any
+    other an error may lie along a line, and the quantile is that of a real number, the larger one.
     """
     G = np.moveaxis(frm.matrix, 2, 0)
     H = np.linalg.pinv(G)
     C, gamma = np.moveaxis(frm.cov_bound, 2, 0), np.moveaxis(frm.gamma, 2, 0)
     n_y, n_u = G.shape[1:]
     adjoint = np.swapaxes(H, 1, 2).conj()
-    beyond, beside = np.eye(n_y) - G @ H, np.eye(n_u) - H @ G
+    left_null, right_null = np.eye(n_y) - G @ H, np.eye(n_u) - H @ G
 
-    def power(by: np.ndarray) -> np.ndarray:
-        """(F,) variance of the sum of by (F, n_y, n_u) times dG: E dG_kl dG*_mn = C_km gamma*_ln."""
-        return np.asarray(np.einsum("fkl,fkm,fln,fmn->f", by, C, gamma.conj(), by.conj(), optimize=True).real)
+    def variance_of_sum(slope: np.ndarray) -> np.ndarray:
+        """Return the (F,) variance of the sum of slope (F, n_y, n_u) times dG: E dG_kl dG*_mn = C_km gamma*_ln."""
+        return np.asarray(np.einsum("fkl,fkm,fln,fmn->f", slope, C, gamma.conj(), slope.conj(), optimize=True).real)
 
     variance = np.empty(G.shape)
     for j, i in np.ndindex(n_y, n_u):
-        # what dG[k, l] does to the element, and what its conjugate does: (F, n_y, n_u)
-        by = -np.einsum("fk,fl->fkl", H[:, i], H[:, :, j])
-        turned = np.einsum("fk,fl->fkl", beyond[:, :, j], (H @ adjoint)[:, i])
-        turned += np.einsum("fk,fl->fkl", (adjoint @ H)[:, :, j], beside[:, i])
-        by, turned = (G[:, j, i, None, None] * part for part in (by, turned))
-        by[:, j, i] += H[:, i, j]
-        variance[:, j, i] = power(by) + (power(turned.conj()) if n_y != n_u else 0.0)
+        # derivatives of the element by dG[k, l] and by its conjugate: (F, n_y, n_u)
+        slope = -np.einsum("fk,fl->fkl", H[:, i], H[:, :, j])
+        slope_conj = np.einsum("fk,fl->fkl", left_null[:, :, j], (H @ adjoint)[:, i])
+        slope_conj += np.einsum("fk,fl->fkl", (adjoint @ H)[:, :, j], right_null[:, i])
+        slope, slope_conj = (G[:, j, i, None, None] * part for part in (slope, slope_conj))
+        slope[:, j, i] += H[:, i, j]
+        conjugate = variance_of_sum(slope_conj.conj()) if n_y != n_u else 0.0
+        variance[:, j, i] = variance_of_sum(slope) + conjugate
     quantile = frm.bound(confidence) ** 2 / frm.var_bound  # the same for every entry
     scale = quantile.reshape(frm.matrix.shape)
     if n_y != n_u:
@@ -269,7 +285,7 @@ def rga_radius(frm: Bla, confidence: float) -> np.ndarray:
 
 
 def largest_singular_values(matrices: np.ndarray) -> np.ndarray:
-    """(F,) largest singular value of each matrix; inf where it holds an infinite number."""
+    """Return the (F,) largest singular value of each matrix; inf where it holds an infinite number."""
     finite = np.isfinite(matrices).all(axis=(1, 2))
     size = np.linalg.norm(np.where(finite[:, None, None], matrices, 0.0), 2, (1, 2))
     return np.where(finite, size, np.inf)

@@ -1,7 +1,7 @@
 """`identify`: from a periodic record of any number of channels to its best linear approximation.
 
-One realisation: the *fast* method, which reads the distortion on lines that were not excited. Several: the *robust*
-method, which reads it from the scatter between realisations (Pintelon & Schoukens, 4.3). With several inputs a
+With one realisation the distortion is read on lines that were not excited (the *fast* method). With several it is read
+from the scatter between realisations (the *robust* method; Pintelon & Schoukens, 2nd ed., 4.3). With several inputs a
 realisation is a set of experiments, from which one matrix is made. Arrays are (n_y, n_u, F) and (n, M, K) throughout.
 """
 
@@ -57,7 +57,7 @@ def identify(
     level_from: str = "auto",
     n_detection: int = 6,
 ) -> Bla | list[Bla]:
-    """Best linear approximation, noise and distortion of a system from one periodic record.
+    """Estimate the best linear approximation, noise and distortion of a system from one periodic record.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def identify(
 
 
 def identify_record(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
-    """`identify` for one record, with the spectra of its inputs where they are known."""
+    """Identify one record; U are the spectra of its inputs where they are known already."""
     spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient, U)
     spectra, excited, crest = check_experiments(record, spectra)
     check_input_follows_reference(excited)
@@ -172,9 +172,9 @@ def add_outlier_power(
     residual: NonlinearResidual,
     distortion: DistortionVariance,
 ) -> DistortionVariance:
-    """The level, with what single lines of one set stand out by.
+    """Raise the distortion variance on outlier lines of one set to their squared deviation.
 
-    Warns of a channel that differs in one experiment, or where there is none of an output of other experiments.
+    Warns of a channel that differs in one experiment; where there is none, of an FRF that is rough.
     """
     R, F, zippered = len(frm.G_each), excited.lines.size, excited.is_zippered
     if not record.is_single:
@@ -187,7 +187,7 @@ def add_outlier_power(
             return distortion
     if fit is None or zippered:
         return distortion
-    gamma, power_beyond = frm.gamma_of_set, np.zeros((record.n_outputs, F))
+    gamma, outlier_power = frm.gamma_of_set, np.zeros((record.n_outputs, F))
     rough = np.add.reduce(fit.variance / gamma, axis=(0, 2)) / (R * len(gamma))  # (n_y, F)
     size = np.add.reduce(squared_modulus(frm.G) / gamma, axis=1) / len(gamma)
     labels = ("G",) if record.is_single else [f"G of {name}" for name in record.outputs]
@@ -200,8 +200,8 @@ def add_outlier_power(
     for j, what in enumerate(labels):
         level = distortion.detected[j] + OUTPUT_ROUNDING**2 * power(excited.Y[j]).max()
         f = record.lines.excited * record.f0
-        power_beyond[j] = warn_of_outlier_lines(frm.G_each[0, j], fit.G[0, j], level, excited.index, f, gamma, what)
-    return distortion.with_minimum(power_beyond)
+        outlier_power[j] = warn_of_outlier_lines(frm.G_each[0, j], fit.G[0, j], level, excited.index, f, gamma, what)
+    return distortion.with_minimum(outlier_power)
 
 
 def assemble_bla(
@@ -216,10 +216,10 @@ def assemble_bla(
     gamma: np.ndarray,
     cov_bound: np.ndarray,
 ) -> Bla:
-    """The `Bla` of what was found; of one input and one output gamma is one, and covariances are variances of G."""
+    """Assemble the `Bla`; for one input and one output gamma is one, and covariances are variances of G."""
     grid, R = record.lines, len(frm.G_each)
     total = distortion.cov if R == 1 else frm.cov_scatter
-    # without periods to tell them apart, noise counts as distortion
+    # one period does not separate them: noise counts as distortion
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
     covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, cov_bound]
     if record.is_single:
@@ -253,7 +253,7 @@ def assemble_bla(
 
 
 def output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> tuple[DistortionLevels, ...]:
-    """What every output holds on each kind of line."""
+    """Return the amplitudes of every output on each kind of line."""
     grid, index, f0 = record.lines, excited.index, record.f0
     noise = np.sqrt(residual.noise)
     n = excited.dY.shape[1] if excited.dY.shape[2] else np.nan

@@ -1,4 +1,7 @@
-"""Which lines of a grid are neighbours: worked out once for each grid, as every level is read off windows of them."""
+"""Where the lines of a grid stand, and windows of neighbouring lines around each.
+
+Computed once for each grid, because every estimate of distortion averages over such windows.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,18 @@ import numpy as np
 from nlfrf._base.values import value
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["N_CACHED_GRIDS", "WINDOW_LINES", "LineIndex", "index_lines", "nearest_lines"]
+__all__ = ["N_CACHED_GRIDS", "SMOOTHING_LINES", "WINDOW_LINES", "LineIndex", "index_lines", "nearest_lines"]
 
 
 N_CACHED_GRIDS = 16  # grids that are remembered: those of one experiment, and of the next
 N_ODD_BELOW_BAND = 2  # detection lines below the band
 WINDOW_LINES = 9  # excited lines over which an FRF is fitted locally
+SMOOTHING_LINES = 9  # neighbouring lines over which powers and gains are averaged before they are compared
 
 
 @value(copy=False)
 class LineIndex:
-    """The excited and detection lines of a grid in one row, and who is near whom; it travels with the spectra.
+    """The excited and detection lines of a grid in one row, and the windows of neighbours around each excited line.
 
     Fields
     ------
@@ -58,7 +62,7 @@ class LineIndex:
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def index_lines(grid: LineGrid, n_detection: int = 6) -> LineIndex:
-    """All lines of a grid in one row, with windows of `n_detection` detection lines."""
+    """Return the lines of a grid in one row, with windows of `n_detection` detection lines."""
     detection = np.concatenate([odd_lines_below_band(grid), grid.odd])
     lines = np.sort(np.concatenate([grid.excited, detection, grid.even]))
     excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
@@ -85,9 +89,9 @@ def index_lines(grid: LineGrid, n_detection: int = 6) -> LineIndex:
 
 
 def odd_lines_below_band(grid: LineGrid) -> np.ndarray:
-    """The odd lines just below the band, within an octave: without them the windows of the first lines are one-sided.
+    """Return the odd lines just below the band, within an octave: without them the first windows are one-sided.
 
-    A level that falls with frequency, as that of a hysteresis does, is read too low in such a window. A grid whose
+    A level that falls with frequency, as that of a hysteresis does, reads too low in a one-sided window. A grid whose
     detection lines were chosen, or that has none, keeps its own.
     """
     first, last = int(grid.excited[0]), int(grid.excited[-1])
@@ -99,12 +103,12 @@ def odd_lines_below_band(grid: LineGrid) -> np.ndarray:
 
 
 def move_window_axis_first(windows: np.ndarray) -> np.ndarray:
-    """(k, F, n) -> (n, k, F)."""
+    """Return windows (k, F, n) as (n, k, F), so that sums over a window run through memory in order."""
     return np.ascontiguousarray(np.moveaxis(windows, -1, 0))
 
 
 def nearest_lines(targets: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
-    """(F, n) indices into `lines` of the n lines nearest to each of `targets`, nearest first; one-sided at the ends."""
+    """Return (F, n) indices into `lines` of the n lines nearest to each target, nearest first."""
     n, reach = min(n, lines.size), min(2 * n, lines.size)
     first = np.clip(np.searchsorted(lines, targets) - n, 0, lines.size - reach)
     near = first[:, None] + np.arange(reach)

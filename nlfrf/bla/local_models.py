@@ -1,13 +1,14 @@
-"""The FRF fitted locally over its excited lines: a smoother FRF, and the roughness that is left.
+"""Local polynomial and rational models of an FRF over its excited lines (LPM, LRM), and their residual.
 
-The fit of an FRF serves twice. Its value is the FRF with less scatter. Its residual is a distortion level: random
-phases make the stochastic distortion rough over frequency where the FRF itself is smooth (Pintelon & Schoukens,
-7.2). It needs no detection lines. The fit is a polynomial, or a rational function where that explains the FRF much
-better (a resonance a few lines wide, a steep slope); what neither can follow is read as distortion, so the level may
-be too high there, not too low.
+    (1 + a1 r + a2 r^2) G(r) = b0 + b1 r + b2 r^2,  r: distance in the window (a1 = a2 = 0: polynomial)
 
-On a few lines a resonance is narrower than a window is wide. There one rational function of low order is fitted to all
-of them, as of a system with real coefficients and stable poles, and taken where it leaves less than half.
+Pintelon & Schoukens, 2nd ed., 7.2 and 7.3. The value at r = 0 is an FRF with less scatter. The residual is a distortion
+variance: random phases make the stochastic distortion rough over frequency where the FRF is smooth. It needs no
+detection lines. The rational model is used where it explains the FRF much better (a resonance a few lines wide). What
+neither model follows counts as distortion, so the variance may be too high there, not too low.
+
+On a few lines a resonance is narrower than a window. There one rational function of low order, with real coefficients
+and stable poles, is fitted to all lines, and used where it halves the residual.
 """
 
 from __future__ import annotations
@@ -38,24 +39,22 @@ __all__ = [
 POLYNOMIAL_ORDER = 2  # of both polynomials, which are written out here
 N_POWERS = POLYNOMIAL_ORDER + 1  # columns r^k G that they are fitted to
 N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1  # unknowns of the rational function
-RATIONAL_VARIANCE_RATIO = (
-    0.25  # the denominator has to earn its place: at 0.5 noise alone was fitted by it in one window of five
-)
-N_POOLED_WINDOWS = 9  # neighbouring lines over which it is judged
+#: Residual variance of the rational over the polynomial model below which it is used: at 0.5 it fitted noise alone in
+#: one window of five.
+RATIONAL_VARIANCE_RATIO = 0.25
+N_POOLED_WINDOWS = 9  # neighbouring lines over which that ratio is averaged
 MIN_NOISE_SHARE = 0.5  # share of the known noise that a roughness shows at least
 NOISE_SMOOTHING_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
-MIN_DENOMINATOR = (
-    0.1  # denominator, against that at the line itself: a pole of the fit near the window is no distortion
-)
+#: Denominator, against that at the line itself: a pole of the fit near the window is no distortion.
+MIN_DENOMINATOR = 0.1
 MIN_FIT_LINES = POLYNOMIAL_ORDER + 3  # lines that leave two degrees of freedom
 GLOBAL_ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
 MIN_RESIDUAL_DOF = 7.0  # complex degrees of freedom that it leaves at least
 N_REWEIGHTED_STEPS = 6  # towards the output error of the rational function, each with the denominator of the one before
 MIN_FLATNESS = 1 - 1e-9  # least over largest weight of a spectrum that is flat
 N_CACHED_FITS = 4  # grids whose fits are remembered: two kilobytes a line
-MAX_GLOBAL_VARIANCE_RATIO = (
-    0.5  # of the variance about the local fits, beyond which it is left at those: chance has as much
-)
+#: Of the variance about the local fits, beyond which it is left at those: chance has as much.
+MAX_GLOBAL_VARIANCE_RATIO = 0.5
 
 
 class LocalFit(NamedTuple):
@@ -70,8 +69,8 @@ class LocalFit(NamedTuple):
     dof : ndarray
         Complex degrees of freedom behind it.
     residual : (M, n_y, n_u, F, n) complex ndarray or None
-        What the fit left on the lines of each window, times the weight there; None of one output, whose long records
-        would keep it for nothing.
+        Residual of the fit on the lines of each window, times the weight there. None for one output: it is needed for
+        the correlation of outputs only, and long records would keep it for nothing.
     """
 
     G: np.ndarray
@@ -154,36 +153,36 @@ def apply_global_model(
     lines: np.ndarray,
     noise_variance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Value and variance of the same fits, but for FRFs (M, E, F) that one rational function explains much better.
+    """Replace value and variance where one rational function over the band explains an FRF (M, E, F) much better.
 
-    What it leaves may be flat at the output or follow |G|: both readings weigh as likely as they make it, their root
-    mean square is what a bound asks for. The degrees of freedom stay those of a window, as a level that varies
-    otherwise has no more; `noise_variance` is the variance that noise alone makes.
+    Its residual may be flat at the output or follow |G|. Each hypothesis is weighted by its likelihood; the root mean
+    square of both is the variance that a bound asks for. The degrees of freedom stay those of a window.
+    `noise_variance` is the least that the variance may be, that by noise alone.
     """
     value, variance = value.copy(), variance.copy()
     for m in np.ndindex(G.shape[:-1]):
-        whole, left = fit_global_rational(G[m], weight[m], lines)
-        if not left:
+        whole, dof = fit_global_rational(G[m], weight[m], lines)
+        if not dof:
             continue
         shape = np.array([np.ones(lines.size), np.maximum(squared_modulus(whole), TINY)]) / (weight[m] * weight[m])
-        left_over = np.add.reduce(squared_modulus(G[m] - whole) / shape, axis=1)
-        readings = np.maximum(left_over[:, None] / left * shape, TINY)
-        fits = -np.add.reduce(np.log(readings), axis=1) * (left / lines.size)
-        likely = np.exp(fits - fits.max())
-        highest = readings.max()
-        about = highest * np.sqrt(likely @ (readings / highest) ** 2 / likely.sum())
-        about = np.maximum(about, noise_variance[m])
-        if np.mean(np.log(about) - np.log(np.maximum(variance[m], TINY))) < np.log(MAX_GLOBAL_VARIANCE_RATIO):
-            less = about < variance[m]
-            value[m][less], variance[m][less] = whole[less], about[less]
+        residual = np.add.reduce(squared_modulus(G[m] - whole) / shape, axis=1)
+        variances = np.maximum(residual[:, None] / dof * shape, TINY)  # by hypothesis
+        log_likelihood = -np.add.reduce(np.log(variances), axis=1) * (dof / lines.size)
+        likelihood = np.exp(log_likelihood - log_likelihood.max())
+        highest = variances.max()
+        pooled = highest * np.sqrt(likelihood @ (variances / highest) ** 2 / likelihood.sum())
+        pooled = np.maximum(pooled, noise_variance[m])
+        if np.mean(np.log(pooled) - np.log(np.maximum(variance[m], TINY))) < np.log(MAX_GLOBAL_VARIANCE_RATIO):
+            less = pooled < variance[m]
+            value[m][less], variance[m][less] = whole[less], pooled[less]
     return value, variance
 
 
 def fit_global_rational(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, float]:
-    """The rational function (F,) nearest to an FRF over all its lines, and the complex degrees of freedom it leaves.
+    """Fit a rational function to an FRF over all its lines; return it (F,) and the complex degrees of freedom left.
 
-    Real coefficients in s, stable poles, relative errors; each step takes the denominator of the one before as a weight
-    (Sanathanan & Koerner, IEEE Trans. Autom. Control 8, 1963). The FRF itself, and none, where nothing was found.
+    Real coefficients in s, stable poles, relative errors; each step weights by the denominator of the step before
+    (Sanathanan & Koerner, IEEE Trans. Autom. Control 8, 1963). Returns G itself and 0 where no stable fit was found.
     """
     size = np.abs(G)
     relative = weight / np.maximum(size, EPS * size.max() + SMALL_NORM)
@@ -210,7 +209,7 @@ def fit_global_rational(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) ->
 
 
 def solve_real_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(p,) real least squares of complex rows (n, p), with columns scaled alike."""
+    """Solve A x = b for real x (p,) by least squares, A (n, p) and b complex, columns scaled to one norm."""
     stacked = np.concatenate([A.real, A.imag])
     scale = np.sqrt(np.vecdot(stacked.T, stacked.T))
     scale[scale == 0] = 1.0
@@ -229,7 +228,7 @@ def is_stable(a: np.ndarray) -> bool:
 
 
 class LocalModels(NamedTuple):
-    """The polynomial over each window, and the rational function.
+    """The polynomial and the rational model over each window.
 
     Fields
     ------
@@ -238,9 +237,9 @@ class LocalModels(NamedTuple):
     a : (M, F, 2) complex ndarray
         Coefficients of the denominator 1 + a1 r + a2 r^2, which all E entries share.
     rest, remainder : (M, E, F, n) complex ndarray
-        What the polynomial leaves, and the rational function.
+        Residual of each model on the lines of the window.
     variance, variance_r : (M, E, F) ndarray
-        Of either.
+        Variance of each.
     use_rational : (M, F) bool ndarray
         Where the denominator has earned its place.
     """
@@ -254,7 +253,7 @@ class LocalModels(NamedTuple):
     use_rational: np.ndarray
 
     def value_at_line(self) -> np.ndarray:
-        """(M, E, F) the better of the two at the line itself."""
+        """Return the (M, E, F) value of the model in use at the line itself."""
         polynomial = self.at_line[..., 0]
         if not self.use_rational.any():
             return polynomial
@@ -263,7 +262,7 @@ class LocalModels(NamedTuple):
 
 
 def is_flat(amplitude: np.ndarray) -> bool:
-    """Whether each of some spectra (..., F) is the same on all lines."""
+    """Whether each of the spectra (..., F) is the same on all lines."""
     return bool((amplitude.min(axis=-1) >= MIN_FLATNESS * amplitude.max(axis=-1)).all())
 
 
@@ -305,7 +304,7 @@ def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, index: LineIn
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distances r in the windows of neighbours (F, n), from -1 to 1, and the columns of the fit (F, 3, n).
+    """Return the distances r (F, n) in each window, from -1 to 1, and the columns 1, -r, -r^2 of the fit (F, 3, n).
 
     And for each line the nearest one whose window is centred (F,).
     """
@@ -326,7 +325,7 @@ def local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def noise_correction(
     variance: np.ndarray, denominator: np.ndarray | float, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
-    """Correction (M, F) for smoothed noise that differs over the window, weighted as the residual is."""
+    """Return the factor (M, F) on a variance whose smoothed noise differs over the window, weighted as the residual."""
     there = np.add.reduce(denominator**2 * smooth.take(window, axis=-1), axis=-1) / window.shape[1]
     distortion = np.maximum(variance - there, 0.0)
     total = np.maximum(distortion + there, TINY)
@@ -334,7 +333,7 @@ def noise_correction(
 
 
 def orthonormal_polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The polynomials p of order 0, 1 and 2 that are orthonormal on the points r (F, n) under the weights w^2.
+    """Compute the polynomials p of order 0, 1 and 2 that are orthonormal on the points r (F, n) under weights w^2.
 
     Returns w p (..., F, 3, n) and p(0) (..., F, 3), by their three-term recurrence (Forsythe, 1957).
     """
@@ -355,16 +354,16 @@ def orthonormal_polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, n
 
 
 def leave_one_out_residual(G: np.ndarray, index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """By how much each line of FRFs (..., F) differs from what the lines around it tell without it.
+    """Return the difference of each line of FRFs (..., F) to the parabola through its neighbours without it.
 
     Returns
     -------
-    apart : (..., F) complex ndarray
+    residual : (..., F) complex ndarray
         G less the parabola through its neighbours.
     scatter : (..., F) ndarray
-        Their variance about that parabola.
+        Variance of the neighbours about that parabola.
     spread : (F,) ndarray
-        Variance of `apart` over that of one line.
+        Variance of `residual` over that of one line.
     """
     around = G.take(index.excited_windows[:, 1:], axis=-1)
     (basis,), (at_zero,) = unweighted_polynomials(index, with_center=False)
@@ -375,7 +374,7 @@ def leave_one_out_residual(G: np.ndarray, index: LineIndex) -> tuple[np.ndarray,
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.ndarray, np.ndarray]:
-    """`orthonormal_polynomials` under a weight of one, over each line and its neighbours or over these alone."""
+    """Return `orthonormal_polynomials` under a weight of one, over each line and its neighbours or these alone."""
     r = local_powers(index)[0][:, 0 if with_center else 1 :]
     both = orthonormal_polynomials(r, np.ones((1, *r.shape)))
     for array in both:
@@ -385,8 +384,8 @@ def unweighted_polynomials(index: LineIndex, *, with_center: bool) -> tuple[np.n
 
 @lru_cache(maxsize=N_CACHED_FITS)
 def unweighted_fits(index: LineIndex) -> np.ndarray:
-    """(F, 3 n + 3, n) what a fit under a weight of one makes of a window: the rest of each column r^k G, then its value
-    at the line.
+    """Return (F, 3 n + 3, n) maps of a window under a weight of one: to the residual of each column r^k G, then to its
+    value at the line. They depend on the grid alone.
     """
     _, powers, _ = local_powers(index)
     (basis,), (at_zero,) = unweighted_polynomials(index, with_center=True)
@@ -400,9 +399,9 @@ def unweighted_fits(index: LineIndex) -> np.ndarray:
 
 
 def project_onto_rows(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the real orthonormal rows of `basis` (..., p, n) span of a complex row (..., n) times `powers` (c, n).
+    """Project a complex row (..., n) times `powers` (c, n) onto the real orthonormal rows of `basis` (..., p, n).
 
-    The first is (..., c, p) coefficients, the second (..., c, n) the rest.
+    Returns the coefficients (..., c, p) and the residual (..., c, n).
     """
     c = powers.shape[-2]
     parts = np.empty((*row.shape[:-1], 2 * c, row.shape[-1]))  # real ones, so that the products stay real
@@ -414,7 +413,7 @@ def project_onto_rows(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) ->
 
 
 def join_real_and_imaginary(parts: np.ndarray, c: int) -> np.ndarray:
-    """(..., c, n) complex rows from c real parts and c imaginary ones."""
+    """Return (..., c, n) complex rows from c real parts and c imaginary parts."""
     joined = np.empty((*parts.shape[:-2], c, parts.shape[-1]), dtype=complex)
     joined.real, joined.imag = parts[..., :c, :], parts[..., c:, :]
     return joined

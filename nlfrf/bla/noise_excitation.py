@@ -1,12 +1,13 @@
-"""The BLA from noise excitation: S_YU / S_UU, by Welch segments or by local polynomials.
+"""The BLA from noise excitation: G = S_YU / S_UU, by Welch segments or by local polynomials.
 
-With an input that never repeats, distortion and noise cannot be told apart: the variances here hold both. It is the
-other form of the same BLA, to lay over the one from a multisine of the same power spectrum.
+Pintelon & Schoukens, 2nd ed., 2.6 and 7.2.2. An input that never repeats does not separate distortion from noise: the
+variances hold both. Local polynomials are the default, because segments leak at a resonance.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,13 +31,11 @@ LINES_PER_SIDE = 6  # DFT lines on either side that a local polynomial sees
 N_RECORD_PARTS = 16  # of the record, over which the power of stationary noise stays
 N_BANDS = 8  # of the band that is excited
 MAX_POWER_SCATTER = 4.0  # how many times the scatter of noise that power may have from part to part
-MIN_ROUGH_SHARE = (
-    1e-3  # of the power of an input around a line: of noise a third and more is no transient, by chance a tenth
-)
+#: Of the power of an input around a line: of noise a third and more is no transient, by chance a tenth.
+MIN_ROUGH_SHARE = 1e-3
 MIN_INPUT_AMPLITUDE = 1e-12  # of the largest line of an input, below which there is none
-MIN_LEAKAGE_ERROR = (
-    3.0  # in 95 % bounds: how far leakage takes a line at least; by chance some of 265 lines are 2 to 2.5 off
-)
+#: In 95 % bounds: how far leakage takes a line at least; by chance some of 265 lines are 2 to 2.5 off.
+MIN_LEAKAGE_ERROR = 3.0
 
 
 def identify_noise(
@@ -99,15 +98,15 @@ def identify_noise(
     fs, n_samples = require_positive("fs", fs), require_integer("n_samples", n_samples, least=16)
     lines = band_lines(require_positive("f_min", f_min), require_positive("f_max", f_max), fs, n_samples)
     u, y = u - u.mean(), y - y.mean()
-    found = estimate_frf_local(u, y, n_samples, lines, fs)
-    G, variance, dof, coherence, power_y = estimate_frf_welch(u, y, n_samples, lines) if method == "welch" else found
+    frf = estimate_frf_local(u, y, n_samples, lines, fs)
     warn_of_nonstationary_input(u)
     if method == "welch":
-        warn_of_coarse_segments(lines * fs / n_samples, G, variance, dof, found[0])
+        G_local, frf = frf.G, estimate_frf_welch(u, y, n_samples, lines)
+        warn_of_coarse_segments(lines * fs / n_samples, frf, G_local=G_local)
     nan = np.full(lines.size, np.nan)
     return Bla(
         f=lines * fs / n_samples,
-        G=G,
+        G=frf.G,
         lines=LineGrid(excited=lines),
         grid="noise",
         fs=fs,
@@ -117,19 +116,43 @@ def identify_noise(
         transient="local" if method == "local" else "none",
         level_source="coherence",
         var_noise=nan,
-        var_total=variance,
-        var_distortion=variance,
+        var_total=frf.variance,
+        var_distortion=frf.variance,
         var_even=nan,
-        dof=np.full(lines.size, float(dof)),
+        dof=np.full(lines.size, float(frf.dof)),
         grid_factor=np.ones(lines.size),
-        levels=output_amplitudes(lines * fs / n_samples, power_y),
-        var_bound=variance,
-        coherence=coherence,
+        levels=output_amplitudes(lines * fs / n_samples, frf.output_power),
+        var_bound=frf.variance,
+        coherence=frf.coherence,
     )
 
 
+class NoiseFrf(NamedTuple):
+    """An FRF from noise excitation, line by line.
+
+    Fields
+    ------
+    G : (F,) complex ndarray
+        The FRF.
+    variance : (F,) ndarray
+        Variance of G by noise and distortion.
+    dof : float
+        Complex degrees of freedom behind that variance.
+    coherence : (F,) ndarray
+        Share of the output power that is linear in the input.
+    output_power : (F,) ndarray
+        Power of the output in one line.
+    """
+
+    G: np.ndarray
+    variance: np.ndarray
+    dof: float
+    coherence: np.ndarray
+    output_power: np.ndarray
+
+
 def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> tuple[np.ndarray, np.ndarray]:
-    """Input and output of one length, that is enough for the resolution."""
+    """Return u and y as arrays; refuse unequal lengths and records too short for the resolution."""
     u, y = require_real_array("u", u, ndim=1), require_real_array("y", y, ndim=1)
     if u.size != y.size:
         raise ValueError(f"y must be as long as u, {u.size} samples, got {y.size}")
@@ -141,7 +164,7 @@ def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> 
 
 
 def band_lines(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndarray:
-    """(F,) lines of the band, both ends included whatever the rounding of the frequencies."""
+    """Return the (F,) lines of the band, both ends included whatever the rounding of the frequencies."""
     first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
     lines = np.arange(max(1, first), last + 1)
     if lines.size == 0 or 2 * lines[-1] >= n_samples:
@@ -150,7 +173,7 @@ def band_lines(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndar
 
 
 def output_amplitudes(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
-    """The output as amplitudes of cosines of its power in one line; there are no detection lines."""
+    """Return the output as amplitudes of cosines with its power in one line; there are no detection lines."""
     nothing = np.empty((1, 0))
     return DistortionLevels(
         f_excited=f,
@@ -165,10 +188,8 @@ def output_amplitudes(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
     )
 
 
-def estimate_frf_welch(
-    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
-    """G, its variance and degrees of freedom, coherence, output power by line, from half-overlapping Hann segments."""
+def estimate_frf_welch(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> NoiseFrf:
+    """Estimate the FRF on `lines` from half-overlapping Hann segments of n samples."""
     from scipy import signal  # takes a second to import
 
     options = {"nperseg": n, "noverlap": n // 2, "window": "hann", "detrend": False, "scaling": "spectrum"}
@@ -179,13 +200,17 @@ def estimate_frf_welch(
     n_segments = 2 * (u.size // n) - 1
     dof = n_segments / (1 + 2 / 36)  # half-overlapping Hann windows correlate by 1/6: 11 effective of 12
     rest = np.maximum(S_yy - np.abs(S_yu) ** 2 / S_uu, 0.0)
-    return G, rest / S_uu / (dof - 1), dof - 1, 1 - rest / np.maximum(S_yy, TINY), S_yy / HANN_NOISE_BANDWIDTH
+    return NoiseFrf(
+        G=G,
+        variance=rest / S_uu / (dof - 1),
+        dof=dof - 1,
+        coherence=1 - rest / np.maximum(S_yy, TINY),
+        output_power=S_yy / HANN_NOISE_BANDWIDTH,
+    )
 
 
-def estimate_frf_local(
-    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray, fs: float
-) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
-    """The same from local polynomials over the lines of the whole record around each frequency."""
+def estimate_frf_local(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray, fs: float) -> NoiseFrf:
+    """Estimate the FRF on `lines` by local polynomials over the lines of the whole record around each frequency."""
     ratio = u.size / n
     U, Y = np.fft.rfft(u), np.fft.rfft(y)
     side = max(LINES_PER_SIDE, int(ratio / 2))
@@ -207,14 +232,20 @@ def estimate_frf_local(
     S_yy, S_rest = power(Y[around]) / around.shape[1], power(rest) / dof
     coherence = np.clip(1 - S_rest / np.maximum(S_yy, TINY), 0.0, 1.0)
     variance = S_rest / np.abs(pivot) ** 2
-    return projected[:, -1] / pivot, variance, float(dof), coherence, 2 * S_yy / (u.size * n)
+    return NoiseFrf(
+        G=projected[:, -1] / pivot,
+        variance=variance,
+        dof=float(dof),
+        coherence=coherence,
+        output_power=2 * S_yy / (u.size * n),
+    )
 
 
 def require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
-    """Refuse lines on which the input is all but a transient, by the share (F,) of its power that is not.
+    """Refuse lines whose input power is smooth over frequency but for a share (F,) that is too small.
 
-    At the ends of its band a sweep is smooth over frequency, as transients are: which of the two the output answers
-    cannot be told, and G there is anything, with a bound that looks narrow.
+    At the ends of its band a sweep is smooth over frequency, as transients are. The output does not show which of the
+    two it follows, so G is not determined there, and its bound looks narrow.
     """
     bad = rough_share < MIN_ROUGH_SHARE
     if bad.any():
@@ -230,9 +261,9 @@ def require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
 
 
 def warn_of_nonstationary_input(u: np.ndarray) -> None:
-    """Warn of an input (n,) whose power wanders over time and frequency as that of noise does not: chirps, bursts.
+    """Warn of an input (n,) whose power varies over time more than that of stationary noise: chirps, bursts.
 
-    The power of noise in a band scatters from part to part of the record by 1 over the root of the lines it has there.
+    In a band with n lines the power of noise has a relative standard deviation of n^-1/2 from part to part.
     """
     size = u.size // N_RECORD_PARTS
     power = np.abs(np.fft.rfft(u[: N_RECORD_PARTS * size].reshape(N_RECORD_PARTS, size), axis=1)[:, 1:]) ** 2
@@ -253,10 +284,9 @@ def warn_of_nonstationary_input(u: np.ndarray) -> None:
         )
 
 
-def warn_of_coarse_segments(
-    f: np.ndarray, G: np.ndarray, variance: np.ndarray, dof: float, G_local: np.ndarray
-) -> None:
-    """Warn where segments smear a resonance: G is further from a `G_local` estimate than its variance lets it be."""
+def warn_of_coarse_segments(f: np.ndarray, frf: NoiseFrf, *, G_local: np.ndarray) -> None:
+    """Warn where segments smear a resonance: G is further from the local estimate than its variance allows."""
+    G, dof, variance = frf.G, frf.dof, frf.variance
     bound = np.sqrt(dof * np.expm1(-np.log(0.05) / dof) * variance)  # as of `Bla.bound`
     far = np.abs(G - G_local) > MIN_LEAKAGE_ERROR * bound
     if far.any():

@@ -1,8 +1,8 @@
-"""The realisations of an experiment: excited, of one excitation, and each with phases of its own.
+"""Realisations with the same phases, merged into periods of one; unequal amplitude spectra; low crest factors.
 
-The same file played again is no new realisation: its distortion is the same, and no scatter tells of it. What repeats
-is seen in the phases alone: for lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c does not
-change with a delay, nor with a constant phase, so that the same phases are found whatever the trigger.
+The same file played again is no new realisation: it has the same distortion, and the scatter does not show it. The
+phases do. For lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c changes neither with a
+delay nor with a constant phase, so equal phases are found whatever the trigger, without a search over delays.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -25,30 +24,27 @@ __all__ = ["group_by_phases", "join_repeats", "pair_equal_steps", "require_equal
 
 
 N_BAND_PARTS = 8  # of the band, over which the input power of realisations is compared
-MAX_LEVEL_DIFFERENCE = 2.0  # how far it may be apart [dB] in realisations that belong together, if it does not scatter
-MAX_LEVEL_SIGMAS = 5.0  # how many times its scatter it may be apart
-FALSE_MATCH_PROBABILITY = (
-    1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
-)
-MIN_SHARED_POWER = (
-    0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
-)
+MAX_LEVEL_DIFFERENCE = 2.0  # [dB] between realisations that belong together, where the level does not scatter
+MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, where it does
+#: Probability with which independent phases may pass for the same ones, in a whole experiment.
+FALSE_MATCH_PROBABILITY = 1e-9
+#: Share of its power that a noisy input has in common with another one of the same phases, at least.
+MIN_SHARED_POWER = 0.5
 MIN_OWN_AMPLITUDE = 1e-3  # of the largest amplitude of an input of a zippered record: lines below it are not its own
-MIN_PHASE_LINES = 4  # lines that can tell phases apart
+MIN_PHASE_LINES = 4  # lines from which phases can be compared
 MIN_CREST_LINES = 6  # lines whose sum has peaks as of a normal distribution
-ENOUGH_STEP_PAIRS = (
-    30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
-)
+#: Pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is.
+ENOUGH_STEP_PAIRS = 30
 MAX_REFERENCES = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
 def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> np.ndarray:
-    """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped.
+    """Warn of inputs (M, N) whose crest factor is lower than that of random phases: optimised, or clipped.
 
     Returns
     -------
     (M,) ndarray
-        How many peaks above its own random phases would have, on average one; zeros where lines are too few to tell.
+        Number of peaks above its own crest that random phases would have, on average one; zeros on too few lines.
     """
     if amplitude.size < MIN_CREST_LINES:
         return np.zeros(len(u))
@@ -68,20 +64,24 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, n
 
 
 def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: int) -> tuple[Spectra, list[int]]:
-    """The spectra with experiments that repeat one another as periods of one, and the first of each; a warning.
+    """Merge experiments that repeat one another into periods of one, with a warning.
 
-    Two experiments repeat one another where all inputs of the one are those of the other behind one delay: experiments
-    of an orthogonal set may have the same phases but for a constant in each input, and are no repeats. A group is set
-    to the trigger of its first member; noise is what its members and their periods differ by. Where no whole sets would
-    be left all stay as they are.
+    Two experiments repeat one another where all inputs of one are those of the other after one common delay.
+    Experiments of an orthogonal set may have the same phases but for a constant in each input: these are no repeats. A
+    group is shifted to the trigger of its first member; its noise is the scatter over members and periods. Where no
+    whole sets would be left, all experiments stay as they are.
+
+    Returns
+    -------
+    The spectra, and the number of the first experiment of each group.
     """
     n = excited.U.shape[1]
     groups = find_repeats(excited) if excited.experiments_per_set < n else []
     if not 0 < len(groups) < n or len(groups) % excited.experiments_per_set:
         return spectra, list(range(n))
-    told = "; ".join(", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1)
+    listed = "; ".join(", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1)
     data_warning(
-        f"u holds {kind}s with the same phases ({told}): they repeat one another, so their distortion does not "
+        f"u holds {kind}s with the same phases ({listed}): they repeat one another, so their distortion does not "
         f"average out. They were taken as periods of one {kind}, which leaves M = {len(groups)} of {n}; "
         f"play others, as of multisine(n_realizations={n // excited.experiments_per_set})"
     )
@@ -100,11 +100,11 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
             both = np.concatenate([within, (x - mean[:, None]) / np.sqrt(g)], axis=1)
             scatters[-1].append(both / np.sqrt(max(g * P - 1, 1)))
     sizes = [len(group) for group, _ in groups]
-    if P == 1:  # one period alone tells no noise: it has that of the others
-        told_by = [m for m, g in enumerate(sizes) if g > 1]
+    if P == 1:  # the noise of one period alone is not known: it is set to that of the groups
+        merged = [m for m, g in enumerate(sizes) if g > 1]
         for m in (m for m, g in enumerate(sizes) if g == 1):
             scatters[m] = [
-                np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(told_by)) for t in told_by], axis=1)
+                np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(merged)) for t in merged], axis=1)
                 for k in (0, 1)
             ]
     U, Y, R = (np.stack(x, axis=1) for x in zip(*parts, strict=True))
@@ -115,16 +115,16 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
 
 
 def pad_scatters(scatters: Sequence[np.ndarray]) -> np.ndarray:
-    """(n, M, D, K) of scatters (n, D, K), with those of fewer columns filled up by zeros, which say nothing."""
+    """Stack scatters (n, D, K) to (n, M, D, K), with zeros, which add no variance, where D is smaller."""
     most = max(one.shape[1] for one in scatters)
     return np.stack([np.pad(one, ((0, 0), (0, most - one.shape[1]), (0, 0))) for one in scatters], axis=1)
 
 
 def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
-    """Experiments that repeat one another, by their numbers, and their delays behind the first of each [periods]."""
-    known, lines, M = excited.excitation, excited.lines, excited.U.shape[1]
-    labels = np.zeros((len(known), M), dtype=int)
-    for of_input, U in zip(labels, known, strict=True):
+    """Group the experiments that repeat one another: their numbers, and their delays after the first [periods]."""
+    excitation, lines, M = excited.excitation, excited.lines, excited.U.shape[1]
+    labels = np.zeros((len(excitation), M), dtype=int)
+    for of_input, U in zip(labels, excitation, strict=True):
         index = excited.index
         if excited.is_zippered:
             size = np.abs(U).max(axis=0)
@@ -134,10 +134,10 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
             U, index = U[:, own], index_lines(LineGrid(excited=lines[own]))
         for number, group in enumerate(group_by_phases(U, index)):
             of_input[group] = number
-    alike: dict[tuple[int, ...], list[tuple[list[int], list[float]]]] = {}
+    by_label: dict[tuple[int, ...], list[tuple[list[int], list[float]]]] = {}
     for m, label in enumerate(map(tuple, labels.T.tolist())):
-        for members, delays in alike.setdefault(label, []):
-            products = normalized_products(known[:, m], known[:, members[0]])  # of inputs of one size
+        for members, delays in by_label.setdefault(label, []):
+            products = normalized_products(excitation[:, m], excitation[:, members[0]])
             delay, _ = estimate_delay(np.add.reduce(products) / len(products), lines)
             turned = (products * np.exp(-2j * np.pi * lines * delay)).real.sum(axis=1)
             if np.all(turned > MIN_SHARED_POWER):
@@ -145,27 +145,27 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
                 delays.append(delay)
                 break
         else:
-            alike[label].append(([m], [0.0]))
-    return sorted(group for groups in alike.values() for group in groups)
+            by_label[label].append(([m], [0.0]))
+    return sorted(group for groups in by_label.values() for group in groups)
 
 
 def normalized_products(U: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Products of spectra (..., F), line by line, over the size of both."""
+    """Return U* times another spectrum (..., F), line by line, over the norms of both."""
     return np.asarray(other * U.conj() / np.sqrt(power(U) * power(other))[..., None])
 
 
 def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
-    """Which realisations (M, F) have the same phases but for a delay, as lists of their numbers."""
+    """Group the realisations (M, F) that have the same phases but for a delay, as lists of their numbers."""
     n, n_lines = U.shape
     steps = pair_equal_steps(index)
-    same: Any = False
+    same = np.zeros((n, min(n, MAX_REFERENCES)), dtype=bool)
     if steps.shape[1] < ENOUGH_STEP_PAIRS:
         same = match_phases(U, squared_modulus(U @ U[:MAX_REFERENCES].conj().T), 1)
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
-        even = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
-        step = even[:, 1:] * even[:, :-1].conj()
+        weighted = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
+        step = weighted[:, 1:] * weighted[:, :-1].conj()
         turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
         same = same | match_phases(turned, squared_modulus(turned @ turned[:MAX_REFERENCES].conj().T), 1)
     elif n <= MAX_REFERENCES:  # few lines are equally far apart: every delay is tried
@@ -195,36 +195,40 @@ def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def pair_equal_steps(index: LineIndex) -> np.ndarray:
-    """(2, n) excited lines i and j, by their order, of which the next ones are equally far."""
+    """Return (2, n) pairs i, j of excited lines, by their order, whose distances to the next line are equal."""
     steps = np.diff(index.lines[index.excited])
     order = np.lexsort((np.arange(steps.size), steps))
     return np.array([order[:-1], order[1:]])[:, np.diff(steps[order]) == 0]
 
 
-def match_phases(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
-    """(M, m) bool: whether rows of x (M, n) agree with the first m more than chance has it, by their products squared.
+def match_phases(x: np.ndarray, product_power: np.ndarray, n_delays: int) -> np.ndarray:
+    """Return (M, m) bool: which rows of x (M, n) correlate with the first m rows beyond chance.
 
-    Whether what they have in common is the whole of them is left to `estimate_delay`.
+    `product_power` (M, m) holds the squared moduli of their inner products. Whether they agree fully, and not in part,
+    is decided after `estimate_delay`.
     """
     if x.shape[1] < MIN_PHASE_LINES:
-        return np.eye(*common.shape, dtype=bool)
+        return np.eye(*product_power.shape, dtype=bool)
     size = power(x)
-    whole = size[:, None] * size[: common.shape[1]]
-    chance = FALSE_MATCH_PROBABILITY / (common.size * n_delays)
-    like = common > chance_correlation(chance, x.shape[1]) * whole
-    if np.count_nonzero(like) <= common.shape[1]:
+    whole = size[:, None] * size[: product_power.shape[1]]
+    chance = FALSE_MATCH_PROBABILITY / (product_power.size * n_delays)
+    like = product_power > chance_correlation(chance, x.shape[1]) * whole
+    if np.count_nonzero(like) <= product_power.shape[1]:
         return np.asarray(like)  # no more than n lines weigh something: each is like itself alone
     n = float(
         np.median(size**2 / np.add.reduce(squared_modulus(squared_modulus(x)), axis=1))
     )  # lines that weigh something
     if n < MIN_PHASE_LINES:
-        return np.eye(*common.shape, dtype=bool)
-    return np.asarray(common > chance_correlation(chance, n) * whole)
+        return np.eye(*product_power.shape, dtype=bool)
+    return np.asarray(product_power > chance_correlation(chance, n) * whole)
 
 
 def estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
-    """The delay behind a signal of the same phases [periods], and the share in common then, by `normalized_products` (F,)."""
-    at_once = float(product.sum().real)
+    """Estimate the delay after a signal of the same phases [periods], and the correlation at that delay.
+
+    `product` (F,) is that of `normalized_products`.
+    """
+    correlation_at_zero = float(product.sum().real)
     fine = fast_length(8 * int(lines[-1]))
     spectrum = np.zeros(fine, dtype=complex)
     spectrum[lines] = product
@@ -234,38 +238,38 @@ def estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float
         slope, curvature = np.sum(lines * now.imag), np.sum(lines**2 * now.real)
         delay += slope / (2 * np.pi * max(curvature, 1e-300))
     shared = float(np.sum(product * np.exp(-2j * np.pi * lines * delay)).real)
-    # a delay that explains nothing more is noise
-    return (0.0, at_once) if 1 - at_once < 2 * (1 - shared) + 1e-9 else (delay, shared)
+    # a delay that explains no more than none is noise
+    return (0.0, correlation_at_zero) if 1 - correlation_at_zero < 2 * (1 - shared) + 1e-9 else (delay, shared)
 
 
 def require_equal_spectra(powers: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
     """Refuse realisations of another amplitude spectrum, by their powers (M, F): their BLA is another one.
 
-    A measured force scatters from line to line and from realisation to realisation where the shaker gives way, at a
-    resonance above all: the limit is as wide as the mean over a part of the band then scatters.
+    A measured force scatters from line to line and from realisation to realisation where the shaker gives way, most at
+    a resonance. So the limit is at least `MAX_LEVEL_SIGMAS` standard deviations of the mean over a part of the band.
     """
     if (np.maximum.reduce(powers) <= 10 ** (MAX_LEVEL_DIFFERENCE / 10) * np.minimum.reduce(powers)).all():
-        return  # not even a line is so far apart
+        return  # not even a single line differs as much
     first = np.arange(0, powers.shape[1], max(1, powers.shape[1] // N_BAND_PARTS))
     level = 10 * np.log10(powers)
     level -= level[:1] if len(level) == 2 else np.median(level, axis=0)
     jumps = np.zeros((1, level.shape[1]))
     jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter has them, another spectrum has none
-    apart, scatter = np.abs(mean_over_band_parts(level, first)), mean_over_band_parts(jumps, first)
+    difference, scatter = np.abs(mean_over_band_parts(level, first)), mean_over_band_parts(jumps, first)
     n_lines = np.diff(np.append(first, [powers.shape[1], 2 * powers.shape[1]]))
-    beyond = apart / np.maximum(
+    beyond = difference / np.maximum(
         MAX_LEVEL_DIFFERENCE, MAX_LEVEL_SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines)
     )
     worst, part = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     if beyond[worst, part] > 1:
         raise ValueError(
             f"u must have the same amplitude spectrum in every {kind}, got {kind} {first_number + worst} up to "
-            f"{apart[worst, part]:.1f} dB apart from the others"
+            f"{difference[worst, part]:.1f} dB apart from the others"
         )
 
 
 def mean_over_band_parts(x: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Means over parts of the last axis, each from its first index on, and over all of it."""
+    """Return means over parts of the last axis, each from its first index on, and over all of it."""
     size = x.shape[-1]
     means = np.add.reduceat(x, first, axis=-1) / np.diff(np.append(first, size))
     return np.concatenate([means, x.mean(axis=-1, keepdims=True)], axis=-1)

@@ -1,4 +1,9 @@
-"""The outputs of all experiments with their linear part taken off, on excited and on detection lines."""
+"""The nonlinear residual: the outputs of all experiments less their linear part, on excited and detection lines.
+
+    Y_residual = Y - G U        (Pintelon & Schoukens, 2nd ed., 3.4 and 4.3: Y_s, the stochastic nonlinear contribution)
+
+G U is subtracted on detection lines too, because a real actuator, or a loop, puts input power there.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nlfrf._base.numbers import EPS, SMALL_NORM, TINY, squared_modulus
-from nlfrf.bla.line_index import LineIndex
+from nlfrf.bla.line_index import SMOOTHING_LINES, LineIndex
 from nlfrf.bla.local_models import NOISE_SMOOTHING_LINES
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
@@ -15,15 +20,13 @@ from nlfrf.signals.lines import local_mean
 __all__ = ["NonlinearResidual", "gain_varies", "nonlinear_residual"]
 
 
-MIN_GAIN_VARIATION = (
-    1.5  # largest over least |G|^2, of means over the lines around, from which the place of distortion matters
-)
+#: Largest over least |G|^2, of means over the lines around, from which the place of distortion matters.
+MIN_GAIN_VARIATION = 1.5
 CLEAR_GAIN_VARIATION = 2.0  # the same line by line, as one realisation scatters
-AROUND = 9  # lines over which |G|^2 is averaged
 
 
 class NonlinearResidual(NamedTuple):
-    """The outputs of all experiments with their linear part taken off.
+    """The outputs of all experiments less their linear part.
 
     Fields
     ------
@@ -48,7 +51,7 @@ class NonlinearResidual(NamedTuple):
     noise: np.ndarray
 
     def smoothed_noise(self, output: int) -> np.ndarray | None:
-        """(K,) the noise of an output, over neighbouring lines; None where it is not known, or there is none."""
+        """Return the (K,) noise variance of an output, averaged over neighbouring lines; None where unknown or zero."""
         noise = self.noise[output]
         if np.isnan(noise[0]) or not noise.any():
             return None
@@ -56,18 +59,18 @@ class NonlinearResidual(NamedTuple):
 
 
 def gain_varies(gain: np.ndarray) -> bool:
-    """Whether |G|^2 (F,) changes over the band, by more than scatter."""
+    """Whether |G|^2 (F,) changes over the band by more than scatter."""
     ratio = gain.max() / max(gain.min(), TINY)
     if ratio > CLEAR_GAIN_VARIATION or ratio <= MIN_GAIN_VARIATION:
         return bool(ratio > CLEAR_GAIN_VARIATION)
-    around = local_mean(gain, AROUND)
-    return bool(around.max() > MIN_GAIN_VARIATION * around.min())
+    smoothed = local_mean(gain, SMOOTHING_LINES)
+    return bool(smoothed.max() > MIN_GAIN_VARIATION * smoothed.min())
 
 
 def nonlinear_residual(
     spectra: Spectra, excited: Spectra, measured: np.ndarray, smooth: np.ndarray
 ) -> NonlinearResidual:
-    """What the linear model leaves of the outputs, by a matrix (n_y, n_u, F) as measured and one that is smoothed."""
+    """Return the outputs less their linear part, by a matrix (n_y, n_u, F) as measured and one that is smoothed."""
     index = spectra.index
     G = interpolate_frf(smooth, index)
     a = np.add.reduce(excited.mean_power_U, axis=1) / excited.lines.size
@@ -90,13 +93,13 @@ def nonlinear_residual(
 
 
 def interpolate_gain(gain: np.ndarray, index: LineIndex) -> np.ndarray:
-    """|G|^2 (..., F) between its lines, linear in log magnitude; held at the ends."""
+    """Interpolate |G|^2 (..., F) to all lines, linear in log magnitude; constant beyond the ends."""
     floor = np.maximum(EPS**2 * gain.max(axis=-1, keepdims=True), SMALL_NORM**2)
     return np.asarray(np.exp(interpolate_to_lines(np.log(np.maximum(gain, floor)), index)))
 
 
 def interpolate_frf(G: np.ndarray, index: LineIndex) -> np.ndarray:
-    """G (..., F) between its lines, linear in log magnitude and in phase; held at the ends."""
+    """Interpolate G (..., F) to all lines, linear in log magnitude and in phase; constant beyond the ends."""
     magnitude = np.abs(G)
     # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
     floor = np.maximum(EPS * magnitude.max(axis=-1, keepdims=True), SMALL_NORM)
@@ -107,7 +110,7 @@ def interpolate_frf(G: np.ndarray, index: LineIndex) -> np.ndarray:
 
 
 def interpolate_to_lines(x: np.ndarray, index: LineIndex) -> np.ndarray:
-    """x (..., F) on all lines, linear between the excited ones; its imaginary part is an angle."""
+    """Interpolate x (..., F) to all lines, linear between the excited ones; its imaginary part is an angle."""
     rise = np.zeros(x.shape, dtype=x.dtype)
     np.subtract(x[..., 1:], x[..., :-1], out=rise[..., :-1])
     if x.dtype == complex:

@@ -1,4 +1,13 @@
-"""Spectra of every channel on the lines of a record, averaged over periods, and their scatter over periods."""
+"""Spectra of every channel on the lines of a record: mean and scatter over periods, transients subtracted.
+
+In the DFT of P whole periods the lines that are not multiples of P hold transient and noise only. The transient is a
+smooth, rational function of frequency, so it is fitted there and read at the harmonics in between, excited and not,
+
+    T(r) = (t0 + t1 r + t2 r^2) / (1 + a1 r + a2 r^2),
+
+(local rational method, LRM), or as a polynomial (LPM) where noise leaves the denominator undetermined (Pintelon &
+Schoukens, 2nd ed., 7.2.2 and 7.3). That keeps all periods, where discarding the first costs 1/P of the record.
+"""
 
 from __future__ import annotations
 
@@ -24,39 +33,31 @@ from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transi
 __all__ = ["TREATMENTS", "Spectra", "channel_dft", "period_dft", "period_spectra", "residual_scatter"]
 
 
-# ---- The transient: whether it is there, and taking it off by local fits between the harmonics.
-#
-# In the DFT of P whole periods the lines that are not multiples of P hold transient and noise only. The transient is
-# a smooth, rational function of frequency, so it is fitted there and read at the harmonics in between, excited
-# and not, as T(r) = (t0 + t1 r + t2 r^2) / (1 + a1 r + a2 r^2) (local rational method, LRM), or as a
-# polynomial (LPM) where noise leaves the denominator undetermined (Pintelon & Schoukens, 7.2.2 and 7.3).
-
-TREATMENTS = ("auto", "none", "discard", "local")  # of what has not died away when the first period begins
-
-
+TREATMENTS = ("auto", "none", "discard", "local")  # of the transient
 LINES_PER_SIDE = 6  # lines on either side of a harmonic used for one fit
-MAX_FOREIGN_AMPLITUDE = 0.03  # amplitude beside that of the owner below which a line drives one input only
-RATIONAL_POWER_RATIO = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
+MAX_FOREIGN_AMPLITUDE = 0.03  # of the amplitude of the input that a line drives, below which it drives no other
+#: Residual power of the rational over the polynomial fit below which it is used: fitted to noise alone it gives 1/2.
+RATIONAL_POWER_RATIO = 0.25
 
 
 def choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
-    """What a signal y (M, P, N) and the spectra of its periods (M, P or 1, K) ask for: "none", "discard" or "local"."""
+    """Choose "none", "discard" or "local" for a signal y (M, P, N) with spectra of its periods (M, P or 1, K)."""
     n_periods = Y.shape[1]
 
-    def settled(first: int) -> bool:
+    def is_settled(first: int) -> bool:
         one, other = Y[:, first], Y[:, -1]
         if is_transient(one, other):
             return False
         rise = (np.add.reduce(y[:, -1], axis=1) - np.add.reduce(y[:, first], axis=1)) / y.shape[2]
         return not has_drift(one, other, rise / (n_periods - 1 - first), lines)
 
-    if n_periods < 2 or settled(0):
+    if n_periods < 2 or is_settled(0):
         return "none"
-    return "discard" if n_periods > 2 and settled(1) else "local"
+    return "discard" if n_periods > 2 and is_settled(1) else "local"
 
 
 def has_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.ndarray) -> bool:
-    """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so they agree.
+    """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so periods agree.
 
     Parameters
     ----------
@@ -67,14 +68,14 @@ def has_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.
     lines : (K,) int ndarray
         Those lines: a ramp has the amplitude slope / (pi k) on line k.
     """
-    apart = first[:, :WINDOW_LINES] - last[:, :WINDOW_LINES]
-    noise, whole = np.vdot(apart, apart).real / apart.size / 2, np.vdot(last, last).real / last.size
+    difference = first[:, :WINDOW_LINES] - last[:, :WINDOW_LINES]
+    noise, whole = np.vdot(difference, difference).real / difference.size / 2, np.vdot(last, last).real / last.size
     leaked = np.vdot(slope, slope) / slope.size / (np.pi * lines[0]) ** 2
     return bool(leaked > max(noise, 1e-20 * whole))
 
 
 def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Transient at the harmonics of a record, and what remains around them.
+    """Fit the transient at the harmonics of a record, from the lines between them.
 
     Parameters
     ----------
@@ -87,8 +88,8 @@ def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndar
     -------
     T : (M, K) complex ndarray
         Transient at each line, an amplitude as of 2/N rfft of the period mean.
-    residual : (M, K, 2 SIDE) complex ndarray
-        What the fit left on the lines in between, scaled by its degrees of freedom: the sum of squares is the
+    residual : (M, K, 2 LINES_PER_SIDE) complex ndarray
+        Residual of the fit on the lines in between, scaled by its degrees of freedom: the sum of squares is the
         variance by noise of the period mean.
     leverage : (M, K) ndarray
         Variance of T over that variance.
@@ -118,7 +119,7 @@ def fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def nonharmonic_offsets(n_periods: int) -> np.ndarray:
-    """Offsets from a harmonic to the lines nearest to it that are not harmonics, SIDE on either side."""
+    """Return the offsets from a harmonic to the nearest lines that are no harmonics, `LINES_PER_SIDE` on each side."""
     right = np.arange(1, LINES_PER_SIDE * n_periods + n_periods)
     right = right[right % n_periods != 0][:LINES_PER_SIDE]
     return np.concatenate([-right[::-1], right])
@@ -156,7 +157,7 @@ class Spectra:
 
     @cached_property
     def excitation(self) -> np.ndarray:
-        """(n_u, M, K) what was played, as well as it is known: the references, else the inputs."""
+        """(n_u, M, K) the references where they are known, else the inputs: the excitation with the least noise."""
         return self.U if self.R is None else self.R
 
     @cached_property
@@ -192,7 +193,7 @@ class Spectra:
         return 1 if self.is_zippered else len(self.U)
 
     def select_excited(self) -> Spectra:
-        """The spectra on the excited lines alone."""
+        """Return the spectra on the excited lines alone."""
         at = self.index.excited
         some = {name: getattr(self, name).take(at, axis=-1) for name in ("lines", "U", "Y", "dU", "dY")}
         R = None if self.R is None else self.R.take(at, axis=-1)
@@ -200,7 +201,10 @@ class Spectra:
 
 
 def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
-    """(n_y, M, D, K) scatter dY - G dU of the residual by noise; G (n_y, n_u, K), or one a set (R, n_y, n_u, K)."""
+    """Return the (n_y, M, D, K) scatter dY - G dU of the residual by noise.
+
+    G is (n_y, n_u, K), or one matrix a set, (R, n_y, n_u, K).
+    """
     dU, dY = spectra.dU, spectra.dY
     if not dU.any():  # inputs that repeat exactly
         return dY
@@ -213,7 +217,7 @@ def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
 def period_spectra(
     record: Record, index: LineIndex, transient: str = "none", U: np.ndarray | None = None
 ) -> tuple[Spectra, str]:
-    """Spectra of a record on all its excited and detection lines, and what was done about the transient.
+    """Return the spectra of a record on all its excited and detection lines, and the treatment of the transient.
 
     Parameters
     ----------
@@ -253,12 +257,12 @@ def period_spectra(
 
 
 def drop_first_period(X: np.ndarray) -> np.ndarray:
-    """Periods of X (n, M, P, K) but the first; one that stands for all of them stays."""
+    """Return X (n, M, P, K) without its first period; a single one that stands for all equal periods stays."""
     return X[:, :, 1:] if X.shape[2] > 1 else X
 
 
 def mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean over the periods of X (n, M, P or 1, K), which is overwritten, and the scatter of that mean."""
+    """Return the mean over the periods of X (n, M, P or 1, K), which is overwritten, and the scatter of that mean."""
     if X.shape[2] == 1:
         mean = X[:, :, 0]
         return mean, X[:, :, :0] if n_periods == 1 else np.zeros_like(X)
@@ -269,22 +273,22 @@ def mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndar
 
 
 def subtract_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (n, M, K) less the transient of x at every line, and its scatter as read between the harmonics."""
+    """Subtract the transient of x from the mean (n, M, K) on every line; return it with its scatter."""
     T, residual, leverage = fit_transient(x.reshape(-1, *x.shape[-2:]), lines)
     scatter = np.swapaxes(residual * np.sqrt(1 + leverage)[..., None], 1, 2)
     return mean - T.reshape(mean.shape), scatter.reshape(*mean.shape[:2], *scatter.shape[1:])
 
 
 def channel_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """(n, M, P or 1, K) `period_dft` of every channel of x ((n,) M, P, N)."""
+    """Return the (n, M, P or 1, K) `period_dft` of every channel of x ((n,) M, P, N)."""
     X = period_dft(x.reshape(-1, *x.shape[-2:]), lines)
     return X.reshape(-1, x.shape[-3], *X.shape[1:])
 
 
 def period_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """(M, P, K) amplitudes of the lines in each period of x (M, P, N); (M, 1, K) where all periods are the same.
+    """Return the (M, P, K) amplitudes of the lines in each period of x (M, P, N).
 
-    A generator's signal repeats so: its periods need one transform.
+    (M, 1, K) where all periods are equal, as those of a generator's signal are: they need one transform.
     """
     n_realizations, n_periods, n_samples = x.shape
     some = iterate_blocks(n_realizations, n_periods * n_samples)

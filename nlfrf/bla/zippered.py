@@ -1,15 +1,17 @@
-"""The matrix from experiments in which each line drives one input: columns fitted between their own lines.
+"""The matrix from experiments in which each line drives one input: columns interpolated between their own lines.
 
     (1 + a1 r + a2 r^2) G_ji(r) = B_0 + B_1 r + B_2 r^2,  r: distance in the window
 
-A column is known on its own lines and fitted on the others over the nine of its own around each. The poles of a machine
-are those of all its entries: a1 and a2 are found from all columns at once, first with the weights of the step before
-(Sanathanan & Koerner 1963), as a small denominator would hide the peak it makes, then by Gauss-Newton, as noise in the
-regressors would bias them. How noise and distortion of the lines of a window reach the fitted value is followed, to
-first order.
+A column is measured on its own lines, and fitted on the others over the nine of its own lines around each. All entries
+of a machine share its poles, so a1 and a2 are fitted to all columns at once: first reweighted by the denominator of the
+step before (Sanathanan & Koerner 1963), because a small denominator would hide the peak it makes, then by Gauss-Newton,
+because noise in the regressors biases the reweighted fit. The errors of the lines of a window are propagated to the
+fitted value to first order.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,14 +28,13 @@ __all__ = ["ColumnInterpolation", "bound_interpolated_columns", "estimate_zipper
 
 
 N_REWEIGHTED_ROUNDS, N_GAUSS_NEWTON_ROUNDS = 3, 3  # rounds of either kind
-MIN_ZIPPERED_DENOMINATOR = (
-    0.02  # of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands
-)
+#: Of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands.
+MIN_ZIPPERED_DENOMINATOR = 0.02
 
 
 @value(copy=False)
 class ColumnInterpolation:
-    """What the columns are between their own lines.
+    """How the columns were interpolated between their own lines.
 
     Fields
     ------
@@ -44,7 +45,7 @@ class ColumnInterpolation:
     window : (F, n_u, n) int ndarray
         Lines, as indices, from which column i was fitted at line k.
     weights : (F, n_u, n_y, n_u, n, n_y) complex ndarray
-        What the error of each entry of a window adds to each fitted entry.
+        Derivative of each fitted entry by the error of each entry of its window.
     """
 
     owner: np.ndarray
@@ -54,7 +55,7 @@ class ColumnInterpolation:
 
 
 def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpolation]:
-    """The matrix in open loop; the scatter over experiments is that of the column that a line drives."""
+    """Estimate the matrix in open loop; the scatter over experiments is that of the column that a line drives."""
     lines, U, Y = excited.lines, excited.U, excited.Y
     (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(lines.size)
     size = np.sqrt(excited.mean_power_U)
@@ -86,7 +87,7 @@ def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpol
 def interpolate_columns(
     column: np.ndarray, lines: np.ndarray, owner: np.ndarray, line_variance: np.ndarray
 ) -> tuple[np.ndarray, ColumnInterpolation]:
-    """(n_y, n_u, F) with every column on every line, from (n_y, F) the column that each line drives."""
+    """Return (n_y, n_u, F) with every column on every line, from (n_y, F) the column that each line drives."""
     n_y, F = column.shape
     n_u = int(owner.max()) + 1
     places = [np.flatnonzero(owner == i) for i in range(n_u)]
@@ -104,7 +105,8 @@ def interpolate_columns(
     dof = n_y * n_u * (width - POLYNOMIAL_ORDER - 1)
     better = local_mean(RATIONAL_VARIANCE_RATIO * plain / dof - rational / (dof - 2), N_POOLED_WINDOWS) > 0
     D = np.where(better[:, None, None] & (width >= 2 * POLYNOMIAL_ORDER + 4), D, 1.0)
-    at_zero, _, _, slopes, rest = fit_numerator(r, g, D)
+    numerator = fit_numerator(r, g, D)
+    at_zero, slopes, rest = numerator.at_zero, numerator.slopes, numerator.slope_residuals
     value_at_zero = (g @ at_zero[..., None])[..., 0]  # (F, n_u, n_y)
     # a step of (a1, a2) by the error of a window, and what it does to the fitted value
     rows = (rest / size[..., None]).reshape(F, -1, 2)
@@ -120,8 +122,30 @@ def interpolate_columns(
     return G, ColumnInterpolation(owner=owner, line_variance=line_variance, window=window, error_weights=weights)
 
 
-def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Of a given denominator: row of B_0, basis, fitted values, slopes by (a1, a2), and what the numerator leaves."""
+class NumeratorFit(NamedTuple):
+    """Numerators fitted to windows under a given denominator.
+
+    Fields
+    ------
+    at_zero : (F, n_u, n) complex ndarray
+        B_0 = at_zero @ g.
+    basis : (F, n_u, n, 3) complex ndarray
+        Orthonormal columns of the weighted numerator.
+    fit : (F, n_u, n_y, n) complex ndarray
+        Fitted values.
+    slopes, slope_residuals : (F, n_u, n_y, n, 2) complex ndarray
+        Derivatives of the fit by (a1, a2) under a fixed numerator, and their residuals after the numerator is refitted.
+    """
+
+    at_zero: np.ndarray
+    basis: np.ndarray
+    fit: np.ndarray
+    slopes: np.ndarray
+    slope_residuals: np.ndarray
+
+
+def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> NumeratorFit:
+    """Fit the numerators to windows g (F, n_u, n_y, n) at distances r under a denominator D."""
     w = 1 / D
     basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(POLYNOMIAL_ORDER + 1))  # (F, n_u, n, 3)
     first = np.linalg.solve(np.swapaxes(T, -1, -2), np.eye(POLYNOMIAL_ORDER + 1)[0][:, None])
@@ -130,26 +154,32 @@ def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarr
     fit = g - numerator_residual(g, basis)
     slopes = [-fit * (w * r**m)[:, :, None] for m in (1, 2)]
     rest = [numerator_residual(slope, basis) for slope in slopes]
-    return at_zero, basis, fit, np.stack(slopes, axis=-1), np.stack(rest, axis=-1)
+    return NumeratorFit(
+        at_zero=at_zero,
+        basis=basis,
+        fit=fit,
+        slopes=np.stack(slopes, axis=-1),
+        slope_residuals=np.stack(rest, axis=-1),
+    )
 
 
 def numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """What a numerator leaves of x (F, n_u, n_y, n)."""
+    """Return x (F, n_u, n_y, n) less its projection onto the columns of `basis`."""
     return np.asarray(x - (x @ basis.conj()) @ np.swapaxes(basis, -1, -2))
 
 
 def residual_power(r: np.ndarray, g: np.ndarray, D: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(F,) what a denominator leaves, with rows of one size."""
-    return np.asarray(np.sum(np.abs((g - fit_numerator(r, g, D)[2]) / size) ** 2, axis=(1, 2, 3)))
+    """Return the (F,) power of the residual under a denominator D, each row over its size."""
+    return np.asarray(np.sum(np.abs((g - fit_numerator(r, g, D).fit) / size) ** 2, axis=(1, 2, 3)))
 
 
 def fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(F, n_u, n) 1 + a1 r + a2 r^2 on the lines of each window."""
+    """Fit the denominator of each window; return 1 + a1 r + a2 r^2 (F, n_u, n) on its lines."""
     D = np.ones(r.shape, dtype=complex)
     a = np.zeros((len(r), 2), dtype=complex)
     for turn in range(N_REWEIGHTED_ROUNDS + N_GAUSS_NEWTON_ROUNDS):
-        _, basis, fit, _, rest = fit_numerator(r, g, D)
-        aim = g - fit
+        numerator = fit_numerator(r, g, D)
+        basis, aim, rest = numerator.basis, g - numerator.fit, numerator.slope_residuals
         if turn < N_REWEIGHTED_ROUNDS:
             first, second = (numerator_residual(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
             aim, rest = numerator_residual(g / D[:, :, None], basis), np.stack([first, second], axis=-1)
@@ -169,7 +199,7 @@ def fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarra
 def bound_interpolated_columns(
     interpolation: ColumnInterpolation, gamma: np.ndarray, cov: np.ndarray, n_sets: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gamma and covariance that lie over those of every column, own or fitted.
+    """Return gamma and a covariance that bound those of every column, measured or interpolated.
 
     Parameters
     ----------

@@ -172,7 +172,7 @@ def test_outputs_in_another_order_than_the_inputs_are_refused(kind, delay):
     for order in ([1, 0], [1, 2, 3, 0], [0, 1, 3, 2]):
         wrong = [m for m, other in enumerate(order) if m != other]
         told = ", ".join(f"that of realisation {m} follows u of realisation {order[m]}" for m in wrong)
-        with pytest.raises(ValueError, match=f"y must stand beside the u that it answers, got {told}, by the phases"):
+        with pytest.raises(ValueError, match=f"y must follow the u of its own realisation, got {told}, by the phases"):
             identify(mispaired(kind, order, delay=delay), level_from="roughness")
 
 
@@ -209,7 +209,7 @@ def test_a_reference_of_another_realisation_is_refused(kind):
         (
             [1, 2, 0],
             [1, 1, 1],
-            "u must stand beside the r that it answers, got that of realisation 0 follows r of .* 2,",
+            "u must follow the r of its own realisation, got that of realisation 0 follows r of .* 2,",
         ),
         ([0, 1, 2], [1, -1, 1], "u must have one sign, got: it turns in realisation 1"),
     ):
