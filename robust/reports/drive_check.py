@@ -22,7 +22,7 @@ import nlfrf
 from nlfrf._base.arguments import format_hertz, ratio_unit, require_kind
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
-from robust.analysis.loop import assemble
+from robust.analysis.loop import assemble_loop
 from robust.analysis.performance import StepResponse, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
@@ -317,7 +317,7 @@ def judge_friction(
 
 def step_of(model: Any, K: control.StateSpace, settings: DriveSettings, unit: str) -> StepResponse:
     """The step of the position set point, through the loops of the drive."""
-    G, drive = assemble(model, K, None, settings.delay).G, with_set_point(settings, output_unit=unit)
+    G, drive = assemble_loop(model, K, None, settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
     direct = np.zeros_like(A)
     direct[: G.nstates, : G.nstates] = G.B @ drive.D[:, 1:] @ G.C
