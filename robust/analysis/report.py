@@ -408,7 +408,7 @@ def decide_structure_verdict(
         return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
     if peak >= 1:
         reached = f"the upper bound of mu reaches {peak:.4g} at {format_hertz(where)}"
-        late = " by the time cap" if curves.late else ""
+        late = " by the time cap" if curves.hit_time_cap else ""
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
         return Verdict.NOT_CERTIFIED, f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
     if not certify:
