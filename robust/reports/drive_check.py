@@ -85,6 +85,8 @@ class DriveCheck:
         The verdicts with it, the least proved first.
     friction_note : str
         Why there is no friction verdict.
+    actual : bool
+        Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
     """
 
     settings: DriveSettings
@@ -97,6 +99,7 @@ class DriveCheck:
     friction: FrictionClass | None
     proofs: tuple[FrictionProof, ...]
     friction_note: str
+    actual: bool
 
     @property
     def is_exact(self) -> bool:
@@ -109,6 +112,14 @@ class DriveCheck:
         at_rest = all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
         return self.report.robustly_stable and at_rest and self.is_exact
 
+    @property
+    def assumption(self) -> str:
+        """What is taken from the settings and not from the traces."""
+        timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
+        if self.actual:
+            return f"assumed: {timing} of the current loop, which a trace of the actual current does not show"
+        return f"{timing} of the current loop taken off; what is wrong with them counts as misfit"
+
     def __str__(self) -> str:
         position = self.settings.base_unit
         linear = str(self.report)
@@ -119,7 +130,7 @@ class DriveCheck:
             )
         parts = {
             "drive": str(self.settings),
-            "traces": "\n".join(self.traces),
+            "traces": "\n".join([*self.traces, self.assumption]),
             f"linear loop, from {self.base} ({ratio_unit(position, self.unit)})": linear,
         }
         if self.worst is not None:
@@ -256,6 +267,7 @@ def check_drive(
         friction=found,
         proofs=proofs,
         friction_note=note,
+        actual=actual,
     )
 
 

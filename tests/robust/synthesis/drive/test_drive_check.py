@@ -159,6 +159,7 @@ def test_margins_and_step_are_those_of_the_axis(actual):
     assert margins.crossover / 2 / np.pi == pytest.approx(crossover, rel=0.01)
     assert np.degrees(margins.phase_margin) == pytest.approx(phase, abs=2 * late)
     assert (found.proved, found.unit) == (True, "N")
+    assert ("assumed: delay 0.25 ms and lag 0.3 ms" in str(found)) is actual
     r = np.full(1200, 1e-3)
     r[0] = 0.0
     moved = nlfrf.run_servo(axis, position=r).position[1:] / 1e-3
