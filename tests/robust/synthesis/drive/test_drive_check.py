@@ -262,6 +262,25 @@ def test_a_file_holds_what_the_settings_hold(tmp_path):
     assert np.allclose(found.filters[0].section(8000), robust.drive.low_pass(1000, zeta=0.6).section(8000))
 
 
+@pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3])
+def test_a_delay_that_is_too_long_is_refused(folder, delay):
+    settings = replace(load_gains(folder / "gains.toml"), delay_periods=4000 * delay)
+    with pytest.raises(ValueError, match=r"delay must be no longer than in the traces, got (0|2)\.\d+ ms.*leads"):
+        check_drive([read_trace(folder / "moving.npz", settings)], settings)
+
+
+@pytest.mark.filterwarnings("ignore:G stands out of its neighbours")  # where it sticks, a narrow resonance
+def test_a_delay_that_is_too_short_is_in_the_loop_all_the_same_and_gives_no_friction_verdict(folder):
+    settings = load_gains(folder / "gains.toml")
+    records = [read_trace(folder / f"{name}.npz", settings) for name in ("low", "mid", "high", "moving")]
+    right, short = (check_drive(records, one) for one in (settings, replace(settings, delay_periods=0.0)))
+    margins = [found.report.classical.phase_margin for found in (right, short)]
+    assert margins[0] == pytest.approx(margins[1], abs=np.radians(0.5))
+    assert right.proofs
+    assert not short.proofs
+    assert "no other delay than one mass, got 0.2" in short.friction_note
+
+
 def test_two_encoders_are_no_trace_of_one_position(folder):
     settings = replace(load_gains(folder / "gains.toml"), encoder="both")
     with pytest.raises(ValueError, match='encoder must be "motor" or "load"'):
