@@ -43,6 +43,8 @@ __all__ = ["DriveCheck", "check_drive", "read_trace"]
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
 ORDERS = range(2, 6)
+#: An unstable pole above this share of the last line is a lead, and no machine that falls over.
+LEAD = 0.3
 #: Orders of the weight that are tried.
 WEIGHT_ORDERS = (4, 6, 8)
 #: Units of a machine that moves in m -> those of one that turns, in what other modules say of it.
@@ -85,6 +87,8 @@ class DriveCheck:
         The verdicts with it, the least proved first.
     friction_note : str
         Why there is no friction verdict.
+    actual : bool
+        Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
     """
 
     settings: DriveSettings
@@ -97,6 +101,7 @@ class DriveCheck:
     friction: FrictionClass | None
     proofs: tuple[FrictionProof, ...]
     friction_note: str
+    actual: bool
 
     @property
     def is_exact(self) -> bool:
@@ -109,6 +114,14 @@ class DriveCheck:
         at_rest = all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
         return self.report.robustly_stable and at_rest and self.is_exact
 
+    @property
+    def assumption(self) -> str:
+        """What is taken from the settings and not from the traces."""
+        timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
+        if self.actual:
+            return f"assumed: {timing} of the current loop, which a trace of the actual current does not show"
+        return f"{timing} of the current loop taken off; what is wrong with them counts as misfit"
+
     def __str__(self) -> str:
         position = self.settings.base_unit
         linear = str(self.report)
@@ -119,7 +132,7 @@ class DriveCheck:
             )
         parts = {
             "drive": str(self.settings),
-            "traces": "\n".join(self.traces),
+            "traces": "\n".join([*self.traces, self.assumption]),
             f"linear loop, from {self.base} ({ratio_unit(position, self.unit)})": linear,
         }
         if self.worst is not None:
@@ -241,6 +254,7 @@ def check_drive(
     names = list(names) or [f"trace {k + 1}" for k in range(len(blas))]
     chosen = highest_level(blas)
     nominal = scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False).fit
+    require_no_lead(nominal.G, blas[chosen], settings, actual=actual)
     machine = set_around(blas[chosen], nominal)
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = check(model, K, delay=settings.delay)
@@ -256,6 +270,7 @@ def check_drive(
         friction=found,
         proofs=proofs,
         friction_note=note,
+        actual=actual,
     )
 
 
@@ -263,6 +278,18 @@ def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlf
     """The BLA of the machine alone, without delay and lag of the current loop where they are in the trace."""
     s = 1j * bla.omega
     return bla if actual else bla.times(np.exp(s * settings.delay) * (1 + s * settings.lag))
+
+
+def require_no_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> None:
+    """Refuse a delay that is longer than in the traces: what is left then leads, and is fitted by unstable poles."""
+    fast = machine.poles()[machine.poles().real > 0]
+    fast = fast[np.abs(fast) > LEAD * bla.omega[-1]]
+    if fast.size and not actual:
+        raise ValueError(
+            f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
+            f"{1e3 * settings.lag:g} ms: without them the machine leads, as with an unstable pole at "
+            f"{format_hertz(float(np.abs(fast).max()))}"
+        )
 
 
 def set_around(bla: nlfrf.Bla, nominal: Any) -> Any:

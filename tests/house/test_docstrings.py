@@ -27,6 +27,7 @@ OWN = {
     *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),
     *("robust.load_controller", "robust.load_model", "robust.save_controller", "robust.save_model"),
     "robust.save_certificate",
+    "robust.drive.load_gains",
     *("robust.write_report", "nlfrf.hysteresis.Linear", "nlfrf.hysteresis.Table"),
 }
 

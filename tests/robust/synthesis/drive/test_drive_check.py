@@ -159,6 +159,7 @@ def test_margins_and_step_are_those_of_the_axis(actual):
     assert margins.crossover / 2 / np.pi == pytest.approx(crossover, rel=0.01)
     assert np.degrees(margins.phase_margin) == pytest.approx(phase, abs=2 * late)
     assert (found.proved, found.unit) == (True, "N")
+    assert ("assumed: delay 0.25 ms and lag 0.3 ms" in str(found)) is actual
     r = np.full(1200, 1e-3)
     r[0] = 0.0
     moved = nlfrf.run_servo(axis, position=r).position[1:] / 1e-3
@@ -259,6 +260,25 @@ def test_a_file_holds_what_the_settings_hold(tmp_path):
     assert (found.kp, found.kp_unit, found.limit, found.velocity_feedforward) == (2.5, "Nm/(rad/s)", 12.0, 0.8)
     assert [slot.kind for slot in found.filters] == ["low-pass", "biquad"]
     assert np.allclose(found.filters[0].section(8000), robust.drive.low_pass(1000, zeta=0.6).section(8000))
+
+
+@pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3])
+def test_a_delay_that_is_too_long_is_refused(folder, delay):
+    settings = replace(load_gains(folder / "gains.toml"), delay_periods=4000 * delay)
+    with pytest.raises(ValueError, match=r"delay must be no longer than in the traces, got (0|2)\.\d+ ms.*leads"):
+        check_drive([read_trace(folder / "moving.npz", settings)], settings)
+
+
+@pytest.mark.filterwarnings("ignore:G stands out of its neighbours")  # where it sticks, a narrow resonance
+def test_a_delay_that_is_too_short_is_in_the_loop_all_the_same_and_gives_no_friction_verdict(folder):
+    settings = load_gains(folder / "gains.toml")
+    records = [read_trace(folder / f"{name}.npz", settings) for name in ("low", "mid", "high", "moving")]
+    right, short = (check_drive(records, one) for one in (settings, replace(settings, delay_periods=0.0)))
+    margins = [found.report.classical.phase_margin for found in (right, short)]
+    assert margins[0] == pytest.approx(margins[1], abs=np.radians(0.5))
+    assert right.proofs
+    assert not short.proofs
+    assert "no other delay than one mass, got 0.2" in short.friction_note
 
 
 def test_two_encoders_are_no_trace_of_one_position(folder):
