@@ -36,11 +36,11 @@ CUTS = {
 }
 #: module:function that takes words apart which are no message, reviewed one by one: what they are instead.
 REVIEWED = {
-    "nlfrf.doctor:needed": "a requirement of the metadata of a package",
-    "nlfrf.io.readers.clock:spelled": "a number in a file",
-    "nlfrf.io.readers.layout:head_of": "the beginning of a file",
+    "nlfrf.doctor:iterate_requirements": "a requirement of the metadata of a package",
+    "nlfrf.io.readers.clock:parse_number": "a number in a file",
+    "nlfrf.io.readers.layout:first_lines": "the beginning of a file",
     "nlfrf.io.readers.lvm:contents": "a file",
-    "nlfrf.io.readers.twincat:with_tabs": "a file",
+    "nlfrf.io.readers.twincat:separate_by_tabs": "a file",
     "nlfrf._base.values:field_meanings": "a docstring, for a table in a notebook",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
     "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
