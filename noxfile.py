@@ -75,7 +75,7 @@ def from_sdist(session):
 
 @nox.session(python="3.11")
 def from_wheel(session):
-    """The suite against the installed wheel; what looks at the files of the house is left out."""
+    """The suite against the installed wheel; tests of the files of the repository are left out."""
     folder = Path(session.create_tmp()) / "outside"
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("tests", "benchmarks", "examples", "docs"):
@@ -84,7 +84,7 @@ def from_wheel(session):
     session.install("-c", "constraints.txt", f"{built('whl')}[test,docs]")
     session.chdir(folder)
     session.run(
-        *("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", "tests", "--ignore", "tests/house"),
+        *("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", "tests", "--ignore", "tests/project"),
         *("--ignore", "tests/nlfrf/test_doctor.py", *session.posargs),
         env=QUIET,
     )

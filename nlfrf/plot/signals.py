@@ -123,7 +123,7 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
 
 
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
-    """Draw the input spectrum by kind of line, which shows input on lines meant to be empty; see `plot_bla`."""
+    """Draw the input spectrum by kind of line, detection lines included; arguments as in `plot_bla`."""
     require_kind("record", record, Record)
     ax, grid = axes_or_new(ax), record.lines
     lines = index_lines(grid).lines

@@ -156,7 +156,7 @@ def test_what_hides_nothing_is_not_named(tmp_path):
 def test_a_version_below_the_floor_is_a_fault(monkeypatch):
     from nlfrf import doctor
 
-    monkeypatch.setattr(doctor, "installed", lambda name: "1.0" if name == "numpy" else "")
+    monkeypatch.setattr(doctor, "installed_version", lambda name: "1.0" if name == "numpy" else "")
     faults = examine()[1]
     assert any(fault.startswith("numpy must be >=2.2") and "got 1.0" in fault for fault in faults)
     assert any(fault.startswith("cvxpy must be installed") for fault in faults)

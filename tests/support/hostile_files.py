@@ -147,8 +147,8 @@ def elsewhere(folder, rng):
         elif way == 2:
             file[place] = h5py.ExternalLink(str(other), "s")
         else:  # by a link inside the file through one out of it
-            file["door"] = h5py.ExternalLink(str(other), "/")
-            file[place] = h5py.SoftLink("/door/s")
+            file["other"] = h5py.ExternalLink(str(other), "/")
+            file[place] = h5py.SoftLink("/other/s")
     if matlab:
         with path.open("r+b") as stream:
             stream.write(b"MATLAB 7.3 MAT-file, Platform: any")

@@ -140,7 +140,7 @@ run_loops = build_loops_kernel(digest_files(*CALLED_FILES))
 def wrap_loops_kernel(steps: Callable[..., bool], compiled: bool) -> Callable[..., None]:
     """Return the kernel of the loops around user-defined steps, compiled where these are."""
     source = run_loops.py_func  # type: ignore[attr-defined]
-    around = {**source.__globals__, "advance": steps}
+    around = {**source.__globals__, "advance_law": steps}
     plain = FunctionType(source.__code__, around, source.__name__, None, source.__closure__)
     return njit(nogil=True, error_model="numpy")(plain) if compiled else plain
 

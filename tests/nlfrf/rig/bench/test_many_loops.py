@@ -78,7 +78,7 @@ def refusing(response):
 
 
 def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
-    monkeypatch.setattr(loop_results, "told", None)  # here, not there
+    monkeypatch.setattr(loop_results, "to_responses", None)  # here, not there
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         assert simulate_loops(**arguments(), executor=executor, of=last) == [last(response) for response in here]
         with pytest.raises(Small, match="nothing"):
@@ -152,17 +152,17 @@ def test_results_of_another_integrator_are_not_taken(tmp_path, monkeypatch, here
     simulate_loops(**arguments(5), resume=tmp_path)
     simulate_loops(**arguments(5), resume=tmp_path, progress=lambda *counts: kept.append(counts))
     assert kept == [(1, 1)]
-    monkeypatch.setattr(runs, "integrator", lambda: b"a later version")
+    monkeypatch.setattr(runs, "hash_integrator", lambda: b"a later version")
     simulate_loops(**arguments(5), resume=tmp_path)
     assert len(list(tmp_path.glob("*.npz"))) == 2
 
 
 def test_the_integrator_is_every_file_that_integrates(tmp_path, monkeypatch):
     first = runs.hash_integrator()
-    for wing in ("bench", "kernels", "laws"):
-        folder = tmp_path / wing
+    for part in ("bench", "kernels", "laws"):
+        folder = tmp_path / part
         folder.mkdir()
-        for path in (runs.Path(runs.__file__).parents[1] / wing).glob("*.py"):
+        for path in (runs.Path(runs.__file__).parents[1] / part).glob("*.py"):
             (folder / path.name).write_bytes(path.read_bytes())
     monkeypatch.setattr(runs, "__file__", str(tmp_path / "bench" / "simulate.py"))
     assert runs.hash_integrator.__wrapped__() == first
