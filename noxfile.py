@@ -28,7 +28,7 @@ nox.options.error_on_missing_interpreters = False
 #: The first script of the README.
 SCRIPT = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
 #: A record in memory, to a model, a controller and a report: what the core does without the packages of the extras.
-CORE = re.search(r'CORE = """\n(.*?)"""', (ROOT / "tests/house/test_light_install.py").read_text(), re.DOTALL)[1]
+CORE = re.search(r'CORE = """\n(.*?)"""', (ROOT / "tests/project/test_light_install.py").read_text(), re.DOTALL)[1]
 #: Every interpreter with the pins and with the newest; the oldest packages have wheels for the oldest interpreter only.
 COMBINATIONS = [(python, versions) for python in PYTHONS for versions in ("pinned", "newest")] + [("3.11", "oldest")]
 
@@ -79,7 +79,7 @@ def from_sdist(session):
 
 @nox.session(python="3.11")
 def from_wheel(session):
-    """The suite against the installed wheel; what looks at the files of the house is left out."""
+    """The suite against the installed wheel; tests of the files of the repository are left out."""
     folder = Path(session.create_tmp()) / "outside"
     shutil.rmtree(folder, ignore_errors=True)
     for name in ("tests", "benchmarks", "examples", "docs"):
@@ -88,7 +88,7 @@ def from_wheel(session):
     session.install("-c", "constraints.txt", f"{built('whl')}[test,docs]")
     session.chdir(folder)
     session.run(
-        *("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", "tests", "--ignore", "tests/house"),
+        *("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", "tests", "--ignore", "tests/project"),
         *("--ignore", "tests/nlfrf/test_doctor.py", *session.posargs),
         env=QUIET,
     )

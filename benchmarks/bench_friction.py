@@ -17,8 +17,8 @@ from benchmarks.timing import best, of_children
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import Tanh, fit_maxwell_slip
 from nlfrf.rig.bench.motion import run
-from nlfrf.rig.bench.rig import Rig, advance, at_rest
-from nlfrf.rig.bench.simulate import one_period
+from nlfrf.rig.bench.rig import Rig, initial_memory, integrate_rig
+from nlfrf.rig.bench.simulate import force_over_period
 from nlfrf.signals.multisine import multisine
 
 SLIDING = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01, "sigma2": 0.4}
@@ -52,8 +52,8 @@ def one_period_each():
         rig, times = Rig(1.0, 80e3, law), []
         for rms in (0.025, 0.25, 2.5):
             ms = multisine(fs=4096, n_samples=16384, f_min=1, f_max=143.5, rms=rms, rng=1)
-            drive, memory = one_period(ms, 1, "band-limited"), at_rest(rig)
-            times.append(1e3 * best(lambda r=rig, m=memory, d=drive: advance(r, m, d, 1 / 4096, 1), 15))
+            drive, memory = force_over_period(ms, 1, "band-limited"), initial_memory(rig)
+            times.append(1e3 * best(lambda r=rig, m=memory, d=drive: integrate_rig(r, m, d, 1 / 4096, 1), 15))
         print(f"  {name:<32}" + "".join(f"{t:8.1f} ms" for t in times))
 
 

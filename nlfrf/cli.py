@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Callable
 from csv import reader as csv_reader
 from dataclasses import replace
 from pathlib import Path
@@ -47,8 +48,8 @@ OPTIONS = {
     "f_min": "f-min",
     "f_max": "f-max",
 }
-INSIDE = 0.2  # how far the lines may begin and end inside the band that was asked for, without a word
-FEW_LINES = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
+MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
+SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 
 
@@ -93,10 +94,10 @@ def design(
         raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
     ms = nlfrf.multisine(kind, **band)
     first, last = ms.f[[0, -1]].tolist()
-    if first > (1 + INSIDE) * f_min or last < (1 - INSIDE) * f_max:
+    if first > (1 + MAX_BAND_GAP) * f_min or last < (1 - MAX_BAND_GAP) * f_max:
         warnings.warn(
             f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz "
-            "only; " + lines_to_ask_for(ms, kind, f_min),
+            "only; " + suggest_lines(ms, kind, f_min),
             nlfrf.DataWarning,
             stacklevel=2,
         )
@@ -216,7 +217,11 @@ def identify(
     With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix
     in one file, or a table of it (.csv); each file that is read is then one experiment.
     """
-    inputs, outputs, references = names_of(input or ["u"]), names_of(output or ["y"]), names_of(reference or [])
+    inputs, outputs, references = (
+        split_names(input or ["u"]),
+        split_names(output or ["y"]),
+        split_names(reference or []),
+    )
     how: dict[str, Any] = {"transient": transient, "level_from": level_from, "n_detection": detection}
     cut: dict[str, Any] = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
     cut |= {"design": design, "hold": hold}
@@ -227,8 +232,8 @@ def identify(
         cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
         identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json, decimal)
         return
-    say, targets = printer(json), targets_of(out, outputs)
-    require_writable(*targets, *map(table_of, targets * csv))
+    say, targets = printer(json), output_paths(out, outputs)
+    require_writable(*targets, *map(table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
@@ -237,7 +242,7 @@ def identify(
         if opinion:
             say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
         if csv:
-            nlfrf.export_csv(bla, table_of(target), decimal=decimal)
+            nlfrf.export_csv(bla, table_path(target), decimal=decimal)
     finish_command(dict(zip(outputs, blas, strict=True)), True, json)
 
 
@@ -309,12 +314,12 @@ def doctor() -> None:
     print("all is well")
 
 
-def lines_to_ask_for(ms: Any, kind: str, f_min: float) -> str:
-    """Which lines a grid has at its low end, and what to ask for to have one there."""
+def suggest_lines(ms: nlfrf.Multisine | nlfrf.OrthogonalMultisine, kind: str, f_min: float) -> str:
+    """Describe the lines of a grid at its low end, and the options that give one there."""
     if f_min < ms.f0:
         n = int(np.ceil(ms.fs / f_min))
         return f"a period of {ms.n_samples / ms.fs:g} s has no line below {ms.f0:g} Hz: ask for --period {n}"
-    if kind not in FEW_LINES:
+    if kind not in SPARSE_GRIDS:
         return "a longer period has lines nearer to its ends"
     lines = grid_lines(kind, 1, int(ms.f[0] / ms.f0 + 8.5), np.random.default_rng()).excited
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
@@ -328,9 +333,9 @@ def lines_to_ask_for(ms: Any, kind: str, f_min: float) -> str:
 
 
 def identify_matrix(record: nlfrf.Record, how: dict[str, Any], out: Path, csv: bool, json: bool, decimal: str) -> None:
-    """Several inputs: one matrix, in one file, and a table beside it where one is asked for."""
+    """Identify a record of several inputs; write the matrix, and a table where `csv` is set."""
     is_table = out.suffix.lower() == ".csv"
-    targets = [out, *[table_of(out)] * (csv and not is_table)]
+    targets = [out, *[table_path(out)] * (csv and not is_table)]
     require_writable(*targets)
     frm = nlfrf.identify(record, **how)
     printer(json)(frm)
@@ -342,14 +347,17 @@ def identify_matrix(record: nlfrf.Record, how: dict[str, Any], out: Path, csv: b
     finish_command(frm, True, json)
 
 
-def table_of(out: Path) -> Path:
-    """The table beside a result: mid.npz has mid-bla.csv, because mid.csv is likely to be the measurement."""
+def table_path(out: Path) -> Path:
+    """Return the path of the table of a result: mid-bla.csv for mid.npz, as mid.csv is likely to be the measurement."""
     return out.with_name(f"{out.stem}.csv" if out.stem == "bla" or out.stem.endswith("-bla") else f"{out.stem}-bla.csv")
 
 
-def targets_of(out: Path, outputs: list[str]) -> list[Path]:
-    """The file of each output, all of them different."""
-    targets = [out if len(outputs) == 1 else out.with_name(f"{out.stem}-{slug(name)}{out.suffix}") for name in outputs]
+def output_paths(out: Path, outputs: list[str]) -> list[Path]:
+    """Return the path for each output, all of them different."""
+    targets = [
+        out if len(outputs) == 1 else out.with_name(f"{out.stem}-{file_name_part(name)}{out.suffix}")
+        for name in outputs
+    ]
     if len(set(targets)) < len(targets):
         raise ValueError(
             f"output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
@@ -358,13 +366,13 @@ def targets_of(out: Path, outputs: list[str]) -> list[Path]:
     return targets
 
 
-def names_of(given: list[str]) -> list[str]:
-    """Names with commas between them, or one by one; one that has a comma itself stands in quotes, as in a table."""
+def split_names(given: list[str]) -> list[str]:
+    """Split names at commas; a name with a comma of its own stands in quotes, as in a table."""
     return [name for text in given for name in next(csv_reader([text], skipinitialspace=True)) or [text]]
 
 
-def slug(name: str) -> str:
-    """A channel's name as part of a file's."""
+def file_name_part(name: str) -> str:
+    """Return the name of a channel as part of a file name."""
     return re.sub(r"[^\w.-]+", "_", name).strip("_")
 
 
@@ -377,7 +385,7 @@ class progress_bar:
         self.bar = Progress(console=rich_console(), transient=True)
         self.task = self.bar.add_task(label, total=None)
 
-    def __enter__(self) -> Any:
+    def __enter__(self) -> Callable[[int, int], None]:
         self.bar.start()
         return lambda done, total: self.bar.update(self.task, completed=done, total=total)
 
@@ -386,7 +394,7 @@ class progress_bar:
 
 
 def main() -> None:
-    """The command `nlfrf`."""
+    """Run the command `nlfrf`."""
     run_command("nlfrf", app, nlfrf.DataWarning, options=OPTIONS)
 
 

@@ -1,8 +1,8 @@
-"""What is installed here: versions against what is asked for, and whether our names import our packages.
+"""Check the installation: versions against requirements, and whether the names of the packages import the packages.
 
-A file of a user's own that is called like a module hides it from every program that is run in its folder: `robust.py`
-hides our package, `control.py` one that we need, `random.py` one of Python's own. Only the standard library is imported
-at the top, so that this can be said of any of them.
+A user's file with the name of a module hides it from every program that is run in its folder: `robust.py` hides our
+package, `control.py` one that we need, `random.py` one of Python's own. Only the standard library is imported at the
+top, so that this module works when any other is hidden.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
-__all__ = ["examine", "hidden", "neighbour", "nlfrf_command", "robust_command"]
+__all__ = ["examine", "find_hiding_files", "find_name_conflict", "nlfrf_command", "robust_command"]
 
-CURE = "pip uninstall {other}, then pip install --force-reinstall --no-deps nlfrf"
-TOOLS = {"test", "docs", "release"}  # extras for those who work on the packages
-OURS = ("nlfrf", "robust")
+REINSTALL_HINT = "pip uninstall {other}, then pip install --force-reinstall --no-deps nlfrf"
+DEVELOPER_EXTRAS = {"test", "docs", "release"}  # extras for those who work on the packages
+OWN_PACKAGES = ("nlfrf", "robust")
 #: What we import by another name than that of its distribution.
-IMPORTED = {"python-flint": "flint", "lazy-loader": "lazy_loader"}
+IMPORT_NAMES = {"python-flint": "flint", "lazy-loader": "lazy_loader"}
 
 
 def examine() -> tuple[list[tuple[str, str, str]], list[str]]:
-    """What is installed, and what is wrong with it.
+    """List what is installed, and what is wrong with it.
 
     Returns
     -------
-    rows : list of (name, version, what is asked for)
+    rows : list of (name, version, requirement)
         This package, Python, then what the package needs; an optional package that is absent has version "".
     faults : list of str
         One line each, with the cure; none where all is well.
@@ -51,10 +51,10 @@ def examine() -> tuple[list[tuple[str, str, str]], list[str]]:
     ['control', 'cvxpy', 'numpy']
     """
     here = f"on {platform.platform(terse=True)}"
-    rows = [("nlfrf", installed("nlfrf"), ""), ("Python", platform.python_version(), here)]
+    rows = [("nlfrf", installed_version("nlfrf"), ""), ("Python", platform.python_version(), here)]
     faults = []
-    for extra, need in sorted(needed(), key=lambda one: (one[0], one[1].name.lower())):
-        version = installed(need.name)
+    for extra, need in sorted(iterate_requirements(), key=lambda one: (one[0], one[1].name.lower())):
+        version = installed_version(need.name)
         requirement = str(need.specifier) + (f", for nlfrf[{extra}]" if extra else "")
         rows.append((need.name, version, requirement))
         if version and not need.specifier.contains(version, prereleases=True):
@@ -62,28 +62,28 @@ def examine() -> tuple[list[tuple[str, str, str]], list[str]]:
         elif not version and not extra:
             faults.append(f"{need.name} must be installed, got none of it: pip install '{need}'")
     folders = [Path.cwd(), *map(Path, sys.path)] if not sys.flags.safe_path else list(map(Path, sys.path))
-    faults += hidden(folders)
-    other = None if faults and any("'robust'" in fault for fault in faults) else neighbour()
+    faults += find_hiding_files(folders)
+    other = None if faults and any("'robust'" in fault for fault in faults) else find_name_conflict()
     return rows, faults + ([other] if other else [])
 
 
-def hidden(folders: Iterable[Path]) -> list[str]:
+def find_hiding_files(folders: Iterable[Path]) -> list[str]:
     """Return a line for each file in a folder that hides a module that our packages need, with the cure.
 
-    Folders in which modules are installed, and that of our packages, hide nothing. Of Python's own modules those are
-    looked for that are loaded by now: a `test.py` hides one that nobody needs.
+    Folders in which modules are installed, and that of our packages, hide nothing. Of Python's own modules only those
+    loaded by now count: a `test.py` hides one that nobody needs.
 
     Examples
     --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "control.py").write_text("gain = 3")
-    ...     [line.replace(folder, "FOLDER") for line in hidden([Path(folder)])]
+    ...     [line.replace(folder, "FOLDER") for line in find_hiding_files([Path(folder)])]
     ["FOLDER/control.py hides the package 'control' from whatever is run in its folder: rename that file"]
     """
     home = Path(__file__).resolve().parent.parent
     python = {name for name in sys.stdlib_module_names if name in sys.modules}
-    packages = {*OURS, *(IMPORTED.get(name, name.replace("-", "_")) for name in distributions())}
+    packages = {*OWN_PACKAGES, *(IMPORT_NAMES.get(name, name.replace("-", "_")) for name in required_distributions())}
     searched = list(dict.fromkeys(path.resolve() for path in folders))
     lines = []
     for folder in searched:
@@ -95,7 +95,7 @@ def hidden(folders: Iterable[Path]) -> list[str]:
                 continue
             place = Path(spec.origin)
             place = place.parent if place.name == "__init__.py" else place
-            if place.parent == folder:  # and none that is looked in before
+            if place.parent == folder:  # and no folder earlier on the path
                 whose, what = (
                     "package" if name in packages else "module of Python",
                     "file" if place.suffix else "folder",
@@ -106,23 +106,23 @@ def hidden(folders: Iterable[Path]) -> list[str]:
     return lines
 
 
-def distributions() -> Iterator[str]:
-    """Names of the distributions that our packages cannot do without; none where what would say it is hidden itself."""
+def required_distributions() -> Iterator[str]:
+    """Yield the names of the required distributions; none where the module that reads them is hidden itself."""
     try:
-        yield from (need.name for extra, need in needed() if not extra)
-    except Exception:  # whatever a stranger's module of the same name lets go wrong
+        yield from (need.name for extra, need in iterate_requirements() if not extra)
+    except Exception:  # a foreign module of the same name may raise anything
         return
 
 
 def is_installation(folder: Path) -> bool:
-    """Whether modules are installed in a folder, or Python's own stand there."""
+    """Whether a folder holds installed modules, or Python's own."""
     paths = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
     known = folder in paths or folder.name in ("site-packages", "dist-packages", "lib-dynload")
     return known or any(folder.glob("*.dist-info"))
 
 
-def needed() -> Iterator[tuple[str, Requirement]]:
-    """(extra, requirement) of what runs this package here; tools of its developers are left out."""
+def iterate_requirements() -> Iterator[tuple[str, Requirement]]:
+    """Yield (extra, requirement) of the installed package, without the tools of its developers."""
     from importlib import metadata
 
     from packaging.requirements import Requirement
@@ -131,7 +131,7 @@ def needed() -> Iterator[tuple[str, Requirement]]:
         own = metadata.distribution("nlfrf")
     except metadata.PackageNotFoundError:  # run from a folder of files
         return
-    extras = ["", *(set(own.metadata.get_all("Provides-Extra") or []) - TOOLS)]
+    extras = ["", *(set(own.metadata.get_all("Provides-Extra") or []) - DEVELOPER_EXTRAS)]
     always = set()
     for extra in extras:
         for text in own.requires or []:
@@ -142,8 +142,8 @@ def needed() -> Iterator[tuple[str, Requirement]]:
                     always.add(text)
 
 
-def installed(name: str) -> str:
-    """The version of a distribution, "" where there is none."""
+def installed_version(name: str) -> str:
+    """Return the version of a distribution, "" where there is none."""
     from importlib import metadata  # which imports much of Python's own
 
     try:
@@ -152,15 +152,15 @@ def installed(name: str) -> str:
         return ""
 
 
-def neighbour() -> str | None:
-    """Why `import robust` does not give our package, with the cure; None where it does.
+def find_name_conflict() -> str | None:
+    """Return why `import robust` does not give our package, with the cure; None where it does.
 
-    Another distribution has the same import name. Installed after ours it overwrites files without a word; removed,
-    it takes them along; beside an editable checkout it comes first on the path.
+    Another distribution has the same import name. Installed after ours it overwrites files without a warning; removed,
+    it deletes them; together with an editable checkout it comes first on the path.
 
     Examples
     --------
-    >>> neighbour() is None
+    >>> find_name_conflict() is None
     True
     """
     from importlib import metadata  # which imports much of Python's own
@@ -168,20 +168,22 @@ def neighbour() -> str | None:
     home = Path(__file__).resolve().parent.parent / "robust"
     spec = find_spec("robust")
     place = None if spec is None or spec.origin is None else Path(spec.origin).resolve().parent
-    if place is not None and place == home and not damaged(home):
+    if place is not None and place == home and not is_damaged(home):
         return None
     others = [name for name in metadata.packages_distributions().get("robust", []) if name != "nlfrf"]
     other = others[0] if others else "robust"
     if place is not None and place != home:
         what = f"`import robust` must give the package beside nlfrf, got the one in {place}"
     elif others:
-        what = f"`import robust` must give our package, got files of the distribution {other} {installed(other)}"
+        what = (
+            f"`import robust` must give our package, got files of the distribution {other} {installed_version(other)}"
+        )
     else:
         what = "`import robust` must give our package, got it with files gone or changed by another of the same name"
-    return f"{what}: {CURE.format(other=other)}"
+    return f"{what}: {REINSTALL_HINT.format(other=other)}"
 
 
-def damaged(home: Path) -> bool:
+def is_damaged(home: Path) -> bool:
     """Whether files of our `robust` are gone, or its first one is not what was installed."""
     from importlib import metadata  # which imports much of Python's own
 
@@ -202,35 +204,35 @@ def damaged(home: Path) -> bool:
 
 
 def nlfrf_command() -> None:
-    """The command `nlfrf`: ours, or one line that says which file hides what it needs."""
+    """Run the command `nlfrf`, or print one line that names the file that hides a module it needs."""
     run_or_explain("nlfrf")
 
 
 def robust_command() -> None:
-    """The command `robust`: ours, or one line that says who holds its name, or which file hides what it needs."""
-    explain("robust", hidden_on_path("robust"))
-    run_or_explain("robust", neighbour)
+    """Run the command `robust`, or print one line that names the distribution or file in its way."""
+    exit_with_line("robust", hiding_files_on_path("robust"))
+    run_or_explain("robust", find_name_conflict)
 
 
-def run_or_explain(name: str, wrong: Callable[[], str | None] = lambda: None) -> None:
-    """Run a command where nothing is wrong; where it breaks and a file hides a module from it, say which."""
+def run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: None) -> None:
+    """Run a command where `find_fault` finds none; where it breaks and a file hides a module from it, name the file."""
     try:
-        found = wrong()
-        explain(name, [found] if found else [])
+        found = find_fault()
+        exit_with_line(name, [found] if found else [])
         import_module(f"{name}.cli").main()
-    except Exception:  # whatever a stranger's module of the same name lets go wrong
-        explain(name, hidden_on_path())
+    except Exception:  # a foreign module of the same name may raise anything
+        exit_with_line(name, hiding_files_on_path())
         raise
 
 
-def hidden_on_path(*names: str) -> list[str]:
-    """Return what `hidden` says of the folders that Python really looks in, of some modules or of all."""
-    lines = hidden(Path(folder or os.getcwd()) for folder in sys.path)
+def hiding_files_on_path(*names: str) -> list[str]:
+    """Return the lines of `find_hiding_files` for the folders on Python's path, about some modules or all."""
+    lines = find_hiding_files(Path(folder or os.getcwd()) for folder in sys.path)
     return [line for line in lines if not names or any(repr(name) in line for name in names)]
 
 
-def explain(name: str, lines: list[str]) -> None:
-    """End a command with one line, where there is one to say."""
+def exit_with_line(name: str, lines: list[str]) -> None:
+    """End a command with the first line on standard error, where there is one."""
     if lines:
         sys.stderr.write(f"{name}: {lines[0]}\n")
         raise SystemExit(2)

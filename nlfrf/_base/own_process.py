@@ -37,7 +37,7 @@ MEMORY_LIMIT = (
 BLOCK_BYTES = 1 << 20  # bytes handed over at a time
 #: What a file holds, by name: arrays, units, clocks (a frequency [Hz] or the name of a time channel; "" is for all
 #: channels), and why something in it is no signal.
-Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
+Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], dict[str, str]]
 
 
 def read_in_own_process(reader_file: str, path: Path) -> Contents:

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple, TypeVar, dataclass_transform, overload
 import numpy as np
 
 __all__ = [
+    "ArrayField",
     "Sketch",
     "field_names",
     "freeze_array",
@@ -40,6 +41,10 @@ __all__ = [
 WIDTH, FEW, MOST = 160, 6, 400  # characters of a line, numbers that are shown, points of a curve
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd")
 SKETCH_SIZE = 420, 170, 46, 24  # of a picture: width, height, left and lower margin
+
+
+#: Type of a field that takes any sequence and holds an array: a dataclass can declare one of the two only.
+ArrayField = Any
 
 
 class Sketch(NamedTuple):

@@ -21,18 +21,18 @@ from nlfrf.io import npz
 from nlfrf.io.moments import require_same_moments
 from nlfrf.io.readers import columns, hdf5, lvm, matlab, mdf, npy, tables, tdms, twincat, uff, wav
 from nlfrf.io.readers.clock import (
-    LONG,
-    RATES,
-    STEPS,
-    UNIT,
-    clock_name,
-    frequency_of,
-    hertz_of,
-    is_time,
-    seconds_of,
-    unit_of,
+    MIN_DURATION,
+    RATE_NAMES,
+    STEP_NAMES,
+    UNIT_SUFFIX,
+    hertz_per_unit,
+    is_time_name,
+    sampling_frequency,
+    seconds_per_unit,
+    split_clock_name,
+    unit_in_name,
 )
-from nlfrf.io.readers.layout import once
+from nlfrf.io.readers.layout import make_unique
 
 __all__ = ["OTHER_WAY", "SUFFIXES", "Channels", "read_channels", "to_paths"]
 
@@ -78,7 +78,10 @@ class Channels:
         """The name of a channel as the file has it: "input" finds "input (V)" and "run.input", where one is meant."""
         if (name := one_line(name)) in self.arrays:
             return name
-        for short in (lambda known: UNIT.sub("", known), lambda known: UNIT.sub("", known).rsplit(".", 1)[-1]):
+        for short in (
+            lambda known: UNIT_SUFFIX.sub("", known),
+            lambda known: UNIT_SUFFIX.sub("", known).rsplit(".", 1)[-1],
+        ):
             found = [known for known in self.arrays if short(known) == name]
             if len(found) == 1:
                 return found[0]
@@ -126,13 +129,13 @@ class Channels:
         labels = {}
         for signal, name in (("u", u), ("y", y)):
             full = self.full_name(name)
-            labels[f"{signal}_name"] = "" if full == signal else UNIT.sub("", full)
+            labels[f"{signal}_name"] = "" if full == signal else UNIT_SUFFIX.sub("", full)
             labels[f"{signal}_unit"] = self.unit(full)
         return labels
 
     def unit(self, full: str) -> str:
         """The unit of a channel by its full name, empty where the file tells none."""
-        bracket = UNIT.search(full)
+        bracket = UNIT_SUFFIX.search(full)
         return bracket[1].strip() if bracket else self.units.get(full, "")
 
     def text(self, name: str) -> str:
@@ -232,31 +235,33 @@ class Channels:
     @property
     def times(self) -> list[str]:
         """Names of the time channels, those that a clock can be read from in front."""
-        found = [name for name in self.signals if is_time(name) and may_run(self.arrays[name])]
+        found = [name for name in self.signals if is_time_name(name) and may_run(self.arrays[name])]
         if len(found) < 2:
             return found
-        return sorted(found, key=lambda name: not (self.second_of(name) and frequency_of(np.ravel(self.arrays[name]))))
+        return sorted(
+            found, key=lambda name: not (self.second_of(name) and sampling_frequency(np.ravel(self.arrays[name])))
+        )
 
     def second_of(self, time: str) -> float | None:
         """The unit of a time channel [s], None where it is not known."""
-        unit = unit_of(time)
-        return seconds_of((self.units.get(time) if unit is None else unit) or "")
+        unit = unit_in_name(time)
+        return seconds_per_unit((self.units.get(time) if unit is None else unit) or "")
 
     def scalar_clock(self, candidates: str, known: bool = False) -> tuple[float, str] | None:
         """The sampling frequency [Hz] by a variable fs, Ts and the like, first in the struct of a channel."""
         homes = [f"{candidates.rpartition('.')[0]}." if "." in candidates else "", ""]
         found = []
         for name, array in self.arrays.items():
-            key, unit = clock_name(UNIT.sub("", name).rsplit(".", 1)[-1])
-            number, unit = constant_of(array) if key in (*RATES, *STEPS) else None, unit or self.unit(name)
-            if number is None or (array.size > 1 and key in STEPS and not unit and number >= LONG):
+            key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
+            number, unit = constant_of(array) if key in (*RATE_NAMES, *STEP_NAMES) else None, unit or self.unit(name)
+            if number is None or (array.size > 1 and key in STEP_NAMES and not unit and number >= MIN_DURATION):
                 continue
-            scale = (seconds_of if key in STEPS else hertz_of)(unit)
+            scale = (seconds_per_unit if key in STEP_NAMES else hertz_per_unit)(unit)
             number *= scale or 0.0
             if 0 < number < np.inf:
                 home = name.rpartition(".")[0]
                 rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
-                found.append((rank, number if key in RATES else float(f"{1 / number:.12g}"), name))
+                found.append((rank, number if key in RATE_NAMES else float(f"{1 / number:.12g}"), name))
         best = min(found, default=None)
         if best is None:
             return None
@@ -270,11 +275,11 @@ class Channels:
 
     def frequency_of_time(self, time: str, known: bool) -> float:
         """The sampling frequency [Hz] by a time channel, 0 where it has none or where it need not be understood."""
-        unit, second = unit_of(time) or self.units.get(time), self.second_of(time)
+        unit, second = unit_in_name(time) or self.units.get(time), self.second_of(time)
         if second is None and not known:
             raise ValueError(f"fs must be given: the unit of the time channel {time!r} is not known")
         t = np.ravel(self.arrays[time])
-        fs = frequency_of(t if second == 1.0 else (second or 0.0) * t)
+        fs = sampling_frequency(t if second == 1.0 else (second or 0.0) * t)
         if not fs > 0 and not known:
             raise ValueError(f"fs must be given: the time channel {time!r} {backward_steps(t)}")
         if unit is None and fs > MAX_RATE and any(low < t[0] < high for low, high in DATE_RANGES):
@@ -420,7 +425,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
                 one.flags.writeable = False
-    times = [name for name in numeric if is_time(name) and may_run(numeric[name])]
+    times = [name for name in numeric if is_time_name(name) and may_run(numeric[name])]
     return Channels(
         path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
     )
@@ -448,7 +453,9 @@ def clean_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Contents:
     """The same with names, units and notes that are one line each and command no terminal, whoever reads them."""
     texts = [clock for clock in clocks.values() if isinstance(clock, str)]
     names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
-    named = {"": ""} | dict(zip(names, once(list(map(one_line, names))), strict=True))  # of those alike after it, too
+    named = {"": ""} | dict(
+        zip(names, make_unique(list(map(one_line, names))), strict=True)
+    )  # of those alike after it, too
     return (
         {named[name]: array for name, array in arrays.items()},
         {named[name]: one_line(unit) for name, unit in units.items()},

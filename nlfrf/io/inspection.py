@@ -15,7 +15,7 @@ from nlfrf._base.arguments import format_count
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
-from nlfrf.io.readers.clock import UNIT, is_time
+from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
 from nlfrf.io.records import LostRows, find_lost_rows
 from nlfrf.io.results import value_in
 from nlfrf.records.excited_lines import detect_lines
@@ -192,7 +192,9 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(describe_stream(file, name, stream) for name, stream in streams.items())
-    times = {name for name in streams if is_time(name)} | {clock for clock in file.clocks.values() if clock in streams}
+    times = {name for name in streams if is_time_name(name)} | {
+        clock for clock in file.clocks.values() if clock in streams
+    }
     candidates = {name: stream for name, stream in streams.items() if name not in times and is_varying(stream)}
     rows = {name: describe_lost_rows(file, name) for name in candidates}
     filled = {
@@ -361,4 +363,4 @@ def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
 
 def bare_name(name: str) -> str:
     """A name without its unit and the structs around it."""
-    return UNIT.sub("", name).rsplit(".", 1)[-1].strip()
+    return UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1].strip()

@@ -5,7 +5,7 @@
     matrix   a matrix of several inputs and outputs: entries, singular values, relative gains
     look     colours and markers that they share
 
-The pictures are handed on from here: `from nlfrf.plot import plot_bla`.
+All of them can be imported from here: `from nlfrf.plot import plot_bla`.
 """
 
 from nlfrf.plot.bla import plot_bla, plot_bode, plot_levels, plot_opinion, plot_phase

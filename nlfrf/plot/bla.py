@@ -1,8 +1,8 @@
-"""Pictures of a `Bla`: its bound, its phase, its output by kind of line, the two readings of its level."""
+"""Pictures of a `Bla`: its bound, its phase, its output by kind of line, the two estimates of its distortion."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,7 +28,7 @@ __all__ = ["plot_bla", "plot_bode", "plot_levels", "plot_opinion", "plot_phase"]
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Magnitude of the BLA with its bound, standard deviations, and what the detection lines say.
+    """Draw the magnitude of the BLA with its bound, standard deviations, and the detection lines over |U|.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     return finish_axes(crop_rounding(ax, np.abs(bla.G)))
 
 
-def draw_magnitude(ax: Any, bla: Bla, confidence: float) -> None:
-    """|G| with its bound as a band around it, and the axis that it is on."""
+def draw_magnitude(ax: Axes, bla: Bla, confidence: float) -> None:
+    """Draw |G| with its bound as a band around it, and label the axis."""
     size, radius = np.abs(bla.G), bla.bound(confidence)
     label = f"{100 * confidence:g} % bound"
     gain_band(ax, bla.f, size, size - radius, size + radius, color=COLOR["bound"], label=label, over=OVER_100)
@@ -78,7 +78,7 @@ def draw_magnitude(ax: Any, bla: Bla, confidence: float) -> None:
 
 
 def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> tuple[Axes, Axes]:
-    """Magnitude and phase of the BLA over logarithmic frequency, with its bound as a band around both.
+    """Draw magnitude and phase of the BLA over logarithmic frequency, with its bound as a band around both.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
 
 
 def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
-    """Unwrapped phase of the BLA in degrees; arguments as in `plot_bla`."""
+    """Draw the unwrapped phase of the BLA in degrees; arguments as in `plot_bla`."""
     require_single(bla)
     ax = axes_or_new(ax)
     ax.plot(bla.f, np.degrees(np.unwrap(np.angle(bla.G))), "-", color=COLOR["excited"], label="arg G")
@@ -111,7 +111,7 @@ def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
-    """Output spectrum by kind of line, with the noise floor; arguments as in `plot_bla`."""
+    """Draw the output spectrum by kind of line, with the noise floor; arguments as in `plot_bla`."""
     require_single(bla)
     ax = axes_or_new(ax)
     levels = bla.levels
@@ -136,7 +136,7 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
-    """The two readings of the distortion level, as standard deviations; arguments as in `plot_bla`."""
+    """Draw the two estimates of the distortion, as standard deviations; arguments as in `plot_bla`."""
     require_kind("opinion", opinion, SecondOpinion)
     ax = axes_or_new(ax)
     ax.plot(
@@ -166,7 +166,7 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
 
 
 def describe_measurement(bla: Bla) -> str:
-    """What was measured, in one line."""
+    """Describe grid, realisations, periods and source of the level in one line."""
     return f"{bla.grid} grid, M = {bla.n_realizations}, P = {bla.n_periods}, level from {bla.level_source}"
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.axes import add_note, to_decibel
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 __all__ = ["COLOR", "COLOR_CYCLE", "MARKER", "MAX_DEPTH_DB", "OVER_100", "ROUNDING_DB", "crop_rounding"]
 
 
-# one colour a kind of line in every picture, told apart by colour-blind readers too
+# one colour a kind of line in every picture, distinct for colour-blind readers too
 COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
 COLOR_CYCLE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")  # of several inputs, or directions
 MARKER = {"excited": ".", "odd": "x", "even": "+"}  # and in grey
@@ -20,8 +23,8 @@ OVER_100 = "bound over 100 %: G may be 0"  # of a band without a lower edge
 MAX_DEPTH_DB = 160.0  # dB under the output, or the FRF; the same
 
 
-def crop_rounding(ax: Any, amplitude: np.ndarray) -> Any:
-    """Leave out what lies at rounding, far under the largest amplitude, and say so."""
+def crop_rounding(ax: Axes, amplitude: np.ndarray) -> Axes:
+    """Crop the axis above rounding, far under the largest amplitude, and note the curves that fall below."""
     bottom = float(to_decibel(amplitude.max())) - MAX_DEPTH_DB
     if ax.get_ylim()[0] < bottom:
         ax.set_ylim(bottom=bottom)

@@ -1,4 +1,4 @@
-"""Pictures of a `Bla` of several channels: a matrix of axes, one an entry, and what its directions are worth."""
+"""Pictures of a `Bla` of several channels: a matrix of axes, one an entry; singular values, relative gains."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ MAX_MARKED_LINES = 300  # lines that are drawn as points too
 LINE_STYLES = ("-", "--", "-.", ":")
 
 
-def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
-    """Magnitude of every entry with its bound: a row of axes an output, a column an input.
+def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
+    """Draw the magnitude of every entry with its bound: a row of axes an output, a column an input.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def plot_frm_phase(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
-    """Unwrapped phase of every entry with its bound; arguments as in `plot_frm`, and what is returned."""
+def plot_frm_phase(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
+    """Draw the unwrapped phase of every entry with its bound; arguments and result as in `plot_frm`."""
     require_kind("frm", frm, Bla)
     made, foot = entry_axes(ax, frm, "[deg]")
     wide = phase_band(frm.matrix, expand_entries(frm, frm.bound(confidence)))
@@ -70,22 +70,22 @@ def plot_frm_phase(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
-    """What every entry may be off by: by its own bound, as part of the matrix, and by noise and distortion.
+def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
+    """Draw the radius of every entry: its own bound, that of the matrix, and standard deviations.
 
-    Arguments as in `plot_frm`, and what is returned. The bound of the matrix is drawn by how far it lets the entry go,
-    which is further: it holds all entries at once.
+    Arguments and result as in `plot_frm`. The bound of the matrix holds all entries at once, so its radius for one
+    entry is larger.
     """
     require_kind("frm", frm, Bla)
     made, foot = entry_axes(ax, frm, "[dB]")
     left, right = frm.block(confidence)
     bound = expand_entries(frm, frm.bound(confidence))
-    reach = np.sqrt(np.einsum("jkf,jkf->jf", left, left.conj()).real)[:, None] * np.sqrt(
+    matrix_radius = np.sqrt(np.einsum("jkf,jkf->jf", left, left.conj()).real)[:, None] * np.sqrt(
         np.einsum("kif,kif->if", right, right.conj()).real
     )
     curves = (
         (np.abs(frm.matrix), "|G|", "-", COLOR["excited"], 1.6),
-        (reach, f"{100 * confidence:g} % bound of the matrix", "-.", COLOR["even"], 1.2),
+        (matrix_radius, f"{100 * confidence:g} % bound of the matrix", "-.", COLOR["even"], 1.2),
         (bound, f"{100 * confidence:g} % bound of the entry", "-", COLOR["bound"], 1.2),
         (expand_entries(frm, np.sqrt(frm.var_distortion)), "std by distortion, one set", "--", COLOR["odd"], 1.0),
         (expand_entries(frm, np.sqrt(frm.var_noise)), "std by noise", ":", COLOR["noise"], 1.4),
@@ -99,7 +99,7 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
 
 
 def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Axes:
-    """Singular values of the matrix, each in the band that the bound of the matrix leaves it.
+    """Draw the singular values of the matrix, each with its bounds.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Ax
     return finish_axes(ax)
 
 
-def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
-    """Magnitude of every relative gain over frequency with its bound: near one is a good pairing.
+def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> np.ndarray:
+    """Draw the magnitude of every relative gain over frequency with its bound: near one is a good pairing.
 
     Parameters
     ----------
@@ -162,20 +162,20 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
 
 
 def entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[Any, Any]:
-    """A matrix of axes with the names of the channels."""
+    """Create a matrix of axes with the names of the channels."""
     return matrix_axes(ax, [f"{name}  {up}" for name in frm.outputs], [f"by {name}" for name in frm.inputs])
 
 
 def expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
-    """(n_y, n_u, F) a curve of every entry, of one input and output too."""
+    """Return a curve of every entry as (n_y, n_u, F), also for one input and output."""
     return curve.reshape(frm.matrix.shape)
 
 
 def marker_style(frm: Bla) -> str:
-    """A curve with its lines as points, where they can be told apart."""
+    """Return the style of a curve, with points at its lines where these are few."""
     return ".-" if frm.f.size <= MAX_MARKED_LINES else "-"
 
 
 def smallest_nonzero(sizes: np.ndarray) -> float:
-    """The smallest that is not zero [dB]."""
+    """Return the smallest size that is not zero [dB]."""
     return float(to_decibel(np.min(sizes, initial=np.inf, where=sizes > 0)))

@@ -1,4 +1,4 @@
-"""Pictures of signals: what is played, what was measured."""
+"""Pictures of signals: excitations, harmonic grids, measured samples and input spectra."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ __all__ = ["plot_excitation", "plot_input", "plot_samples", "plot_spectrum"]
 
 MAX_HARMONICS = 48  # of a grid are shown, so that each is seen
 INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
-LINE_OFFSET = 0.3  # of a line, how far several inputs stand beside one another
+LINE_OFFSET = 0.3  # between the markers of two inputs, in lines
 
 
 def plot_excitation(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
-    """One period of the first realisation in time, of several inputs each of them; arguments as in `plot_bla`."""
+    """Draw one period of the first realisation over time, of every input; arguments as in `plot_bla`."""
     require_kind("ms", ms, Multisine, OrthogonalMultisine)
     ax = axes_or_new(ax)
     t = np.arange(ms.n_samples) / ms.fs
@@ -48,14 +48,14 @@ def plot_excitation(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = No
 
 
 def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
-    """The first lines of a multisine one by one: what is played, and where to listen; arguments as in `plot_bla`."""
+    """Draw the first excited lines of a multisine, and its detection lines; arguments as in `plot_bla`."""
     require_kind("ms", ms, Multisine, OrthogonalMultisine)
     ax = axes_or_new(ax)
     last = int(ms.lines.excited[-1])
     first = int(ms.lines.excited[0])
     shown = min(last, first + MAX_HARMONICS)
     mine = ms.lines.excited <= shown
-    amplitudes = played_amplitudes(ms)
+    amplitudes = labelled_amplitudes(ms)
     top = max(float(size.max()) for size, _, _ in amplitudes.values())
     same = " like this" * all(np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values())
     more = f"; it goes on{same} up to {last}" if shown < last else ""
@@ -80,17 +80,17 @@ def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None
     return finish_axes(ax)
 
 
-def played_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np.ndarray, str, float]]:
-    """Amplitudes (F,) by label, with a colour and how far beside the line they stand: of several inputs each one."""
+def labelled_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np.ndarray, str, float]]:
+    """Return amplitudes (F,) by label, each with a colour and an offset from the line: one for each input."""
     if isinstance(ms, Multisine):
         return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
-    sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which mixing tells apart
+    sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which differ by the mixing
     offset = LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
     return {f"u{i + 1}": (sizes[i], INPUT_COLORS[i % len(INPUT_COLORS)], float(offset[i])) for i in range(ms.n_inputs)}
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:
-    """Every period of the first realisation over one another: what was played and measured, in time.
+    """Draw every period of the first realisation over one another, in time.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
 
 
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
-    """Input spectrum by kind of line: what stands where nothing was to be excited; arguments as in `plot_bla`."""
+    """Draw the input spectrum by kind of line, detection lines included; arguments as in `plot_bla`."""
     require_kind("record", record, Record)
     ax, grid = axes_or_new(ax), record.lines
     lines = index_lines(grid).lines

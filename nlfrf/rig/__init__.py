@@ -3,7 +3,7 @@
 bench    the friction rig, simulated
 kernels  compiled steps of friction laws and of sampled loops; numba is imported only here
 laws     friction laws and hysteresis
-studies  the figures of the paper, and what was found beside them
+studies  the figures of the paper, and findings on its claims
 """
 
 import lazy_loader

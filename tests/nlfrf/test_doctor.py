@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nlfrf.doctor import examine, hidden
+from nlfrf.doctor import examine, find_hiding_files
 
 ROOT = Path(__file__).parents[2]
 
@@ -143,20 +143,20 @@ def test_what_hides_nothing_is_not_named(tmp_path):
     (tmp_path / "random").mkdir()  # no package
     for name in ("test.py", "mine.py", "control.txt", "robust.json"):
         (tmp_path / name).write_text("")
-    assert hidden([tmp_path]) == []
+    assert find_hiding_files([tmp_path]) == []
     front, behind = tmp_path / "front", tmp_path / "behind"
     for folder in (front, behind):
         folder.mkdir()
         (folder / "control.py").write_text("")
-    assert [line.split(" hides ")[0] for line in hidden([front, behind])] == [str(front / "control.py")]
+    assert [line.split(" hides ")[0] for line in find_hiding_files([front, behind])] == [str(front / "control.py")]
     (front / "some-1.0.dist-info").mkdir()  # modules are installed there
-    assert hidden([front]) == []
+    assert find_hiding_files([front]) == []
 
 
 def test_a_version_below_the_floor_is_a_fault(monkeypatch):
     from nlfrf import doctor
 
-    monkeypatch.setattr(doctor, "installed", lambda name: "1.0" if name == "numpy" else "")
+    monkeypatch.setattr(doctor, "installed_version", lambda name: "1.0" if name == "numpy" else "")
     faults = examine()[1]
     assert any(fault.startswith("numpy must be >=2.2") and "got 1.0" in fault for fault in faults)
     assert any(fault.startswith("cvxpy must be installed") for fault in faults)

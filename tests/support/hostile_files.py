@@ -13,7 +13,7 @@ from numpy.lib import format as npy
 from nlfrf._base import own_process
 from nlfrf._base.own_process import FACTOR
 from nlfrf.io.channels import read_channels
-from nlfrf.io.readers.tables import START
+from nlfrf.io.readers.tables import HEAD_BYTES
 from tests.support import measurement_files as files
 
 SECRET = 7777.0 + np.arange(64)  # numbers that stand in another file of the machine
@@ -120,7 +120,7 @@ def table_expands(folder, rng):
     width = int(rng.integers(3000, 6000))
     wide = ",".join(["1"] * width) + "\n"
     path = folder / "short.csv"
-    path.write_text(wide * (2 * START // len(wide)) + "1\n" * int(rng.integers(400_000, 800_000)))
+    path.write_text(wide * (2 * HEAD_BYTES // len(wide)) + "1\n" * int(rng.integers(400_000, 800_000)))
     return path
 
 
@@ -147,8 +147,8 @@ def elsewhere(folder, rng):
         elif way == 2:
             file[place] = h5py.ExternalLink(str(other), "s")
         else:  # by a link inside the file through one out of it
-            file["door"] = h5py.ExternalLink(str(other), "/")
-            file[place] = h5py.SoftLink("/door/s")
+            file["other"] = h5py.ExternalLink(str(other), "/")
+            file[place] = h5py.SoftLink("/other/s")
     if matlab:
         with path.open("r+b") as stream:
             stream.write(b"MATLAB 7.3 MAT-file, Platform: any")

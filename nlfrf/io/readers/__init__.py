@@ -1,6 +1,6 @@
 """Readers of file formats: named channels of any file.
 
-clock           names of clocks, the frequency of a time axis
+clock           names and texts that give a sampling frequency; the sampling frequency of a time axis
 columns         Parquet and Feather
 hdf5            HDF5: datasets, tables, attributes
 layout          where header, units and numbers stand in a text table

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
 
 
-def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Columns of numbers by name; moments as seconds since the first; missing numbers are nan.
+def contents(path: Path) -> Contents:
+    """Read columns of numbers by name; moments as seconds since the first; missing numbers are nan.
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in a process of its own, so it imports nothing of this package.
     """
     import pyarrow.types as kinds
     from pyarrow import feather, float64, int64, parquet
@@ -36,8 +39,8 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
         if column.null_count or kinds.is_boolean(kind) or kinds.is_decimal(kind):
             column = column.cast(float64())
         arrays[name] = column.to_numpy()
-        said = about.metadata or {}
-        unit = next((said[key].decode() for key in (b"unit", b"units") if key in said), "")
+        metadata = about.metadata or {}
+        unit = next((metadata[key].decode() for key in (b"unit", b"units") if key in metadata), "")
         if unit:
             units[name] = unit
     return arrays, units, {}, notes

@@ -3,30 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
+if TYPE_CHECKING:
+    import h5py
+
+    from nlfrf._base.own_process import Contents
+
 __all__ = ["contents"]
 
-UNITS = ("unit", "units", "unit_string", "einheit")
-RATES = ("fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "samplingfrequency", "rate")
-STEPS = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
-START = "wf_start_offset"
-TEXT = 1 << 16  # characters that a text may have
+UNIT_ATTRIBUTES = ("unit", "units", "unit_string", "einheit")
+RATE_ATTRIBUTES = (
+    "fs",
+    "sample_rate",
+    "samplerate",
+    "sampling_rate",
+    "sampling_frequency",
+    "samplingfrequency",
+    "rate",
+)
+STEP_ATTRIBUTES = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
+START_ATTRIBUTE = "wf_start_offset"
+MAX_TEXT = 1 << 16  # characters that a text may have
 #: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
-SCALINGS = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
-NAMES = ("columns", "channels", "channel_names", "names", "labels")
+SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
+COLUMN_ATTRIBUTES = ("columns", "channels", "channel_names", "names", "labels")
 
 
-def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Numeric datasets, groups joined by dots; fields of tables, columns that attributes name; texts of attributes.
+def contents(path: Path) -> Contents:
+    """Read numeric datasets, groups joined by dots; fields of tables, columns named by attributes; attribute texts.
 
-    Long datasets are handed over unread, to be read a block at a time; so the file stays open as long as they do. This
-    room is loaded by its path in a process of its own, so it imports nothing of this package.
+    Long datasets are returned unread, to be read a block at a time; so the file stays open as long as they exist. This
+    module is loaded by its path in a process of its own, so it imports nothing of this package.
 
-    HDF5 can take numbers from any other file of the machine, by its path. What is read is one file, so a file that
-    does so is refused as a whole: mat-io, which reads some of them again, would follow its links.
+    HDF5 can take numbers from any other file of the machine, by its path. Such a file is refused as a whole: mat-io,
+    which reads some files again, would follow its links.
 
     Raises
     ------
@@ -37,14 +50,14 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
 
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    clocks: dict[str, Any] = {}
+    clocks: dict[str, float | str] = {}
     notes: dict[str, str] = {}
     starts: dict[str, np.ndarray] = {}
 
-    def add(place: str, node: Any) -> None:
+    def add(place: str, node: h5py.Dataset | h5py.Group) -> None:
         require_own_numbers(place, node)
-        attributes = plain(node)
-        said = {key.lower(): held for key, held in attributes.items()}
+        attributes = plain_attributes(node)
+        by_key = {key.lower(): held for key, held in attributes.items()}
         prefix = place.replace("/", ".")
         if place.startswith("#"):  # where MATLAB keeps what its cells and objects refer to
             notes[place.split("/")[0]] = "holds references"
@@ -54,17 +67,17 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
                 if isinstance(held, str | int | float) and not key.startswith("MATLAB"):
                     arrays[f"{prefix}.{key}" if prefix else key] = np.array(held)
             return
-        for name, array in columns(prefix, node, said).items():
+        for name, array in dataset_streams(prefix, node, by_key).items():
             arrays[name] = array
-            unit = next((said[key] for key in UNITS if isinstance(said.get(key), str)), "")
+            unit = next((by_key[key] for key in UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), "")
             if unit:
                 units[name] = unit
-            fs = next((float(said[key]) for key in RATES if number(said.get(key))), 0.0)
-            dt = next((float(said[key]) for key in STEPS if number(said.get(key))), 0.0)
+            fs = next((float(by_key[key]) for key in RATE_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
+            dt = next((float(by_key[key]) for key in STEP_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
             if fs > 0 or dt > 0:
                 clocks[name] = fs if fs > 0 else 1 / dt
-                if finite(said.get(START)) and said[START]:
-                    starts[f"{name}.start"] = np.array(float(said[START]))
+                if is_finite_number(by_key.get(START_ATTRIBUTE)) and by_key[START_ATTRIBUTE]:
+                    starts[f"{name}.start"] = np.array(float(by_key[START_ATTRIBUTE]))
 
     file = h5py.File(path, "r")
     add("", file)
@@ -72,7 +85,7 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     return arrays | starts, units, clocks, notes
 
 
-def require_own_numbers(place: str, node: Any) -> None:
+def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
     """Refuse a dataset whose numbers lie in other files, and a group with a link to one."""
     import h5py
 
@@ -89,12 +102,12 @@ def require_own_numbers(place: str, node: Any) -> None:
         raise ValueError(f"its {place[:60]!r} {why}: other files are never read, copy the numbers into it")
 
 
-class Unread:
+class LazyStream:
     """A stream in a dataset: all of it, a field of a table, or a column; read where it is cut, and then scaled."""
 
     def __init__(
         self,
-        node: Any,
+        node: h5py.Dataset | h5py.Group,
         *,
         field: str | None = None,
         column: int | None = None,
@@ -119,39 +132,41 @@ class Unread:
         return scaled if missing is None else np.where(part == missing, np.nan, scaled)
 
 
-def scaling_of(node: Any, said: dict[str, Any]) -> tuple[float, float, Any] | None:
-    """What numbers are multiplied by, moved by, and which one stands for none; None where they stay as they are."""
+def find_scaling(node: h5py.Dataset | h5py.Group, attributes: dict[str, Any]) -> tuple[float, float, Any] | None:
+    """Find scale, offset and missing value of a dataset; None where its numbers stay as they are."""
     scale, offset = 1.0, 0.0
-    for by, beside in reversed(SCALINGS if node.dtype.kind in "iu" else SCALINGS[:1]):
-        if number(said.get(by)) or (by == "scale_factor" and finite(said.get(beside))):
-            scale, offset = float(said.get(by, 1.0)), float(said.get(beside, 0.0))
-    missing = said.get("_fillvalue")
-    missing = missing if finite(missing) else None
+    for scale_key, offset_key in reversed(SCALING_ATTRIBUTES if node.dtype.kind in "iu" else SCALING_ATTRIBUTES[:1]):
+        if is_positive_number(attributes.get(scale_key)) or (
+            scale_key == "scale_factor" and is_finite_number(attributes.get(offset_key))
+        ):
+            scale, offset = float(attributes.get(scale_key, 1.0)), float(attributes.get(offset_key, 0.0))
+    missing = attributes.get("_fillvalue")
+    missing = missing if is_finite_number(missing) else None
     return None if (scale, offset, missing) == (1.0, 0.0, None) else (scale, offset, missing)
 
 
-def columns(name: str, node: Any, said: dict[str, Any]) -> dict[str, Any]:
-    """A dataset as streams: fields of a table, columns by the names that an attribute gives, or the array as it is."""
+def dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: dict[str, Any]) -> dict[str, Any]:
+    """Return a dataset as streams: fields of a table, columns by names of an attribute, or the array as it is."""
     if node.shape is None:  # of HDF5's null space
         return {}
     if node.dtype.names:
         kinds = {key: node.dtype[key] for key in node.dtype.names}
-        return {f"{name}.{key}": Unread(node, field=key) for key, kind in kinds.items() if kind.base.kind in "fiub"}
+        return {f"{name}.{key}": LazyStream(node, field=key) for key, kind in kinds.items() if kind.base.kind in "fiub"}
     if node.dtype.kind not in "fiubc":
         return {}
-    if said.get("matlab_class") == "char":
-        text = node[()] if node.size < TEXT else np.empty(0, int)
+    if attributes.get("matlab_class") == "char":
+        text = node[()] if node.size < MAX_TEXT else np.empty(0, int)
         return {name: np.array("".join(map(chr, np.ravel(text).tolist())))}
-    names: list[str] = next((said[key] for key in NAMES if isinstance(said.get(key), list)), [])
-    scaling = scaling_of(node, said) if node.dtype.kind in "fiu" else None
+    names: list[str] = next((attributes[key] for key in COLUMN_ATTRIBUTES if isinstance(attributes.get(key), list)), [])
+    scaling = find_scaling(node, attributes) if node.dtype.kind in "fiu" else None
     if node.ndim == 2 and names and len(names) in node.shape:
         axis = 1 if node.shape[1] == len(names) else 0
-        return {f"{name}.{key}": Unread(node, column=i, axis=axis, scaling=scaling) for i, key in enumerate(names)}
-    return {name: Unread(node, scaling=scaling)}
+        return {f"{name}.{key}": LazyStream(node, column=i, axis=axis, scaling=scaling) for i, key in enumerate(names)}
+    return {name: LazyStream(node, scaling=scaling)}
 
 
-def plain(node: Any) -> dict[str, Any]:
-    """The attributes that are a text, a number or a list of texts, as Python has them."""
+def plain_attributes(node: h5py.Dataset | h5py.Group) -> dict[str, Any]:
+    """Return the attributes that are a text, a number or a list of texts, as Python types."""
     found: dict[str, Any] = {}
     for key in node.attrs:
         try:
@@ -168,11 +183,11 @@ def plain(node: Any) -> dict[str, Any]:
     return found
 
 
-def number(held: Any) -> bool:
+def is_positive_number(held: object) -> bool:
     """Whether an attribute is a number above zero."""
-    return finite(held) and held > 0
+    return is_finite_number(held) and held > 0
 
 
-def finite(held: Any) -> bool:
+def is_finite_number(held: object) -> TypeGuard[float]:
     """Whether an attribute is a finite number."""
     return isinstance(held, int | float) and not isinstance(held, bool) and bool(np.isfinite(held))

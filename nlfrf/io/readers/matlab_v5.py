@@ -8,66 +8,69 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
 
 
-MANY = 64  # elements of a struct array that are looked at
-Found = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
+MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are looked at
 
 
-def contents(path: Path) -> Found:
-    """Arrays by name, their units, their clocks, and "#objects" noted where MATLAB objects lie in the file."""
+def contents(path: Path) -> Contents:
+    """Read arrays by name, units and clocks; "#objects" in the notes says that the file holds MATLAB objects."""
     from scipy.io import loadmat
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # several objects share one name there
         raw = loadmat(path, squeeze_me=True, struct_as_record=False, appendmat=False)
-    found: Found = ({}, {}, {}, {})
+    found: Contents = ({}, {}, {}, {})
     for name, content in raw.items():
         if isinstance(name, str) and not name.startswith("__"):
-            flatten(name, content, found)
-    found = by_labels(found)
+            add_variable(name, content, found)
+    found = rename_by_labels(found)
     if "__function_workspace__" in raw:
         found[3]["#objects"] = ""
     return found
 
 
-def by_labels(found: Found) -> Found:
-    """The same with the signals of scopes called by their labels, which stand in the notes, where these occur once."""
+def rename_by_labels(found: Contents) -> Contents:
+    """Rename the signals of scopes by their labels, which stand in the notes, where these occur once."""
     arrays, units, clocks, labels = found
     often = Counter([*labels.values(), *arrays])
     short = {full: label for full, label in labels.items() if often[label] == 1}
-    arrays, clocks = ({short.get(name, name): held for name, held in some.items()} for some in (arrays, clocks))
+    arrays = {short.get(name, name): array for name, array in arrays.items()}
+    clocks = {short.get(name, name): clock for name, clock in clocks.items()}
     return arrays, units, clocks, {}
 
 
-def flatten(name: str, content: Any, found: Found) -> None:
+def add_variable(name: str, content: Any, found: Contents) -> None:
     """Add a MATLAB variable: numbers and texts as they are, structs member by member, scopes and dSPACE by name."""
     members = getattr(content, "_fieldnames", None)
     if members is not None:
         if {"X", "Y"} <= set(members):
-            flatten_dspace(content, found)
+            add_dspace_recording(content, found)
         elif "signals" in members:
-            flatten_scope(name, content, found)
+            add_scope(name, content, found)
         else:
             for member in members:
-                flatten(f"{name}.{member}", getattr(content, member), found)
+                add_variable(f"{name}.{member}", getattr(content, member), found)
         return
     array = np.asarray(content)
     if array.dtype.kind in "fiubUS" and array.dtype.names is None:
         found[0][name] = array
-    elif array.dtype.kind == "O" and array.size <= MANY:
+    elif array.dtype.kind == "O" and array.size <= MAX_STRUCT_ELEMENTS:
         for i, element in enumerate(array.ravel()):
             if element is not content:
-                flatten(f"{name}.{i + 1}", element, found)
+                add_variable(f"{name}.{i + 1}", element, found)
 
 
-def flatten_dspace(recording: Any, found: Found) -> None:
-    """A dSPACE ControlDesk recording: X are times, one a raster, Y channels with Name, Data, Unit and their raster."""
+def add_dspace_recording(recording: Any, found: Contents) -> None:
+    """Add a dSPACE ControlDesk recording: X are times, one a raster, Y channels with Name, Data, Unit and raster."""
     arrays, units, clocks, _ = found
     times = {}
     for i, raster in enumerate(np.ravel(recording.X)):
@@ -88,8 +91,8 @@ def flatten_dspace(recording: Any, found: Found) -> None:
             clocks[name] = as_long[0]
 
 
-def flatten_scope(name: str, scope: Any, found: Found) -> None:
-    """A Simulink scope or "structure with time": signals with the times of the scope; their labels go to the notes."""
+def add_scope(name: str, scope: Any, found: Contents) -> None:
+    """Add a Simulink scope or "structure with time": signals with its times; their labels go to the notes."""
     arrays, _, clocks, labels = found
     time = np.ravel(getattr(scope, "time", np.empty(0)))
     if time.size > 1:

@@ -4,27 +4,30 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
 
 
-def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Channels by name (``group.name`` where several groups have it), each with the times of its group.
+def contents(path: Path) -> Contents:
+    """Read channels by name (``group.name`` where several groups have it), each with the times of its group.
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package. An MDF file can name
-    other files as its attachments, which asammdf opens on its own for some channels: none is opened here.
+    This module is loaded by its path in a process of its own, so it imports nothing of this package. An MDF file can
+    name other files as its attachments, which asammdf opens on its own for some channels: none is opened here.
     """
     from asammdf import MDF
     from asammdf.blocks.mdf_v4 import MDF4
 
-    MDF4._extract_attachment = without_attachment
+    MDF4._extract_attachment = skip_attachment
 
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    clocks: dict[str, Any] = {}
+    clocks: dict[str, float | str] = {}
     notes: dict[str, str] = {}
     with MDF(str(path), process_bus_logging=False) as file:
         masters = dict(file.masters_db)
@@ -51,6 +54,6 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     return arrays, units, clocks, notes
 
 
-def without_attachment(*_: Any, **__: Any) -> tuple[bytes, Path, bytes]:
-    """In place of the attachment of a channel: nothing, by the name of no file."""
+def skip_attachment(*_: object, **__: object) -> tuple[bytes, Path, bytes]:
+    """Return an empty attachment in place of that of a channel, so that no other file is opened."""
     return b"", Path(), b""

@@ -13,7 +13,7 @@ __all__ = ["contents"]
 
 
 def contents(path: Path) -> Contents:
-    """The array as "data", whose columns are "data.1", "data.2"; fields of a structured array by their names."""
+    """Read the array as "data", whose columns are "data.1", "data.2"; fields of a structured array by their names."""
     with path.open("rb") as stream:
         version = npy.read_magic(stream)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
@@ -24,7 +24,7 @@ def contents(path: Path) -> Contents:
     wanted = kind.itemsize * int(np.prod(shape, dtype=object))
     require_size(wanted, path.stat().st_size)
     if wanted > held:
-        raise ValueError(f"its header tells of {wanted} bytes, and it holds {held}")
+        raise ValueError(f"its header announces {wanted} bytes, and it holds {held}")
     array = np.load(path, allow_pickle=False)
     if array.dtype.names is None:
         return {"data": array}, {}, {}, {}

@@ -1,27 +1,30 @@
-"""TDMS files of LabVIEW and its kin, by npTDMS."""
+"""TDMS files of LabVIEW and similar programs, by npTDMS."""
 
 from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
 
 
-def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Channels as ``group.channel``, with their units and the step of their waveforms.
+def contents(path: Path) -> Contents:
+    """Read channels as ``group.channel``, with their units and the step of their waveforms.
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package. The file is handed
-    over open: by its path npTDMS would take what an index file beside it says of it.
+    This module is loaded by its path in a process of its own, so it imports nothing of this package. The file is
+    handed over open: by its path npTDMS would believe an index file next to it.
     """
     from nptdms import TdmsFile
 
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    clocks: dict[str, Any] = {}
+    clocks: dict[str, float | str] = {}
     notes: dict[str, str] = {}
     logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it cannot read is refused here, not printed
     with path.open("rb") as stream:

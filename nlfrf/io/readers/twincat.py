@@ -5,36 +5,39 @@ from __future__ import annotations
 import re
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
 
 __all__ = ["contents", "is_export"]
 
 #: How an export begins: the name of the scope, the file, and when the export starts, in quotes where blanks part cells.
-BEGIN = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
+EXPORT_HEAD = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
 
 
 def is_export(start: bytes) -> bool:
     """Whether a file that begins so is an export of TwinCAT Scope."""
-    return BEGIN.match(start) is not None
+    return EXPORT_HEAD.match(start) is not None
 
 
-def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Channels by name, each with its unit and its own time axis [ms].
+def contents(path: Path) -> Contents:
+    """Read channels by name, each with its unit and its own time axis [ms].
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in a process of its own, so it imports nothing of this package.
     """
     from pytcs import ScopeFile
 
     text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
     delimiter = text[4]
     # pytcs takes neither blanks nor commas between cells
-    scope = ScopeFile(StringIO(with_tabs(text, delimiter) if delimiter in " ," else text))
+    scope = ScopeFile(StringIO(separate_by_tabs(text, delimiter) if delimiter in " ," else text))
     scope.load(backend="pandas")  # its other backend cannot read from memory
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    clocks: dict[str, Any] = {}
+    clocks: dict[str, float | str] = {}
     notes: dict[str, str] = {}
     axes: dict[bytes, str] = {}
     for name, channel in scope.items():
@@ -52,12 +55,12 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     return arrays, units, clocks, notes
 
 
-def with_tabs(text: str, delimiter: str) -> str:
-    """The same export with tabs between the cells.
+def separate_by_tabs(text: str, delimiter: str) -> str:
+    """Return the export with tabs between the cells.
 
-    The header names every column, and the first row of numbers tells how many there are. Cells of the header can hold
-    the delimiter: decimal commas, names with blanks. Rows that cannot be cut to the width of the table are left out,
-    but for the names, without which nothing can be read.
+    The header names every column, and the first row of numbers has as many cells as there are columns. Cells of the
+    header can hold the delimiter: decimal commas, names with blanks. Rows that cannot be cut to the width of the table
+    are left out, but for the names, without which nothing can be read.
     """
     lines = text.split("\n")
     first = next(i for i, line in enumerate(lines) if i > 4 and re.match(r"-?\d", line))
@@ -72,38 +75,38 @@ def with_tabs(text: str, delimiter: str) -> str:
         elif not line.strip():
             rows.append("")
         else:
-            cells = cut(line, delimiter, width, named=i == names)
+            cells = split_header_row(line, delimiter, width, named=i == names)
             if cells is not None:
                 rows.append("\t".join(cells))
     numbers = [line.replace(delimiter, "\t") for line in lines[first:]]
     return "\n".join(rows + numbers)
 
 
-def cut(line: str, delimiter: str, width: int, *, named: bool) -> list[str] | None:
-    """The cells of a row of the header; None of a row that has more cells than the table has columns.
+def split_header_row(line: str, delimiter: str, width: int, *, named: bool) -> list[str] | None:
+    """Split a row of the header into cells; None for a row with more cells than the table has columns.
 
-    >>> cut("Name a test space Name b test space (1)", " ", 6, named=True)
+    >>> split_header_row("Name a test space Name b test space (1)", " ", 6, named=True)
     ['Name', 'a', 'test space', 'Name', 'b', 'test space (1)']
-    >>> cut("Unit (None) dV (Voltage)", " ", 3, named=False)
+    >>> split_header_row("Unit (None) dV (Voltage)", " ", 3, named=False)
     ['Unit', '(None)', 'dV (Voltage)']
     """
     cells = line.split(delimiter)
     if len(cells) == width:
         return cells
     if delimiter == " ":
-        cells = rejoined([cell for cell in cells if cell], named)
+        cells = join_words([cell for cell in cells if cell], named)
     if len(cells) == width:
         return cells
     if named:
         raise ValueError(
             f"its names, {len(cells)} between {'blanks' if delimiter == ' ' else 'commas'} for {width} columns, cannot "
-            "be told apart: export it with tabs or semicolons"
+            "be separated: export it with tabs or semicolons"
         )
     return None
 
 
-def rejoined(tokens: list[str], named: bool) -> list[str]:
-    """Words that belong together: "(Voltage)" to its unit, "(1)" to a name that TwinCAT found a second time.
+def join_words(tokens: list[str], named: bool) -> list[str]:
+    """Join words that belong together: "(Voltage)" to its unit, "(1)" to a name that TwinCAT found a second time.
 
     That name is the longest run of words in front of "(1)" that stands somewhere before it too.
     """

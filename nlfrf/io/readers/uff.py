@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
 
 
 TIME_RESPONSE = 1
-AXES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
+AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
-def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Time records by the names of their points, else by node and direction, each with its step or its times.
+def contents(path: Path) -> Contents:
+    """Read time records by the names of their points, else by node and direction, each with its step or its times.
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in a process of its own, so it imports nothing of this package.
     """
     import pyuff
 
@@ -28,12 +32,12 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
         raise ValueError(f"it holds {len(sets)} functions and none is a time record: export the time histories")
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-    clocks: dict[str, Any] = {}
+    clocks: dict[str, float | str] = {}
     for one in records:
         data = np.asarray(one["data"])
         if data.dtype.kind not in "fiu":
             continue
-        name = unused(name_of(one), arrays)
+        name = unused_name(record_name(one), arrays)
         arrays[name] = data
         step = float(one.get("abscissa_inc") or 0.0)
         x = np.asarray(one.get("x", ()), dtype=float)
@@ -49,16 +53,16 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     return arrays, units, clocks, {}
 
 
-def name_of(one: dict[str, Any]) -> str:
-    """The name of a record's point, its first line, or its node and direction."""
+def record_name(one: dict[str, Any]) -> str:
+    """Return the name of a record's point, its first line, or its node and direction."""
     point, text = (str(one.get(key) or "").strip() for key in ("rsp_ent_name", "id1"))
-    for said in (text, point):
-        if said and said.upper() != "NONE":
-            return said
-    return f"node{one.get('rsp_node', 0)}{AXES.get(int(one.get('rsp_dir', 0)), '')}"
+    for name in (text, point):
+        if name and name.upper() != "NONE":
+            return name
+    return f"node{one.get('rsp_node', 0)}{AXIS_NAMES.get(int(one.get('rsp_dir', 0)), '')}"
 
 
-def unused(name: str, names: Any) -> str:
-    """The name, numbered where another record has it."""
+def unused_name(name: str, names: Collection[str]) -> str:
+    """Return the name, numbered where another record has it."""
     free = (name if i == 1 else f"{name}.{i}" for i in range(1, len(names) + 2))
     return next(one for one in free if one not in names)

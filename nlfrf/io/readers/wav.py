@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
 
 
-def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Channels ch1, ch2, ..., whole numbers divided by their full scale.
+def contents(path: Path) -> Contents:
+    """Read channels ch1, ch2, ..., whole numbers divided by their full scale.
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    This module is loaded by its path in a process of its own, so it imports nothing of this package.
     """
     from scipy.io import wavfile
 

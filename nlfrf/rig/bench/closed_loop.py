@@ -9,14 +9,16 @@ r ---o--- K(z) --- delay --- [/] ---o--- hold --- rig ---+--- x
 
 from __future__ import annotations
 
+import os
 import pickle
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import (
     require_integer,
@@ -28,42 +30,39 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import value
 from nlfrf.rig.bench import machine as axes
-from nlfrf.rig.bench.motion import some_samples
-from nlfrf.rig.bench.rig import Rig, at_rest, one_axis
+from nlfrf.rig.bench.motion import require_samples
+from nlfrf.rig.bench.rig import Rig, initial_memory, require_one_axis
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_each
 from nlfrf.rig.kernels import data as packing
-from nlfrf.rig.laws.hysteresis import warn_lost
-from nlfrf.rig.laws.laws import OwnLaw, packed_law
+from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
+from nlfrf.rig.laws.laws import UserLawData, pack_law
 
 __all__ = [
-    "MOST_HALVINGS",
+    "MAX_HALVINGS",
     "LoopResponse",
     "LoopRuns",
-    "Parts",
-    "Wanted",
-    "begun",
-    "fitted",
-    "loop_of_axes",
-    "matrices",
-    "respond",
-    "results",
+    "ReducedRuns",
+    "RunBatches",
+    "can_pickle",
+    "collect_results",
+    "controller_matrices",
+    "initial_axes",
+    "samples_or_zeros",
+    "simulate_axes_loop",
     "simulate_loop",
     "simulate_loops",
-    "steps_of",
-    "told",
-    "travels",
+    "simulate_runs",
+    "steps_per_sample",
+    "to_responses",
 ]
 
 
-# ---- Controllers that are put around a rig: anything with A, B, C, D and dt, checked and as arrays.
-
-
-def matrices(K: Any, fs: float, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
-    """A (s, s), B (s, n_inputs), C (n_outputs, s) and D of a sampled controller of so many inputs and outputs."""
+def controller_matrices(K: object, fs: float, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
+    """Return A (s, s), B (s, n_inputs), C (n_outputs, s) and D of a sampled controller, checked."""
     missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(K, name)]
     if missing:
         raise ValueError(f"K must have A, B, C, D and dt, got {type(K).__name__} without {', '.join(missing)}")
-    dt = K.dt
+    dt = getattr(K, "dt")  # noqa: B009 - anything with these attributes is a controller
     if isinstance(dt, (bool, np.bool_)) or dt is None or dt == 0:
         raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {dt}. Discretise it first")
     if abs(float(dt) * fs - 1) > 1e-6:
@@ -92,17 +91,15 @@ def matrices(K: Any, fs: float, n_inputs: int = 1, n_outputs: int = 1) -> tuple[
     return A.reshape(size, size), B.reshape(size, n_inputs), C.reshape(n_outputs, size), D
 
 
-# ---- What a loop around the rig did, and what became of it.
-
-#: Of the swing while disturbed: what is smaller is rest.
-SMALLEST_SWING = 1e-6
-#: Of the swing while disturbed, and of the usual friction then: what has settled swings, and its friction drifts, less.
-SETTLED = 1e-2
+#: Of the peak-to-peak error while disturbed: below it a channel is at rest.
+MIN_SWING = 1e-6
+#: Of the peak-to-peak error, and of the usual friction, while disturbed: the most that a settled loop still has.
+MAX_SETTLED_SWING = 1e-2
 
 
 @value
 class LoopResponse:
-    """What a loop did, sample by sample.
+    """Response of a loop, sample by sample.
 
     Fields
     ------
@@ -111,15 +108,15 @@ class LoopResponse:
     r : (n,) or (n_y, n) ndarray
         Reference [m].
     u : (n,) or (n_u, n) ndarray
-        What the controller asked for at each sample, saturated [N]; it reaches the rig after the delay.
+        Force commanded by the controller at each sample, saturated [N]; it reaches the rig after the delay.
     x, v : (n,) or (n_y, n) ndarray
         Position [m] and velocity [m/s] of the rig at the samples, where it is measured.
     y : (n,) or (n_y, n) ndarray
-        Position as the controller saw it: with noise, quantised [m].
+        Position as the controller reads it: with noise, quantised [m].
     friction : (n,) or (axes, n) ndarray
         Friction force [N].
     diverged : bool
-        Whether the loop ran away; the arrays end there.
+        Whether the loop diverged; the arrays end there.
 
     Examples
     --------
@@ -146,39 +143,38 @@ class LoopResponse:
         return self.r - self.x
 
     def residual(self, calm: float) -> float:
-        """Swing in the last quarter of the time after `calm` [s], over the swing before; inf where it ran away.
+        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf where it diverged.
 
-        For a loop that was disturbed until then and left alone afterwards. The swing is between the largest and the
-        smallest error: a loop at rest has none, wherever it rests. Of several channels the one that is left with most
-        of its own counts, be it small beside that of another.
+        For a loop that is disturbed until `calm` and undisturbed afterwards. A loop at rest has zero, wherever it
+        rests. With several channels the largest of these ratios counts.
         """
-        before, after = self.disturbed_and_left_alone(calm)
+        before, after = self.split_error(calm)
         if self.diverged:
             return np.inf
-        return float(np.max(swing(after[..., -(after.shape[-1] // 4) :]) / usual_swing(before)))
+        return float(np.max(peak_to_peak(after[..., -(after.shape[-1] // 4) :]) / disturbed_swing(before)))
 
     def outcome(self, calm: float) -> str:
-        """What became of a loop that was disturbed until `calm` [s] and left alone afterwards, judged by its swing.
+        """Classify a loop that is disturbed until `calm` [s] and undisturbed afterwards, by its peak-to-peak error.
 
-        "limit cycle": the swing of some channel in the last quarter of what follows is within 5 % of, or larger than,
-        that of the quarter before, however small, down to a millionth of the swing before. "settled": less than a
-        hundredth of it in every channel, and the friction no longer drifts: what sticks while an integrator winds up is
-        not at rest. "stable": on its way there, creeping, or about to slip. "ran away": the simulation had to stop.
+        "limit cycle": in some channel the peak-to-peak error of the last quarter is within 5 % of, or above, that of
+        the quarter before it, down to a millionth of the error while disturbed. "settled": below a hundredth of it in
+        every channel, and the friction no longer drifts: a mass that sticks while an integrator winds up is not at
+        rest. "stable": still decaying, creeping, or about to slip. "ran away": the simulation diverged.
         """
         if self.diverged:
             return "ran away"
-        before, after = self.disturbed_and_left_alone(calm)
+        before, after = self.split_error(calm)
         n = after.shape[-1] // 4
-        last, earlier = swing(after[..., -n:]), swing(after[..., -2 * n : -n])
-        if np.any(last > np.maximum(0.95 * earlier, SMALLEST_SWING * usual_swing(before))):
+        last, earlier = peak_to_peak(after[..., -n:]), peak_to_peak(after[..., -2 * n : -n])
+        if np.any(last > np.maximum(0.95 * earlier, MIN_SWING * disturbed_swing(before))):
             return "limit cycle"
         held = self.friction[..., -2 * n :]
         usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
-        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > SETTLED * usual)
-        return "settled" if self.residual(calm) < SETTLED and not waits else "stable"
+        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > MAX_SETTLED_SWING * usual)
+        return "settled" if self.residual(calm) < MAX_SETTLED_SWING and not waits else "stable"
 
-    def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
-        """The error before and after `calm` [s]."""
+    def split_error(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the error before and after `calm` [s]."""
         require_positive("calm", calm)
         before, after = self.e[..., self.t < calm], self.e[..., self.t >= calm]
         if not self.diverged and after.shape[-1] < 8:
@@ -186,69 +182,78 @@ class LoopResponse:
         return before, after
 
 
-def swing(x: np.ndarray) -> np.ndarray:
-    """() or (channels,) largest less smallest."""
+def peak_to_peak(x: np.ndarray) -> np.ndarray:
+    """Return the largest less the smallest value, () or (channels,)."""
     return np.ptp(x, axis=-1) if x.size else np.zeros(x.shape[:-1])
 
 
-def usual_swing(before: np.ndarray) -> np.ndarray:
-    """The swing of each channel while disturbed; of one that hardly moved what is rest beside the others."""
-    found = swing(before)
-    return np.maximum(found, max(SMALLEST_SWING * found.max(), np.finfo(float).tiny))
+def disturbed_swing(before: np.ndarray) -> np.ndarray:
+    """Return the peak-to-peak error of each channel while disturbed, floored at `MIN_SWING` of the largest one."""
+    found = peak_to_peak(before)
+    return np.maximum(found, max(MIN_SWING * found.max(), np.finfo(float).tiny))
 
 
-# ---- A sampled controller matrix around several coupled axes.
-
-#: How often the step is halved before a loop that runs away is called diverged.
-MOST_HALVINGS = 6
+#: Halvings of the step after which a loop that still runs away counts as diverged.
+MAX_HALVINGS = 6
 
 
-def loop_of_axes(
+def simulate_axes_loop(
     rig: Rig,
-    K: Any,
-    r: Any,
+    K: object,
+    r: ArrayLike,
     fs: float,
-    saturation: Any,
-    resolution: Any,
+    saturation: ArrayLike,
+    resolution: ArrayLike,
     delay: float,
-    disturbance: Any,
-    noise: Any,
-    initial: Any,
+    disturbance: ArrayLike | None,
+    noise: ArrayLike | None,
+    initial: ArrayLike,
     steps: int,
 ) -> LoopResponse:
-    """What `simulate_loop` gives for a rig of matrices; arguments as there."""
-    r = some_samples("r", r, channels=rig.n_outputs)
+    """Simulate a sampled controller matrix around a rig of matrices; arguments as of `simulate_loop`."""
+    r = require_samples("r", r, channels=rig.n_outputs)
     n = r.shape[1]
-    controller = [np.ascontiguousarray(part) for part in matrices(K, fs, rig.n_outputs, rig.n_inputs)]
-    limits = limit("saturation", saturation, rig.n_inputs), limit("resolution", resolution, rig.n_outputs)
-    signals = [channels("disturbance", disturbance, rig.n_inputs, n), channels("noise", noise, rig.n_outputs, n)]
-    begin = begun(initial, rig.n_axes)
+    controller = [np.ascontiguousarray(part) for part in controller_matrices(K, fs, rig.n_outputs, rig.n_inputs)]
+    limits = (
+        broadcast_limit("saturation", saturation, rig.n_inputs),
+        broadcast_limit("resolution", resolution, rig.n_outputs),
+    )
+    signals = [
+        channel_samples("disturbance", disturbance, rig.n_inputs, n),
+        channel_samples("noise", noise, rig.n_outputs, n),
+    ]
+    begin = initial_axes(initial, rig.n_axes)
     late = min(require_nonnegative("delay", delay) * fs, n)  # all later is after the end
-    for halving in range(MOST_HALVINGS + 1):  # what does not reach the end is run again before it is believed
+    for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
         numbers = fs, *limits, late, steps * 2**halving
-        length, found, lost = attempt_axes(rig, controller, np.ascontiguousarray(r.T), signals, begin, numbers)
+        length, found, lost = run_axes_once(rig, controller, np.ascontiguousarray(r.T), signals, begin, numbers)
         if length == n:
             break
-    warn_lost(lost)
+    warn_of_forgotten_loops(lost)
     x, v, friction, y, u = (part[:, :length] for part in found)
     t, ran_away = np.arange(length) / fs, length < n
     return LoopResponse(t=t, r=r[:, :length], u=u, x=x, v=v, y=y, friction=friction, diverged=ran_away)
 
 
-def attempt_axes(
-    rig: Rig, controller: list[np.ndarray], r: np.ndarray, signals: list[np.ndarray], begin: np.ndarray, numbers: Any
+def run_axes_once(
+    rig: Rig,
+    controller: list[np.ndarray],
+    r: np.ndarray,
+    signals: list[np.ndarray],
+    begin: np.ndarray,
+    numbers: tuple[float | np.ndarray, ...],
 ) -> tuple[int, list[np.ndarray], float]:
-    """One call of the compiled code: samples reached, channels (.., n) of x, v, friction, y and u, loops lost."""
+    """Call the compiled code once: samples reached, channels (.., n) of x, v, friction, y and u, loops forgotten."""
     from nlfrf.rig.kernels.coupled import run_axes_loop
 
-    memory = at_rest(rig)
-    laws, grids = axes.packed_laws(rig.friction)
+    memory = initial_memory(rig)
+    laws, grids = axes.pack_laws(rig.friction)
     memory.state[:, packing.X], memory.state[:, packing.V] = begin
     dry = laws[:, 0] == packing.COULOMB
     memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
     rows = np.zeros((len(r), 4, rig.n_axes))
     y, u = np.zeros((len(r), rig.n_outputs)), np.zeros((len(r), rig.n_inputs))
-    machine = axes.machine(rig.mass, rig.stiffness, rig.damping, rig.cubic)
+    machine = axes.stack_matrices(rig.mass, rig.stiffness, rig.damping, rig.cubic)
     places = np.array(rig.sensors), np.array(rig.actuators)
     length = run_axes_loop(
         machine, laws, grids, memory.state, memory.stack, *places, *controller, r, *signals, *numbers, rows, y, u
@@ -257,8 +262,8 @@ def attempt_axes(
     return int(length), [x, v, rows[:, 3].T, y.T, u.T], float(memory.state[:, packing.LOST].sum())
 
 
-def limit(name: str, given: Any, n: int) -> np.ndarray:
-    """(n,) limits: one for all channels, or one for each; a saturation may be infinite, a resolution zero."""
+def broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
+    """Return (n,) limits from one for all channels or one for each; a saturation may be infinite, a resolution zero."""
     if np.ndim(given) > 0 and np.shape(given) != (n,):
         raise ValueError(f"{name} must be one number or {n}, one a channel, got shape {np.shape(given)}")
     check = require_nonnegative if name == "resolution" else require_positive
@@ -266,8 +271,8 @@ def limit(name: str, given: Any, n: int) -> np.ndarray:
     return np.array([one if name == "saturation" and one == np.inf else check(name, one) for one in found])
 
 
-def channels(name: str, signal: Any, n_channels: int, n: int) -> np.ndarray:
-    """(n, channels) samples; zeros when not given."""
+def channel_samples(name: str, signal: ArrayLike | None, n_channels: int, n: int) -> np.ndarray:
+    """Return (n, channels) samples; zeros when not given."""
     if signal is None:
         return np.zeros((n, n_channels))
     signal = require_real_array(name, signal, ndim=2)
@@ -276,8 +281,8 @@ def channels(name: str, signal: Any, n_channels: int, n: int) -> np.ndarray:
     return np.ascontiguousarray(signal.T)
 
 
-def begun(initial: Any, n: int) -> np.ndarray:
-    """(2, n) positions and velocities of the axes; of one pair each axis has both."""
+def initial_axes(initial: ArrayLike, n: int) -> np.ndarray:
+    """Return (2, n) positions and velocities of the axes; a single pair is that of every axis."""
     initial = np.asarray(initial, dtype=float)
     if initial.shape == (2,):
         initial = np.repeat(initial[:, None], n, axis=1)
@@ -286,10 +291,9 @@ def begun(initial: Any, n: int) -> np.ndarray:
     return require_real_array("initial", initial, ndim=2)
 
 
-# ---- A stack of loops around one rig as the compiled code takes it: one row of every array a run.
-
-#: How often the step is halved before a loop that runs away is called diverged.
-SHARED = ("rig", "fs", "saturation", "resolution", "steps")
+#: Fields of `LoopRuns` that have no row a run.
+Result = TypeVar("Result")
+SHARED_FIELDS = ("rig", "fs", "saturation", "resolution", "steps")
 
 
 @value(copy=False)
@@ -326,32 +330,32 @@ class LoopRuns:
     delays: np.ndarray
     initial: np.ndarray
 
-    def chosen(self, rows: np.ndarray, steps: int) -> LoopRuns:
-        """Some of the runs, with other steps."""
-        names = [field.name for field in fields(self) if field.name not in SHARED]
-        arrays: dict[str, Any] = {name: some(getattr(self, name), rows) for name in names}
+    def select_runs(self, rows: np.ndarray, steps: int) -> LoopRuns:
+        """Return some of the runs, with other steps."""
+        names = [field.name for field in fields(self) if field.name not in SHARED_FIELDS]
+        arrays: dict[str, Any] = {name: select_rows(getattr(self, name), rows) for name in names}
         return replace(self, steps=steps, **arrays)
 
-    def __reduce__(self) -> Any:
-        """To another process, what all runs share travels once."""
+    def __reduce__(self) -> tuple[Callable[..., LoopRuns], tuple[object, ...]]:
+        """Pickle rows that all runs share once."""
         held = {field.name: getattr(self, field.name) for field in fields(self)}
         once = [name for name, part in held.items() if isinstance(part, np.ndarray) and part.strides[0] == 0]
-        return arrived, (held | {name: held[name][:1] for name in once}, once, self.delays.size)
+        return rebuild_runs, (held | {name: held[name][:1] for name in once}, once, self.delays.size)
 
 
-def some(rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Some rows; of one row shown many times, the same fewer times."""
+def select_rows(rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Select rows by index; a broadcast row stays broadcast."""
     return np.broadcast_to(rows[:1], (chosen.size, *rows.shape[1:])) if rows.strides[0] == 0 else rows[chosen]
 
 
-def arrived(held: dict[str, Any], once: list[str], n: int) -> LoopRuns:
-    """The runs as they were sent."""
+def rebuild_runs(held: dict[str, Any], once: list[str], n: int) -> LoopRuns:
+    """Return the runs from their pickled parts, of which `once` were a single row."""
     every = {name: np.broadcast_to(held[name], (n, *held[name].shape[1:])) for name in once}
     return LoopRuns(**(held | every))
 
 
-class Parts(Sequence[LoopRuns]):
-    """The same runs in parts of at most so many, each made when it is asked for."""
+class RunBatches(Sequence[LoopRuns]):
+    """Runs in batches of at most `most`, each made when it is indexed."""
 
     def __init__(self, runs: LoopRuns, most: int) -> None:
         n = runs.delays.size
@@ -360,21 +364,21 @@ class Parts(Sequence[LoopRuns]):
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __getitem__(self, i: Any) -> Any:
-        return self.runs.chosen(self.rows[i], self.runs.steps)
+    def __getitem__(self, i: Any) -> Any:  # as of Sequence, with slices that nobody uses
+        return self.runs.select_runs(self.rows[i], self.runs.steps)
 
 
-def respond(runs: LoopRuns) -> dict[str, np.ndarray]:
+def simulate_runs(runs: LoopRuns) -> dict[str, np.ndarray]:
     """rows (R, n, 5) of x, v, y, u and friction at each sample, lengths up to where a run ran away, loops lost.
 
     What does not reach the end is run again with shorter steps, before it is believed.
     """
     found = attempt(runs)
-    for halving in range(1, MOST_HALVINGS + 1):
+    for halving in range(1, MAX_HALVINGS + 1):
         short = np.flatnonzero(found["lengths"] < runs.r.shape[1])
         if not short.size:
             break
-        again = attempt(runs.chosen(short, runs.steps * 2**halving))
+        again = attempt(runs.select_runs(short, runs.steps * 2**halving))
         for name, part in again.items():
             found[name][short] = part
     return found
@@ -383,17 +387,17 @@ def respond(runs: LoopRuns) -> dict[str, np.ndarray]:
 def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     """One call of the compiled code for all runs."""
     n_runs, n = runs.r.shape
-    law, grid = packed_law(runs.rig.friction)
+    law, grid = pack_law(runs.rig.friction)
     body = packing.Body(False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping))
-    memory = packing.at_rest(law.curve, grid)
+    memory = packing.initial_memory(law.curve, grid)
     states = np.tile(memory.state, (n_runs, 1))
     stacks = np.tile(memory.stack, (n_runs, 1, 1))
     states[:, packing.X], states[:, packing.V] = runs.initial.T
     if law.form == packing.COULOMB:
         states[:, packing.DIRECTION] = np.sign(runs.initial[:, 1])
-    run_loops = kernel_of(law)
-    if isinstance(law, OwnLaw):
-        stacks[:, 0, : law.of.rest.size] = law.of.rest
+    run_loops = loops_kernel(law)
+    if isinstance(law, UserLawData):
+        stacks[:, 0, : law.functions.rest.size] = law.functions.rest
     rows, lengths = np.zeros((n_runs, n, 5)), np.zeros(n_runs, dtype=np.int64)
     # copies: the code was compiled for arrays that can be written
     controllers = [np.array(part, order="C") for part in (runs.A, runs.B, runs.C, runs.D)]
@@ -415,54 +419,51 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     return {"rows": rows, "lengths": lengths, "lost": states[:, packing.LOST].copy()}
 
 
-def kernel_of(law: packing.Law) -> Callable[..., None]:
-    """The compiled loops around a law."""
-    if isinstance(law, OwnLaw):
-        from nlfrf.rig.kernels.loops import own_loops
+def loops_kernel(law: packing.Law) -> Callable[..., None]:
+    """Return the compiled loops around a law."""
+    if isinstance(law, UserLawData):
+        from nlfrf.rig.kernels.loops import user_law_loops
 
-        return own_loops(law.of.derivative, law.of.force, law.of.rest.size)
+        return user_law_loops(law.functions.derivative, law.functions.force, law.functions.rest.size)
     from nlfrf.rig.kernels.loops import run_loops
 
     return run_loops
 
 
-# ---- What is wanted of each loop of a stack, found where the loops are computed, so that little has to travel.
-
-
 @dataclass(frozen=True)
-class Wanted:
-    """A task: the loops computed, and of each what `of` gives. Only that comes back, and how many turns were lost."""
+class ReducedRuns:
+    """A task that simulates loops and returns `of(response)` of each, so that little travels between processes."""
 
-    of: Callable[[LoopResponse], Any]
+    of: Callable[[LoopResponse], object]
 
     def __call__(self, runs: LoopRuns) -> Arrays:
-        out = respond(runs)
+        out = simulate_runs(runs)
         try:
-            return {"found": objects(results(runs, out, self.of)), "lost": out["lost"]}
-        except Exception as error:  # of the function, not of the executor: raised by whoever asked
-            return {"refused": objects([error]), "lost": out["lost"]}
+            return {"found": object_array(collect_results(runs, out, self.of)), "lost": out["lost"]}
+        except Exception as error:  # an error of the function, not of the executor: raised in `collect_results`
+            return {"refused": object_array([error]), "lost": out["lost"]}
 
 
-def objects(items: list[Any]) -> np.ndarray:
-    """(n,) array of anything, looked at no further."""
+def object_array(items: list[object]) -> np.ndarray:
+    """Return an (n,) array of the items as objects."""
     held = np.empty(len(items), dtype=object)
     for i, item in enumerate(items):
         held[i] = item
     return held
 
 
-def results(runs: LoopRuns, out: Arrays, of: Callable[[LoopResponse], Any] | None) -> list[Any]:
-    """What comes of computed runs: their responses, or of each what is wanted of it."""
+def collect_results(runs: LoopRuns, out: Arrays, of: Callable[[LoopResponse], object] | None) -> list[Any]:
+    """Return the responses of computed runs, or `of(response)` of each."""
     if "refused" in out:
         raise out["refused"][0]
     if "found" in out:
         return list(out["found"])
-    responses = told(runs, out)
+    responses = to_responses(runs, out)
     return responses if of is None else [of(response) for response in responses]
 
 
-def told(runs: LoopRuns, out: Arrays) -> list[LoopResponse]:
-    """What the compiled code gave, as values; arrays end where a loop ran away."""
+def to_responses(runs: LoopRuns, out: Arrays) -> list[LoopResponse]:
+    """Return the output of the compiled code as responses; arrays end where a loop diverged."""
     found = []
     for r, rows, n in zip(runs.r, out["rows"], out["lengths"], strict=True):
         x, v, y, u, friction = rows[:n].T
@@ -472,8 +473,8 @@ def told(runs: LoopRuns, out: Arrays) -> list[LoopResponse]:
     return found
 
 
-def travels(of: Callable[[LoopResponse], Any]) -> bool:
-    """Whether a process of any executor can be given a function; a lambda it cannot, nor what a notebook defines."""
+def can_pickle(of: Callable[[LoopResponse], object]) -> bool:
+    """Whether a function can be pickled to another process: not a lambda, nor a function of a notebook."""
     try:
         sent = pickle.dumps(of)
     except Exception:  # pickle raises anything
@@ -481,25 +482,25 @@ def travels(of: Callable[[LoopResponse], Any]) -> bool:
     return b"__main__" not in sent or hasattr(sys.modules["__main__"], "__file__")
 
 
-MOST_STEPS = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
-CHUNK = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
+MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
+MAX_BATCH_SAMPLES = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
 
 
 def simulate_loop(
     rig: Rig,
-    K: Any,
-    r: Any,
+    K: object,
+    r: ArrayLike,
     *,
     fs: float,
-    saturation: Any = np.inf,
-    resolution: Any = 0.0,
+    saturation: ArrayLike = np.inf,
+    resolution: ArrayLike = 0.0,
     delay: float = 0.0,
-    disturbance: Any = None,
-    noise: Any = None,
-    initial: Any = (0.0, 0.0),
+    disturbance: ArrayLike | None = None,
+    noise: ArrayLike | None = None,
+    initial: ArrayLike = (0.0, 0.0),
     oversampling: int = 4,
 ) -> LoopResponse:
-    """Put a sampled controller around the rig, u = K (r - y), with a zero-order hold, and let it follow a reference.
+    """Simulate a sampled controller around the rig, u = K (r - y), with a zero-order hold, following a reference.
 
     Around a rig of matrices it is a controller matrix, full or one loop an axis; signals have a channel axis in front.
 
@@ -557,10 +558,10 @@ def simulate_loop(
     require_kind("rig", rig, Rig)
     if rig.several:
         fs = require_positive("fs", fs)
-        steps = steps_of(rig, fs, oversampling)
-        return loop_of_axes(rig, K, r, fs, saturation, resolution, delay, disturbance, noise, initial, steps)
-    r = some_samples("r", r)
-    runs = stack(
+        steps = steps_per_sample(rig, fs, oversampling)
+        return simulate_axes_loop(rig, K, r, fs, saturation, resolution, delay, disturbance, noise, initial, steps)
+    r = require_samples("r", r)
+    runs = stack_runs(
         rig,
         [K],
         r[None],
@@ -570,33 +571,75 @@ def simulate_loop(
         delay,
         np.atleast_2d(initial),
         oversampling,
-        disturbance=fitted("disturbance", disturbance, r.size)[None],
-        noise=fitted("noise", noise, r.size)[None],
+        disturbance=samples_or_zeros("disturbance", disturbance, r.size)[None],
+        noise=samples_or_zeros("noise", noise, r.size)[None],
     )
-    out = respond(runs)
-    warn_lost(float(out["lost"].max()))
-    return told(runs, out)[0]
+    out = simulate_runs(runs)
+    warn_of_forgotten_loops(float(out["lost"].max()))
+    return to_responses(runs, out)[0]
+
+
+@overload
+def simulate_loops(
+    rig: Rig,
+    controllers: object,
+    r: ArrayLike,
+    *,
+    fs: float,
+    saturation: float = ...,
+    resolution: float = ...,
+    delay: ArrayLike = ...,
+    disturbance: ArrayLike | None = ...,
+    noise: ArrayLike | None = ...,
+    initial: ArrayLike = ...,
+    oversampling: int = ...,
+    executor: Executor | None = ...,
+    progress: Progress | None = ...,
+    resume: str | os.PathLike[str] | None = ...,
+    of: None = ...,
+) -> list[LoopResponse]: ...
+
+
+@overload
+def simulate_loops(
+    rig: Rig,
+    controllers: object,
+    r: ArrayLike,
+    *,
+    fs: float,
+    saturation: float = ...,
+    resolution: float = ...,
+    delay: ArrayLike = ...,
+    disturbance: ArrayLike | None = ...,
+    noise: ArrayLike | None = ...,
+    initial: ArrayLike = ...,
+    oversampling: int = ...,
+    executor: Executor | None = ...,
+    progress: Progress | None = ...,
+    resume: str | os.PathLike[str] | None = ...,
+    of: Callable[[LoopResponse], Result],
+) -> list[Result]: ...
 
 
 def simulate_loops(
     rig: Rig,
-    controllers: Any,
-    r: Any,
+    controllers: object,
+    r: ArrayLike,
     *,
     fs: float,
     saturation: float = np.inf,
     resolution: float = 0.0,
-    delay: Any = 0.0,
-    disturbance: Any = None,
-    noise: Any = None,
-    initial: Any = (0.0, 0.0),
+    delay: ArrayLike = 0.0,
+    disturbance: ArrayLike | None = None,
+    noise: ArrayLike | None = None,
+    initial: ArrayLike = (0.0, 0.0),
     oversampling: int = 4,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    resume: Any = None,
-    of: Callable[[LoopResponse], Any] | None = None,
-) -> list[Any]:
-    """Many loops around one rig, in compiled code: controllers, disturbances and initial states, one a run.
+    resume: str | os.PathLike[str] | None = None,
+    of: Callable[[LoopResponse], Result] | None = None,
+) -> list[LoopResponse] | list[Result]:
+    """Simulate many loops around one rig in compiled code: controllers, disturbances and initial states, one a run.
 
     Parameters
     ----------
@@ -650,16 +693,10 @@ def simulate_loops(
     (True, True)
     """
     require_kind("rig", rig, Rig)
-    one_axis(rig, "in a stack of loops")
+    require_one_axis(rig, "in a stack of loops")
     controllers = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
-    shapes = {
-        "r": np.ndim(r),
-        "initial": np.ndim(initial),
-        "disturbance": np.ndim(disturbance),
-        "noise": np.ndim(noise),
-    }
     given = {"r": r, "initial": initial, "disturbance": disturbance, "noise": noise}
-    counts = {name: np.shape(given[name])[0] for name, ndim in shapes.items() if ndim == 2}
+    counts = {name: len(rows) for name, part in given.items() if (rows := np.asarray(part)).ndim == 2}
     counts |= {"controllers": len(controllers), "delay": np.size(delay)}
     n_runs = max(counts.values())
     for name, count in counts.items():
@@ -668,29 +705,29 @@ def simulate_loops(
     r = require_real_array("r", np.atleast_2d(r), ndim=2)
     if r.size == 0:
         raise ValueError("r must hold at least one sample, got none")
-    parts = {name: many(name, given[name], r.shape[1]) for name in ("disturbance", "noise")}
-    runs = stack(
+    parts = {name: signals_per_run(name, given[name], r.shape[1]) for name in ("disturbance", "noise")}
+    runs = stack_runs(
         rig, controllers, r, fs, saturation, resolution, delay, np.atleast_2d(initial), oversampling, **parts, n=n_runs
     )
-    parts_of_runs = Parts(runs, max(1, CHUNK // r.shape[1]))
+    parts_of_runs = RunBatches(runs, max(1, MAX_BATCH_SAMPLES // r.shape[1]))
     # what a folder keeps are the runs themselves, whatever is wanted of them
-    there = of is not None and executor is not None and resume is None and travels(of)
-    task = Wanted(of) if of is not None and there else respond
+    there = of is not None and executor is not None and resume is None and can_pickle(of)
+    task = ReducedRuns(of) if of is not None and there else simulate_runs
     found: dict[int, list[Any]] = {}
     for i, out in run_each(task, parts_of_runs, executor=executor, progress=progress, resume=resume):
-        warn_lost(float(out["lost"].max()))
-        found[i] = results(parts_of_runs[i], out, of)
+        warn_of_forgotten_loops(float(out["lost"].max()))
+        found[i] = collect_results(parts_of_runs[i], out, of)
     return [one for i in range(len(parts_of_runs)) for one in found[i]]
 
 
-def stack(
+def stack_runs(
     rig: Rig,
-    controllers: list[Any],
+    controllers: list[object],
     r: np.ndarray,
     fs: float,
-    saturation: float,
-    resolution: float,
-    delay: Any,
+    saturation: ArrayLike,
+    resolution: ArrayLike,
+    delay: ArrayLike,
     initial: np.ndarray,
     oversampling: int,
     *,
@@ -698,32 +735,33 @@ def stack(
     noise: np.ndarray,
     n: int = 1,
 ) -> LoopRuns:
-    """Checked arguments as arrays with one row a run; controllers of fewer states get some that do nothing."""
+    """Check the arguments and stack them with one row a run; controllers of fewer states are padded by zeros."""
     fs = require_positive("fs", fs)
-    given = [matrices(K, fs) for K in controllers]
-    if not np.isposinf(real_or_infinite("saturation", saturation)):
+    given = [controller_matrices(K, fs) for K in controllers]
+    saturation = require_real_or_infinite("saturation", saturation)
+    if not np.isposinf(saturation):
         require_positive("saturation", saturation)
     resolution = require_nonnegative("resolution", resolution)
     delays = np.array([require_nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
-    steps = steps_of(rig, fs, oversampling)
+    steps = steps_per_sample(rig, fs, oversampling)
     initial = require_real_array("initial", initial, ndim=2)
     if initial.shape not in ((1, 2), (n, 2)):
         raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
     size = max(A.shape[0] for A, _, _, _ in given)
 
-    def each(rows: Any) -> np.ndarray:
+    def each(rows: ArrayLike) -> np.ndarray:
         rows = np.asarray(rows, dtype=float)
         return np.broadcast_to(rows, (n, *rows.shape[1:]))  # a view: what all runs share is not copied for each
 
     return LoopRuns(
         rig=rig,
         fs=fs,
-        saturation=float(saturation),
+        saturation=saturation,
         resolution=resolution,
         steps=steps,
-        A=each(padded([A for A, _, _, _ in given], (size, size))),
-        B=each(padded([B[:, 0] for _, B, _, _ in given], (size,))),
-        C=each(padded([C[0] for _, _, C, _ in given], (size,))),
+        A=each(stack_padded([A for A, _, _, _ in given], (size, size))),
+        B=each(stack_padded([B[:, 0] for _, B, _, _ in given], (size,))),
+        C=each(stack_padded([C[0] for _, _, C, _ in given], (size,))),
         D=each([D[0, 0] for _, _, _, D in given]),
         r=each(r),
         disturbance=each(disturbance),
@@ -733,27 +771,27 @@ def stack(
     )
 
 
-def padded(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-    """(n, *shape) arrays in a stack, zeros behind the smaller ones."""
+def stack_padded(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    """Stack arrays to (n, *shape), smaller ones padded by zeros at their ends."""
     rows = np.zeros((len(parts), *shape))
     for row, part in zip(rows, parts, strict=True):
         row[tuple(slice(n) for n in part.shape)] = part
     return rows
 
 
-def steps_of(rig: Rig, fs: float, oversampling: int) -> int:
-    """Integration steps a sample: those that are asked for, or those that the rig needs."""
+def steps_per_sample(rig: Rig, fs: float, oversampling: int) -> int:
+    """Return the integration steps per sample: `oversampling`, or more where the rig needs them."""
     needed = int(np.ceil(1 / (fs * rig.stable_step)))
-    if needed > MOST_STEPS:
+    if needed > MAX_STEPS_PER_SAMPLE:
         raise ValueError(
-            f"fs must leave the rig at most {MOST_STEPS} integration steps a sample, got {fs:g} Hz with {needed}: "
-            f"its stable step is {rig.stable_step:.2g} s"
+            f"fs must leave the rig at most {MAX_STEPS_PER_SAMPLE} integration steps a sample, got {fs:g} Hz with "
+            f"{needed}: its stable step is {rig.stable_step:.2g} s"
         )
     return max(require_integer("oversampling", oversampling, least=1), needed)
 
 
-def many(name: str, signal: Any, n: int) -> np.ndarray:
-    """(R, n) signals, one a run; zeros when not given."""
+def signals_per_run(name: str, signal: ArrayLike | None, n: int) -> np.ndarray:
+    """Return (R, n) signals, one a run; zeros when not given."""
     if signal is None:
         return np.zeros((1, n))
     signal = require_real_array(name, np.atleast_2d(signal), ndim=2)
@@ -762,8 +800,8 @@ def many(name: str, signal: Any, n: int) -> np.ndarray:
     return signal
 
 
-def fitted(name: str, signal: Any, n: int) -> np.ndarray:
-    """A signal of n samples; zeros when not given."""
+def samples_or_zeros(name: str, signal: ArrayLike | None, n: int) -> np.ndarray:
+    """Return a signal of n samples; zeros when not given."""
     if signal is None:
         return np.zeros(n)
     signal = require_real_array(name, signal, ndim=1)
@@ -772,6 +810,6 @@ def fitted(name: str, signal: Any, n: int) -> np.ndarray:
     return signal
 
 
-def real_or_infinite(name: str, number: Any) -> float:
-    """A real number that may be infinite."""
+def require_real_or_infinite(name: str, number: ArrayLike) -> float:
+    """Return a real number that may be infinite."""
     return np.inf if isinstance(number, (float, np.floating)) and np.isposinf(number) else require_real(name, number)

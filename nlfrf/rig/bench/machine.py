@@ -1,4 +1,4 @@
-"""Several coupled axes: their matrices and laws checked, and as the compiled code reads them.
+"""Several coupled axes: checks of their matrices and laws, and the arrays that compiled code reads.
 
 M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force,    y = sensors @ q
 """
@@ -9,52 +9,63 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import channel_names, require_real_array
 from nlfrf._base.values import freeze_array
 from nlfrf.rig.kernels import data as packing
-from nlfrf.rig.laws.laws import packed_law
+from nlfrf.rig.laws.laws import Friction, pack_law
 
-__all__ = ["FIELDS", "advance", "at_rest", "checked", "checked_single", "machine", "packed_laws", "poles"]
+__all__ = [
+    "FIELDS",
+    "check_axes",
+    "check_single_axis",
+    "initial_memory",
+    "integrate_axes",
+    "pack_laws",
+    "poles",
+    "stack_matrices",
+]
 
 
+Laws = Sequence[Friction | None]
 FIELDS = ("mass", "stiffness", "damping", "friction", "cubic", "actuators", "sensors", "inputs", "outputs")
-#: Rounding of a matrix that was computed: what is as small beside its largest number counts as zero.
-SMALL = 1e-9
+#: Rounding of a matrix that was computed: numbers smaller than this share of its largest one count as zero.
+SYMMETRY_TOLERANCE = 1e-9
 
 
-def checked(given: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a machine of several axes, as arrays that nobody can write, or a refusal."""
+def check_axes(given: dict[str, Any]) -> dict[str, Any]:
+    """Check the fields of a machine of several axes; return them as read-only arrays."""
     mass = require_real_array("mass", given["mass"], ndim=2)
     n = len(mass)
     if mass.shape != (n, n) or n == 0:
         raise ValueError(f"mass must be a number or a square matrix, got shape {mass.shape}")
-    refuse_indefinite("mass", mass, least=SMALL)
+    require_definite("mass", mass, least=SYMMETRY_TOLERANCE)
     found: dict[str, Any] = {"mass": mass}
     for name in ("stiffness", "damping"):
         matrix = given[name]
         if np.ndim(matrix) == 0 and matrix == 0:
             matrix = np.zeros((n, n))
-        found[name] = square(name, matrix, n)
-    refuse_indefinite("stiffness", found["stiffness"], least=-SMALL)
+        found[name] = require_square(name, matrix, n)
+    require_definite("stiffness", found["stiffness"], least=-SYMMETRY_TOLERANCE)
     # the part that is not symmetric is gyroscopic: it takes no energy
-    refuse_indefinite("damping", (found["damping"] + found["damping"].T) / 2, least=-SMALL)
+    require_definite("damping", (found["damping"] + found["damping"].T) / 2, least=-SYMMETRY_TOLERANCE)
     if given["cubic"] is not None:
-        found["cubic"] = square("cubic", given["cubic"], n)
-        refuse_asymmetric("cubic", found["cubic"])
+        found["cubic"] = require_square("cubic", given["cubic"], n)
+        require_symmetric("cubic", found["cubic"])
         if found["cubic"].min() < 0:
             raise ValueError(f"cubic must hold springs of zero or positive stiffness, got {found['cubic'].min():g}")
     for name, axis in (("actuators", 0), ("sensors", 1)):
-        found[name] = placed(name, given[name], n, axis)
+        found[name] = placement_matrix(name, given[name], n, axis)
     channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
     for name, (letter, count) in channels.items():
         found[name] = channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
     found = {name: freeze_array(part) if isinstance(part, np.ndarray) else part for name, part in found.items()}
-    return found | {"friction": checked_laws(given["friction"], n)}
+    return found | {"friction": check_laws(given["friction"], n)}
 
 
-def checked_single(given: dict[str, Any]) -> dict[str, Any]:
-    """The names of a machine of one axis; refuses what only several axes have."""
+def check_single_axis(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the channel names of a machine of one axis; refuse fields that only several axes have."""
     for name in ("cubic", "actuators", "sensors"):
         if given[name] is not None:
             raise ValueError(f"{name} must be left out for one axis, or the mass be a (1, 1) matrix, got {name}")
@@ -64,28 +75,28 @@ def checked_single(given: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def checked_laws(friction: Any, n: int) -> tuple[Any, ...]:
-    """A law or None for each axis."""
+def check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
+    """Check that there is a law or None for each axis."""
     if not isinstance(friction, (list, tuple)) or len(friction) != n:
         got = f"{len(friction)}" if isinstance(friction, (list, tuple)) else type(friction).__name__
         raise ValueError(f"friction must be a list with a law or None for each of the {n} axes, got {got}")
     for i, law in enumerate(friction):
-        if law is not None and packed_law(law)[0].form == packing.OWN:
+        if law is not None and pack_law(law)[0].form == packing.OWN:
             raise ValueError(
                 f"friction[{i}] must be one of the laws of nlfrf.friction where there are several axes, got OwnFriction"
             )
     return tuple(friction)
 
 
-def square(name: str, matrix: Any, n: int) -> np.ndarray:
-    """An (n, n) matrix."""
+def require_square(name: str, matrix: ArrayLike, n: int) -> np.ndarray:
+    """Return an (n, n) matrix as an array."""
     if np.shape(matrix) != (n, n):
         raise ValueError(f"{name} must have the shape of mass, ({n}, {n}), got shape {np.shape(matrix)}")
     return require_real_array(name, matrix, ndim=2)
 
 
-def placed(name: str, matrix: Any, n: int, axis: int) -> np.ndarray:
-    """Where forces act or positions are measured: a matrix with one row or column for each axis."""
+def placement_matrix(name: str, matrix: ArrayLike | None, n: int, axis: int) -> np.ndarray:
+    """Return the matrix of actuators or sensors: one row (axis 0) or column (axis 1) for each axis of the machine."""
     if matrix is None:
         return np.eye(n)
     matrix = require_real_array(name, matrix, ndim=2)
@@ -96,44 +107,48 @@ def placed(name: str, matrix: Any, n: int, axis: int) -> np.ndarray:
     return matrix
 
 
-def refuse_asymmetric(name: str, matrix: np.ndarray) -> None:
+def require_symmetric(name: str, matrix: np.ndarray) -> None:
     """Refuse a matrix that is not its own transpose."""
     off = np.abs(matrix - matrix.T).max()
-    if off > SMALL * np.abs(matrix).max():
+    if off > SYMMETRY_TOLERANCE * np.abs(matrix).max():
         raise ValueError(f"{name} must be symmetric, got a matrix that differs from its transpose by up to {off:.3g}")
 
 
-def refuse_indefinite(name: str, matrix: np.ndarray, *, least: float) -> None:
+def require_definite(name: str, matrix: np.ndarray, *, least: float) -> None:
     """Refuse a matrix that is not symmetric, or has an eigenvalue below `least` times its largest number."""
-    refuse_asymmetric(name, matrix)
+    require_symmetric(name, matrix)
     values = np.linalg.eigvalsh(matrix)
     if values[0] < least * np.abs(matrix).max() or (least > 0 and values[0] <= 0):
         kind = "definite" if least > 0 else "semidefinite"
         raise ValueError(f"{name} must be positive {kind}, got eigenvalues from {values[0]:.3g} to {values[-1]:.3g}")
 
 
-def poles(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray, friction: Any, gain: float) -> np.ndarray:
-    """(2 n,) poles [rad/s] of the axes with so many times the presliding stiffness of their friction."""
+def poles(
+    mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray, friction: Sequence[Friction | None], gain: float
+) -> np.ndarray:
+    """Return the (2 n,) poles [rad/s] of the axes with `gain` times the presliding stiffness of their friction."""
     n = len(mass)
-    laws = [None if law is None else packed_law(law)[0] for law in friction]
+    laws = [None if law is None else pack_law(law)[0] for law in friction]
     K0 = np.array([0.0 if law is None else gain * law.curve.K0 for law in laws])
     viscous = np.array([0.0 if law is None else gain * law.sigma1 + law.sigma2 for law in laws])
     forces = np.hstack([stiffness + np.diag(K0), damping + np.diag(viscous)])
     return np.linalg.eigvals(np.vstack([np.eye(n, 2 * n, n), -np.linalg.solve(mass, forces)]))
 
 
-def machine(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray, cubic: Any) -> np.ndarray:
+def stack_matrices(
+    mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray | None
+) -> np.ndarray:
     """(4 or 5, n, n) mass, its inverse, stiffness, damping, cubic springs where there are any."""
     parts = [mass, np.linalg.inv(mass), stiffness, damping] + ([] if cubic is None else [cubic])
     return np.stack(parts)
 
 
-def packed_laws(friction: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 11) numbers of the laws, -1 first where there is none; (n, 7, E) their tables or elements, padded.
+def pack_laws(friction: Laws) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n, 11) numbers of the laws, -1 first where there is none, and (n, 7, E) tables or elements, padded.
 
     An element of no stiffness and no strength adds nothing, and no z lies beyond a point of a table at infinity.
     """
-    packed = [None if law is None else packed_law(law) for law in friction]
+    packed = [None if law is None else pack_law(law) for law in friction]
     widest = max([1, *(one[1].shape[1] for one in packed if one)])
     laws, grids = np.zeros((len(packed), 11)), np.zeros((len(packed), 7, widest))
     laws[:, 0] = -1.0
@@ -148,15 +163,20 @@ def packed_laws(friction: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
     return laws, grids
 
 
-def at_rest(friction: Sequence[Any]) -> packing.Memory:
-    """The memories of axes that have never moved: (n, N_STATES) and (n, 4, entries)."""
-    packed = [packed_law(law) for law in friction if law is not None]
-    entries = max([1, *(packing.at_rest(law.curve, grid).stack.shape[1] for law, grid in packed)])
+def initial_memory(friction: Laws) -> packing.Memory:
+    """Return the memories of axes that have never moved: (n, N_STATES) and (n, 4, entries)."""
+    packed = [pack_law(law) for law in friction if law is not None]
+    entries = max([1, *(packing.initial_memory(law.curve, grid).stack.shape[1] for law, grid in packed)])
     return packing.Memory(np.zeros((len(friction), packing.N_STATES)), np.zeros((len(friction), 4, entries)))
 
 
-def advance(
-    matrices: np.ndarray, friction: Sequence[Any], memory: packing.Memory, drive: np.ndarray, h: float, substeps: int
+def integrate_axes(
+    matrices: np.ndarray,
+    friction: Sequence[Friction | None],
+    memory: packing.Memory,
+    drive: np.ndarray,
+    h: float,
+    substeps: int,
 ) -> np.ndarray | None:
     """Integrate over forces (n, 3, axes); (n / substeps, 4, axes) or None where the step is not stable.
 
@@ -164,7 +184,7 @@ def advance(
     """
     from nlfrf.rig.kernels.coupled import run_axes
 
-    laws, grids = packed_laws(friction)
+    laws, grids = pack_laws(friction)
     out = np.empty((len(drive) // substeps, 4, len(friction)))
     stable = run_axes(
         matrices, laws, grids, memory.state, memory.stack, np.ascontiguousarray(drive), float(h), int(substeps), out

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_choice, require_integer, require_kind, require_positive, require_real_array
 from nlfrf._base.values import value
-from nlfrf.rig.bench.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
+from nlfrf.rig.bench.rig import (
+    Rig,
+    initial_memory,
+    integrate_rig,
+    require_stable_step,
+    unstable_step_error,
+    warn_of_coarse_step,
+)
 from nlfrf.rig.kernels import data as packing
-from nlfrf.rig.laws.hysteresis import warn_lost
+from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.integration import integrate
-from nlfrf.rig.laws.laws import Friction, packed_law
+from nlfrf.rig.laws.laws import Friction, pack_law
 
-__all__ = ["Motion", "drive", "run", "some_samples"]
+__all__ = ["Motion", "drive", "require_samples", "run"]
 
 
 @value
 class Motion:
-    """What a run gave, sample by sample.
+    """Motion of a rig, sample by sample.
 
     Fields
     ------
@@ -48,7 +54,7 @@ class Motion:
     friction: np.ndarray
 
 
-def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "linear") -> Motion:
+def run(rig: Rig, force: ArrayLike, *, fs: float, oversampling: int = 1, hold: str = "linear") -> Motion:
     """Run the rig from rest through any force, periodic or not.
 
     Parameters
@@ -83,26 +89,26 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     True
     """
     require_kind("rig", rig, Rig)
-    samples = some_samples("force", force, channels=rig.n_inputs if rig.several else None)
+    samples = require_samples("force", force, channels=rig.n_inputs if rig.several else None)
     fs = require_positive("fs", fs)
     oversampling = require_integer("oversampling", oversampling, least=1)
     require_choice("hold", hold, ("linear", "zoh"))
 
     def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory = at_rest(rig)
-        return advance(rig, memory, between_samples(samples, steps, hold), 1 / (fs * steps), steps), memory
+        memory = initial_memory(rig)
+        return integrate_rig(rig, memory, force_at_substeps(samples, steps, hold), 1 / (fs * steps), steps), memory
 
-    refuse_long_step(rig.stable_step, fs, oversampling)
-    warn_coarse(rig.poles(1.0), fs, oversampling)
+    require_stable_step(rig.stable_step, fs, oversampling)
+    warn_of_coarse_step(rig.poles(1.0), fs, oversampling)
     out, memory = attempt(oversampling)
     if out is None:
-        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
-    warn_lost(memory.state[..., packing.LOST].sum())
-    return motion(samples, out, fs)
+        raise unstable_step_error(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
+    warn_of_forgotten_loops(memory.state[..., packing.LOST].sum())
+    return to_motion(samples, out, fs)
 
 
-def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Motion:
-    """Friction force for a prescribed motion, from rest: to draw hysteresis loops and Stribeck curves.
+def drive(friction: Friction, v: ArrayLike, *, fs: float, oversampling: int = 1) -> Motion:
+    """Compute the friction force for a prescribed motion, from rest: to draw hysteresis loops and Stribeck curves.
 
     Parameters
     ----------
@@ -134,26 +140,26 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
     >>> round(float(motion.friction[-1]), 4)
     0.8144
     """
-    velocity = some_samples("v", v)
+    velocity = require_samples("v", v)
     fs = require_positive("fs", fs)
     oversampling = require_integer("oversampling", oversampling, least=1)
-    law, grid = packed_law(friction)
+    law, grid = pack_law(friction)
     body = packing.Body(True, 1.0, 0.0, 0.0)
 
     def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory = packing.at_rest(law.curve, grid)
-        samples = between_samples(velocity, steps, "linear")
+        memory = packing.initial_memory(law.curve, grid)
+        samples = force_at_substeps(velocity, steps, "linear")
         return integrate(body, law, grid, memory, samples, 1 / (fs * steps), steps), memory
 
     out, memory = attempt(oversampling)
     if out is None:
-        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
-    warn_lost(memory.state[packing.LOST])
-    return motion(velocity, out, fs)
+        raise unstable_step_error(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
+    warn_of_forgotten_loops(memory.state[packing.LOST])
+    return to_motion(velocity, out, fs)
 
 
-def some_samples(name: str, signal: Any, *, channels: int | None = None) -> np.ndarray:
-    """The signal (n,), or (channels, n) where channels are given, as an array of at least one sample."""
+def require_samples(name: str, signal: ArrayLike, *, channels: int | None = None) -> np.ndarray:
+    """Return the signal (n,), or (channels, n) where channels are given, as an array of at least one sample."""
     samples = require_real_array(name, signal, ndim=1 if channels is None else 2)
     if channels is not None and len(samples) != channels:
         raise ValueError(f"{name} must have {channels} channels, as the rig has, got {len(samples)}")
@@ -162,14 +168,14 @@ def some_samples(name: str, signal: Any, *, channels: int | None = None) -> np.n
     return samples
 
 
-def motion(drive: np.ndarray, out: np.ndarray, fs: float) -> Motion:
-    """What the integrator gave, as a value."""
+def to_motion(drive: np.ndarray, out: np.ndarray, fs: float) -> Motion:
+    """Return the output of the integrator as a `Motion`."""
     x, v, z, friction = np.moveaxis(out, 0, -1)
     return Motion(t=np.arange(drive.shape[-1]) / fs, drive=drive, x=x, v=v, z=z, friction=friction)
 
 
-def between_samples(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
-    """(n * oversampling, 3), of several channels (.., 3, n_u) force at begin, middle and end; the last one is held."""
+def force_at_substeps(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
+    """Return (n oversampling, 3), or (.., 3, n_u), force at begin, middle and end of each step; the last is held."""
     step = np.arange(oversampling)[:, np.newaxis]
     fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling if hold == "linear" else np.zeros((oversampling, 3))
     rise = np.diff(samples, append=samples[..., -1:])

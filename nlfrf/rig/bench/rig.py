@@ -16,37 +16,35 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.arguments import DataWarning, require_choice, require_nonnegative, require_positive
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
 from nlfrf.rig.bench import machine as axes
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.integration import integrate
-from nlfrf.rig.laws.laws import Leuven, LuGre, packed_law
+from nlfrf.rig.laws.laws import Leuven, LuGre, pack_law
 
 __all__ = [
-    "REAL_LIMIT",
+    "RUNGE_KUTTA_REAL_LIMIT",
     "Rig",
-    "advance",
-    "at_rest",
+    "initial_memory",
+    "integrate_rig",
     "longest_step",
-    "one_axis",
     "paper_rig",
-    "refuse_long_step",
-    "step_refusal",
+    "require_one_axis",
+    "require_stable_step",
     "two_axis_stage",
-    "warn_coarse",
+    "unstable_step_error",
+    "warn_of_coarse_step",
 ]
 
 
-# ---- How long an integration step may be: stable, and fine enough for the resonance.
-
 #: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
-REAL_LIMIT = 2.785
+RUNGE_KUTTA_REAL_LIMIT = 2.785
 #: Relative error at the resonance of the stuck rig above which a step is called coarse.
-COARSE = 0.01
+MAX_RESONANCE_ERROR = 0.01
 
 
 def longest_step(pole: complex) -> float:
-    """Longest step [s] with which the Runge-Kutta method keeps a mode with this pole from growing."""
+    """Return the longest step [s] with which the Runge-Kutta method keeps a mode with this pole from growing."""
     if abs(pole) == 0 or pole.real > 0:
         return np.inf
     direction = pole / abs(pole)
@@ -62,8 +60,8 @@ def longest_step(pole: complex) -> float:
     return low / abs(pole)
 
 
-def refuse_long_step(longest: float, fs: float, oversampling: int) -> None:
-    """Refuse a step with which the rig is unstable even before it slides."""
+def require_stable_step(longest: float, fs: float, oversampling: int) -> None:
+    """Refuse a step that is unstable even before the rig slides."""
     if 1 / (fs * oversampling) > longest:
         raise ValueError(
             f"oversampling must be at least {int(np.ceil(1 / (fs * longest)))} for a stable integration step "
@@ -71,8 +69,8 @@ def refuse_long_step(longest: float, fs: float, oversampling: int) -> None:
         )
 
 
-def step_refusal(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
-    """The refusal of a step that turned out too long in sliding, with one that was tried and would do."""
+def unstable_step_error(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
+    """Return the error for a step that is unstable in sliding, with an oversampling that was tried and is stable."""
     enough, finer = "more than", oversampling
     for finer in (oversampling * 2**i for i in range(1, 10)):
         if stable(finer):
@@ -84,15 +82,15 @@ def step_refusal(fs: float, oversampling: int, stable: Callable[[int], bool]) ->
     )
 
 
-def warn_coarse(poles: np.ndarray, fs: float, oversampling: int) -> None:
+def warn_of_coarse_step(poles: np.ndarray, fs: float, oversampling: int) -> None:
     """Warn where the step moves a pole of the stuck rig by more than 1 % of its damping: the resonance is wrong."""
     swinging = poles[(poles.imag > 0) & (poles.real != 0)]
     if not swinging.size:
         return
     # a Runge-Kutta step of fourth order is off by (h p)^5 / 120
     shift = np.max(np.abs(swinging / swinging.real) * (np.abs(swinging) / (fs * oversampling)) ** 4 / 120)
-    if shift > COARSE:
-        enough = int(np.ceil(oversampling * (shift / COARSE) ** 0.25))
+    if shift > MAX_RESONANCE_ERROR:
+        enough = int(np.ceil(oversampling * (shift / MAX_RESONANCE_ERROR) ** 0.25))
         warnings.warn(
             f"the integration step is coarse: the resonance of the stuck rig comes out wrong by {100 * shift:.2g} %. "
             f"Take an oversampling of {enough}, or state the accuracy",
@@ -116,13 +114,13 @@ class Rig:
     friction : law, or a list of n laws or None
         Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders, of one axis OwnFriction too.
     damping : float or (n, n) ndarray
-        Viscous damping beside the friction law's own [Ns/m].
+        Viscous damping in addition to that of the friction law [Ns/m].
     cubic : (n, n) ndarray, optional
-        Springs of force c d^3 [N/m^3]: on the diagonal to ground, beside it between two axes. Symmetric.
+        Springs of force c d^3 [N/m^3]: on the diagonal to ground, off it between two axes. Symmetric.
     actuators : (n, n_u) ndarray, optional
-        What each force does to each axis; one force an axis when not given.
+        Force on each axis by a unit of each input; one force an axis when not given.
     sensors : (n_y, n) ndarray, optional
-        What each measured position sees of each axis; one an axis when not given.
+        Measured position by a unit of each axis position; one an axis when not given.
     inputs, outputs : tuple of str
         Names of the n_u forces and n_y positions, as records of the rig carry them.
 
@@ -152,31 +150,31 @@ class Rig:
     (2, 1, 1)
     """
 
-    mass: Any
-    stiffness: Any
-    friction: Any
-    damping: Any = 0.0
-    cubic: Any = None
-    actuators: Any = None
-    sensors: Any = None
+    mass: ArrayField
+    stiffness: ArrayField
+    friction: Any  # a law, or a tuple with one or None for each axis
+    damping: ArrayField = 0.0
+    cubic: ArrayField = None
+    actuators: ArrayField = None
+    sensors: ArrayField = None
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.several:
-            checked = axes.checked({name: getattr(self, name) for name in axes.FIELDS})
+            checked = axes.check_axes({name: getattr(self, name) for name in axes.FIELDS})
         else:
-            checked = axes.checked_single({name: getattr(self, name) for name in axes.FIELDS})
+            checked = axes.check_single_axis({name: getattr(self, name) for name in axes.FIELDS})
             require_positive("mass", self.mass)
             require_nonnegative("stiffness", self.stiffness)
             require_nonnegative("damping", self.damping)
-            packed_law(self.friction)
+            pack_law(self.friction)
         for name, content in checked.items():
             object.__setattr__(self, name, content)
 
     @property
     def several(self) -> bool:
-        """Whether it was made of matrices."""
+        """Whether it was made of matrices, so that signals have an axis of channels."""
         return np.ndim(self.mass) > 0
 
     @property
@@ -195,10 +193,10 @@ class Rig:
         return len(self.outputs)
 
     def poles(self, gain: float) -> np.ndarray:
-        """(2 n,) poles [rad/s] with so many times the presliding stiffness of the friction: 1 stuck, 0 sliding."""
+        """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness: 1 stuck, 0 sliding."""
         if self.several:
             return axes.poles(self.mass, self.stiffness, self.damping, self.friction, gain)
-        law, _ = packed_law(self.friction)
+        law, _ = pack_law(self.friction)
         stiffness, damping = self.stiffness + gain * law.curve.K0, self.damping + gain * law.sigma1 + law.sigma2
         return np.roots([self.mass, damping, stiffness])
 
@@ -210,14 +208,14 @@ class Rig:
         for friction in self.friction if self.several else (self.friction,):
             if friction is None:
                 continue
-            law, _ = packed_law(friction)
-            if law.form == packing.GMS:  # how fast a slipping element is drawn to the Stribeck curve
-                limits.append(REAL_LIMIT * law.Fc / law.n)
+            law, _ = pack_law(friction)
+            if law.form == packing.GMS:  # a slipping element relaxes to the Stribeck curve with the rate C / Fc
+                limits.append(RUNGE_KUTTA_REAL_LIMIT * law.Fc / law.n)
         return min(limits)
 
 
 def paper_rig() -> Rig:
-    """The rig of the paper: 1 kg on 80 kN/m with Leuven friction, resonances near 59 Hz and 45 Hz.
+    """Return the rig of the paper: 1 kg on 80 kN/m with Leuven friction, resonances near 59 Hz and 45 Hz.
 
     Returns
     -------
@@ -236,7 +234,7 @@ def paper_rig() -> Rig:
 
 
 def two_axis_stage(nonlinearity: str = "friction") -> Rig:
-    """A stage of two coupled axes near 29 and 50 Hz, measured at two points that mix them.
+    """Return a stage of two coupled axes near 29 and 50 Hz, measured at two points that mix them.
 
     Masses of 1 and 1.5 kg on springs, a spring and a damper between them.
 
@@ -281,30 +279,31 @@ def two_axis_stage(nonlinearity: str = "friction") -> Rig:
     )
 
 
-def one_axis(rig: Rig, where: str) -> Rig:
-    """The rig, or a refusal where it has several axes."""
+def require_one_axis(rig: Rig, where: str) -> Rig:
+    """Refuse a rig of matrices `where` one axis is needed; return the rig."""
     if rig.several:
         raise ValueError(f"rig must have one axis {where}, got one of matrices with {rig.n_axes}")
     return rig
 
 
-def at_rest(rig: Rig) -> packing.Memory:
-    """The memory of a rig that has never moved."""
+def initial_memory(rig: Rig) -> packing.Memory:
+    """Return the memory of a rig that has never moved."""
     if rig.several:
-        return axes.at_rest(rig.friction)
-    law, grid = packed_law(rig.friction)
-    return packing.at_rest(law.curve, grid)
+        return axes.initial_memory(rig.friction)
+    law, grid = pack_law(rig.friction)
+    return packing.initial_memory(law.curve, grid)
 
 
-def advance(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
+def integrate_rig(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
     """Integrate the rig over the force at begin, middle and end of each step, moving `memory` on.
 
-    drive (n, 3), or (n, 3, n_u) where the rig has several axes; what comes (n / substeps, 4), or with an axis of axes.
+    `drive` is (n, 3), or (n, 3, n_u) for several axes. Returns (n / substeps, 4), or (n / substeps, 4, axes): position,
+    velocity, z and friction force; None where the step was unstable.
     """
     if rig.several:
-        machine = axes.machine(rig.mass, rig.stiffness, rig.damping, rig.cubic)
+        machine = axes.stack_matrices(rig.mass, rig.stiffness, rig.damping, rig.cubic)
         forces = drive.reshape(len(drive), 3, rig.n_inputs) @ rig.actuators.T
-        return axes.advance(machine, rig.friction, memory, forces, h, substeps)
-    law, grid = packed_law(rig.friction)
+        return axes.integrate_axes(machine, rig.friction, memory, forces, h, substeps)
+    law, grid = pack_law(rig.friction)
     body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
     return integrate(body, law, grid, memory, drive, h, substeps)

@@ -33,12 +33,12 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import freeze_array, value
 from nlfrf.records.record import Record
 from nlfrf.rig.bench import machine as axes
-from nlfrf.rig.bench.closed_loop import MOST_HALVINGS, begun, fitted, steps_of
-from nlfrf.rig.bench.rig import Rig, at_rest
+from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, samples_or_zeros, steps_per_sample
+from nlfrf.rig.bench.rig import Rig, initial_memory
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
 from nlfrf.rig.kernels import data as packing
-from nlfrf.rig.laws.hysteresis import warn_lost
-from nlfrf.rig.laws.laws import VaryingSliders, packed_law
+from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
+from nlfrf.rig.laws.laws import VaryingSliders, pack_law
 from nlfrf.signals.axis_experiment import PORTS, stepped_profile
 from nlfrf.signals.multisine import Multisine
 
@@ -200,7 +200,7 @@ class ServoAxis:
         require_choice("motion", self.motion, tuple(MOTIONS))
         for law in (self.motor_friction, self.load_friction):
             if law is not None:
-                packed_law(law)
+                pack_law(law)
         if self.load_inertia and not self.stiffness:
             raise ValueError("stiffness must be positive where there is a load_inertia, got 0")
         if not self.load_inertia:
@@ -376,14 +376,14 @@ def run_servo(
     if not closed and (position is not None or velocity is not None):
         raise ValueError("position and velocity must be left out of an open loop, got a set point: give force")
     n = sizes[0]
-    signals = {name: fitted(name, signal, n) for name, signal in (given | {"noise": noise}).items()}
-    begin = begun(initial, axis.rig.n_axes)
-    steps = steps_of(axis.rig, axis.drive.fs, oversampling)
-    for halving in range(MOST_HALVINGS + 1):  # what does not reach the end is run again before it is believed
+    signals = {name: samples_or_zeros(name, signal, n) for name, signal in (given | {"noise": noise}).items()}
+    begin = initial_axes(initial, axis.rig.n_axes)
+    steps = steps_per_sample(axis.rig, axis.drive.fs, oversampling)
+    for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
         trace, lost = attempt(axis, signals, closed=closed, begin=begin, steps=steps * 2**halving)
         if not trace.diverged:
             break
-    warn_lost(lost)
+    warn_of_forgotten_loops(lost)
     return trace
 
 
@@ -394,9 +394,9 @@ def attempt(
     from nlfrf.rig.kernels.servo import GAINS, SIGNALS, step_servo
 
     rig, drive, n = axis.rig, axis.drive, signals["force"].size
-    memory = at_rest(rig)
+    memory = initial_memory(rig)
     memory.state[:, packing.X], memory.state[:, packing.V] = begin
-    laws, grids = axes.packed_laws(rig.friction)
+    laws, grids = axes.pack_laws(rig.friction)
     dry = laws[:, 0] == packing.COULOMB
     memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
     Ts = 1 / drive.fs
@@ -414,7 +414,7 @@ def attempt(
     rows, written = np.zeros((n, 4, rig.n_axes)), np.zeros((n, len(SIGNALS)))
     length = int(
         step_servo(
-            axes.machine(rig.mass, rig.stiffness, rig.damping, None),
+            axes.stack_matrices(rig.mass, rig.stiffness, rig.damping, None),
             laws,
             grids,
             memory.state,
@@ -569,7 +569,7 @@ def simulate_servo(
         raise ValueError("n_discard must be at least 1 in motion, to get up to speed, got 0")
     runs = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
     found = run_all(run_experiment, runs, executor=executor, progress=progress, resume=resume)
-    warn_lost(float(sum(one["lost"] for one in found)))
+    warn_of_forgotten_loops(float(sum(one["lost"] for one in found)))
     warn_of(experiment, {name: max(float(one[name]) for one in found) for name in ("limited", "turned", "change")})
     u, y, r = (np.stack([one[name] for one in found]) for name in ("u", "y", "r"))
     position, force = axis.units

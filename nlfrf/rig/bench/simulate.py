@@ -1,4 +1,8 @@
-"""Experiments on a rig: every realisation of a multisine, run to steady state, several at a time."""
+"""Experiments on a rig: every realisation of a multisine, run to steady state, in parallel and resumable.
+
+A task is a function from a value to a dictionary of arrays. Its result depends on its value alone, so it is the same
+whichever worker computes it, in whatever order, and results kept in a folder can be reused.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -26,48 +30,54 @@ from nlfrf._base.arguments import (
 from nlfrf._base.files import Role, write_arrays
 from nlfrf._base.values import value
 from nlfrf.records.record import Record
-from nlfrf.rig.bench.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
+from nlfrf.rig.bench.rig import (
+    Rig,
+    initial_memory,
+    integrate_rig,
+    require_stable_step,
+    unstable_step_error,
+    warn_of_coarse_step,
+)
 from nlfrf.rig.kernels import data as packing
-from nlfrf.rig.laws.hysteresis import warn_lost
+from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
+
+if TYPE_CHECKING:
+    from hashlib import _Hash as Hash
 
 __all__ = ["Arrays", "Experiment", "Progress", "run_all", "run_each", "run_experiment", "simulate"]
 
 
-# ---- Many runs of one task: in parallel, with progress, and resumable from the runs that were finished before.
-#
-# A task is a function from a value to a dictionary of arrays. What it gives depends on its value alone, so the
-# result is the same whoever computes it, in whatever order.
-
-WORKERS = 128  # of an executor that does not say how many it has
+DEFAULT_WORKERS = 128  # of an executor that does not say how many it has
 
 Arrays = dict[str, np.ndarray]
-Progress = Callable[[int, int], Any]
+Progress = Callable[[int, int], object]
+Input = TypeVar("Input")
 
 
 def run_all(
-    task: Callable[[Any], Arrays],
-    values: Sequence[Any],
+    task: Callable[[Input], Arrays],
+    values: Sequence[Input],
     *,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    resume: Any = None,
+    resume: str | os.PathLike[str] | None = None,
 ) -> list[Arrays]:
-    """Run a task on every value; the results in the order of the values. Arguments and refusals as in `run_each`."""
+    """Run a task on every value; return the results in the order of the values. Arguments as in `run_each`."""
     results = dict(run_each(task, values, executor=executor, progress=progress, resume=resume))
     return [results[i] for i in range(len(values))]
 
 
 def run_each(
-    task: Callable[[Any], Arrays],
-    values: Sequence[Any],
+    task: Callable[[Input], Arrays],
+    values: Sequence[Input],
     *,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    resume: Any = None,
+    resume: str | os.PathLike[str] | None = None,
 ) -> Iterator[tuple[int, Arrays]]:
-    """Run a task on every value; place and result of each as it is done, of which few are held at a time.
+    """Run a task on every value; yield index and result of each as it is done, so that few are held at a time.
 
     Parameters
     ----------
@@ -91,12 +101,12 @@ def run_each(
     ValueError
         What the task refuses, or an executor that dies: what was done till then is in the folder.
     """
-    folder = None if resume is None else opened(resume)
+    folder = None if resume is None else open_folder(resume)
     todo, total, n_done = list(range(len(values))), len(values), 0
     if folder is not None:
         names = [f"{fingerprint(task, value)}.npz" for value in values]
         for i in todo.copy():
-            found = restored(folder / names[i])
+            found = load_result(folder / names[i])
             if found is not None:
                 todo.remove(i)
                 n_done += 1
@@ -105,7 +115,7 @@ def run_each(
         progress(n_done, total)
     threads = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else None
     # what is handed over at a time: nobody waits, and no more results than these are held
-    ahead = 2 * int(getattr(threads or executor, "_max_workers", WORKERS))
+    ahead = 2 * int(getattr(threads or executor, "_max_workers", DEFAULT_WORKERS))
     running: dict[Future[Arrays], int] = {}
     rest = iter(todo)
     try:
@@ -137,8 +147,8 @@ def run_each(
             threads.shutdown(cancel_futures=True)
 
 
-def opened(resume: Any) -> Path:
-    """The folder, made where it does not exist."""
+def open_folder(resume: str | os.PathLike[str]) -> Path:
+    """Return the folder as a path, created where it does not exist."""
     if not isinstance(resume, str | os.PathLike):
         raise ValueError(f"resume must be a folder, got {short_form(resume)}")
     folder = Path(resume)
@@ -148,8 +158,8 @@ def opened(resume: Any) -> Path:
     return folder
 
 
-def restored(path: Path) -> Arrays | None:
-    """A result kept before; None where there is none, or none that can be read."""
+def load_result(path: Path) -> Arrays | None:
+    """Return a result kept before; None where there is none, or none that can be read."""
     try:
         with path.open("rb") as opened_file, np.load(opened_file, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
@@ -157,18 +167,18 @@ def restored(path: Path) -> Arrays | None:
         return None
 
 
-def fingerprint(task: Callable[[Any], Arrays], value: Any) -> str:
-    """A name for what a task gives on a value: another one for other content, another task, or another integrator."""
+def fingerprint(task: Callable[[Input], Arrays], value: Input) -> str:
+    """Return a hash of task, value and integrator, the file name of the result."""
     from hashlib import sha256
 
-    digest = sha256(integrator() + task.__qualname__.encode())
-    absorb(digest, value)
+    digest = sha256(hash_integrator() + task.__qualname__.encode())
+    hash_value(digest, value)
     return digest.hexdigest()[:32]
 
 
 @cache
-def integrator() -> bytes:
-    """A digest of the code that integrates: results that an older version kept are not taken for those of this one."""
+def hash_integrator() -> bytes:
+    """Return a hash of the code that integrates, so that results of an older version are not reused."""
     from hashlib import sha256
 
     digest = sha256()
@@ -178,39 +188,39 @@ def integrator() -> bytes:
     return digest.digest()
 
 
-def absorb(digest: Any, value: Any) -> None:
+def hash_value(digest: Hash, value: object) -> None:
     """Add a value to a digest: type and content, fields one by one."""
     digest.update(f"<{type(value).__qualname__}>".encode())
     if is_dataclass(value):
         for field in fields(value):
             digest.update(f"{field.name}=".encode())
-            absorb(digest, getattr(value, field.name))
+            hash_value(digest, getattr(value, field.name))
     elif isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode())
         digest.update(np.ascontiguousarray(value).tobytes())
     elif isinstance(value, (tuple, list)):
         for one in value:
-            absorb(digest, one)
+            hash_value(digest, one)
     elif isinstance(value, (str, int, float, type(None))):
         digest.update(repr(value).encode())
     elif isinstance(value, numbers.Real):  # of numpy, or a fraction
         digest.update(repr(float(value)).encode())
     elif callable(value):
-        raise ValueError("resume must be left out with functions of your own: nothing tells whether they changed")
+        raise ValueError("resume must be left out with functions of your own: nothing shows whether they changed")
     else:
         raise TypeError(f"no fingerprint of {type(value).__name__}")
     digest.update(b";")
 
 
 #: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
-UNSETTLED = 1e-4
+MAX_PERIOD_CHANGE = 1e-4
 #: Integration steps per sample beyond which no accuracy is sought.
-MOST_STEPS = 64
+MAX_STEPS_PER_SAMPLE = 64
 
 
 @value
 class Experiment:
-    """One realisation of a multisine on a rig, and how it is integrated: all that a worker needs."""
+    """One realisation of a multisine on a rig, and how it is integrated: the argument of a worker."""
 
     rig: Rig
     ms: Multisine | OrthogonalMultisine
@@ -231,7 +241,7 @@ def simulate(
     accuracy: float | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    resume: Any = None,
+    resume: str | os.PathLike[str] | None = None,
 ) -> Record:
     """Run every realisation of a multisine through a rig, from rest to steady state: force in, position out.
 
@@ -300,26 +310,26 @@ def simulate(
         oversampling=require_integer("oversampling", oversampling, least=1),
         hold=require_choice("hold", hold, ("band-limited", "zoh")),
     )
-    refuse_other_inputs(rig, ms)
+    require_matching_inputs(rig, ms)
     n_runs = ms.phase.shape[-2]
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
     if accuracy is None:
-        refuse_long_step(rig.stable_step, ms.fs, oversampling)
-        warn_coarse(rig.poles(1.0), ms.fs, oversampling)
+        require_stable_step(rig.stable_step, ms.fs, oversampling)
+        warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
     else:
-        steps = steps_for(realizations[0], require_positive("accuracy", accuracy))
+        steps = find_oversampling(realizations[0], require_positive("accuracy", accuracy))
         realizations = [replace(realization, oversampling=steps) for realization in realizations]
     outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)
     change = np.array([float(outcome["change"]) for outcome in outcomes])
-    if np.any(change > UNSETTLED):
+    if np.any(change > MAX_PERIOD_CHANGE):
         warnings.warn(
             f"steady state was not reached: the last two periods differ by {change.max():.1e} of the rms. "
             f"Raise n_discard above {n_discard}",
             DataWarning,
             stacklevel=2,
         )
-    warn_lost(float(sum(outcome["lost"] for outcome in outcomes)))
-    return recorded(rig, ms, np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold)
+    warn_of_forgotten_loops(float(sum(outcome["lost"] for outcome in outcomes)))
+    return make_record(rig, ms, np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold)
 
 
 def run_experiment(experiment: Experiment) -> Arrays:
@@ -328,66 +338,68 @@ def run_experiment(experiment: Experiment) -> Arrays:
     Gives y (P, N) or (n_y, P, N), the change from the last period but one to the last (rms over rms; nan where there is
     only one), and how many turning points were forgotten for lack of memory.
     """
-    outcome = attempt(experiment)
+    outcome = try_experiment(experiment)
     if outcome is None:
         fs, steps = experiment.ms.fs, experiment.oversampling
-        raise step_refusal(fs, steps, lambda finer: attempt(replace(experiment, oversampling=finer)) is not None)
+        raise unstable_step_error(
+            fs, steps, lambda finer: try_experiment(replace(experiment, oversampling=finer)) is not None
+        )
     return outcome
 
 
-def attempt(experiment: Experiment) -> Arrays | None:
-    """What `run_experiment` gives; None where the step was too long to be stable."""
+def try_experiment(experiment: Experiment) -> Arrays | None:
+    """Return the result of `run_experiment`; None where the step was too long to be stable."""
     rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
-    memory = at_rest(rig)
-    drive = one_period(ms, steps, experiment.hold)
+    memory = initial_memory(rig)
+    drive = force_over_period(ms, steps, experiment.hold)
     periods: list[np.ndarray] = []
     for _ in range(experiment.n_discard + experiment.n_periods):
-        out = advance(rig, memory, drive, 1 / (ms.fs * steps), steps)
+        out = integrate_rig(rig, memory, drive, 1 / (ms.fs * steps), steps)
         if out is None:
             return None
-        periods = [*periods[-max(experiment.n_periods - 1, 1) :], measured(experiment, out[:, 0])]
+        periods = [*periods[-max(experiment.n_periods - 1, 1) :], sensor_positions(experiment, out[:, 0])]
     change = np.nan
     if len(periods) > 1:
-        change = difference(periods[-2], periods[-1])
+        change = relative_difference(periods[-2], periods[-1])
     y = np.stack(periods[-experiment.n_periods :], axis=-2)
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
 
 
-def measured(experiment: Experiment, x: np.ndarray) -> np.ndarray:
-    """(N,) position of the only axis or at the only sensor, or (n_y, N) of several, from those of the axes."""
+def sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
+    """Return the (N,) position of the only axis or sensor, or (n_y, N) of several, from the positions of the axes."""
     if not experiment.rig.several:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
     return y if isinstance(experiment.ms, OrthogonalMultisine) else y[0]
 
 
-def difference(y: np.ndarray, of: np.ndarray) -> float:
-    """Rms of y - of over the rms of `of`; zero where they are equal, as those of a mass that never moved."""
+def relative_difference(y: np.ndarray, of: np.ndarray) -> float:
+    """Return the rms of y - of over the rms of `of`; zero where both are zero, as of a mass that never moved."""
     return float(np.linalg.norm(y - of) / max(np.linalg.norm(of), np.finfo(float).tiny))
 
 
-def steps_for(experiment: Experiment, accuracy: float) -> int:
-    """Integration steps per sample with which halving the step changes the position by less than `accuracy`."""
-    coarse = attempt(experiment)
+def find_oversampling(experiment: Experiment, accuracy: float) -> int:
+    """Find the integration steps per sample at which halving the step changes the position by less than `accuracy`."""
+    coarse = try_experiment(experiment)
     while True:
         finer = replace(experiment, oversampling=2 * experiment.oversampling)
-        fine = attempt(finer)
-        error = np.inf if coarse is None or fine is None else difference(coarse["y"], fine["y"])
+        fine = try_experiment(finer)
+        error = np.inf if coarse is None or fine is None else relative_difference(coarse["y"], fine["y"])
         if error <= accuracy:
             return experiment.oversampling
-        if finer.oversampling > MOST_STEPS:
+        if finer.oversampling > MAX_STEPS_PER_SAMPLE:
             why = f"halving the step still changes the position by {error:.1e}"
             if np.isinf(error):
                 why = "the step is still too long to be stable in sliding"
             raise ValueError(
-                f"accuracy must be one that {MOST_STEPS} integration steps per sample reach ({why}), "
+                f"accuracy must be one that {MAX_STEPS_PER_SAMPLE} integration steps per sample reach ({why}), "
                 f"got {accuracy:g}. Raise the sampling frequency"
             )
         experiment, coarse = finer, fine
 
 
-def refuse_other_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
-    """Refuse a multisine that does not drive the inputs that the rig has."""
+def require_matching_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
+    """Refuse a multisine whose number of inputs is not that of the rig."""
     if isinstance(ms, OrthogonalMultisine):
         if not rig.several or rig.n_inputs != ms.n_inputs:
             raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
@@ -398,15 +410,24 @@ def refuse_other_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
         )
 
 
-def recorded(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold: str) -> Record:
-    """What was measured, with the names and units of the rig."""
+def make_record(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold: str) -> Record:
+    """Return the record of input and measured positions, with the names and units of the rig."""
     u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
-    units: dict[str, Any] = {"input_units": ("N",) * len(rig.inputs), "output_units": ("m",) * len(rig.outputs)}
-    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold, inputs=rig.inputs, outputs=rig.outputs, **units)
+    return Record(
+        u=u,
+        y=y,
+        fs=ms.fs,
+        lines=ms.lines,
+        hold=hold,
+        inputs=rig.inputs,
+        outputs=rig.outputs,
+        input_units=("N",) * len(rig.inputs),
+        output_units=("m",) * len(rig.outputs),
+    )
 
 
-def one_period(ms: Multisine | OrthogonalMultisine, oversampling: int, hold: str) -> np.ndarray:
-    """(n, 3) or (n, 3, n_u) force at the begin, middle and end of every integration step of one period."""
+def force_over_period(ms: Multisine | OrthogonalMultisine, oversampling: int, hold: str) -> np.ndarray:
+    """Return the (n, 3) or (n, 3, n_u) force at begin, middle and end of every integration step of one period."""
     if hold == "zoh":
         u = np.repeat(ms.u[..., 0, :].T, oversampling, axis=0)
         return np.stack([u, u, u], axis=1)

@@ -13,18 +13,17 @@ Kernels of other files are called from here, which the cache of compiled code on
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DIRECTION, ERROR, Curve, F, Law, Step, V, X, Z
-from nlfrf.rig.kernels.leuven import commit, growth, hysteresis, rates
-from nlfrf.rig.kernels.loops import CALLED, digest
-from nlfrf.rig.kernels.slip import commit_sliders, elements_force, settle, sliders_force, sliding_force
+from nlfrf.rig.kernels.leuven import commit_hysteresis, error_growth, friction_rates, hysteresis_on_trial
+from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
+from nlfrf.rig.kernels.slip import commit_elements, commit_sliders, elements_force, sliders_force, stribeck_force
 
-__all__ = ["N_ROWS", "advance_axes", "let_free", "run_axes", "run_axes_loop"]
+__all__ = ["N_ROWS", "advance_axes", "invert_free_mass", "run_axes", "run_axes_loop"]
 
 
 # mypy: disable-error-code="untyped-decorator"
@@ -35,18 +34,18 @@ Array = np.ndarray
 compiled = njit(nogil=True, error_model="numpy", _nrt=False)  # kept with what calls it
 inlined = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
 #: Matrices of a machine; the last one is there where some spring is cubic.
-MASS, INVERSE, STIFFNESS, DAMPING, CUBIC = range(5)
+MASS, INVERSE_MASS, STIFFNESS, DAMPING, CUBIC = range(5)
 #: Rows of the work space, one number an axis. Four rows make a place: position, velocity, two states of the law.
 PLACE, STAGE, RATE, END = 0, 4, 8, 12
 #: Force; friction at the begin and at the end of a step; what turns a law at both; the way it goes; whether it turned.
-NET, BEFORE, AFTER, TURN0, TURN1, COURSE, TURNED = range(16, 23)
+NET, FRICTION_BEGIN, FRICTION_END, TURN_BEGIN, TURN_END, HEADING, HAS_TURNED = range(16, 23)
 N_ROWS = 23
-MOST_PARTS = 12
+MAX_PARTS = 12
 
 
 @inlined
-def law_of(laws: Array, i: int) -> Law:
-    """The numbers of the law of an axis."""
+def unpack_law(laws: Array, i: int) -> Law:
+    """Return the law of an axis from its row of numbers."""
     curve = Curve(int(laws[i, 8]), laws[i, 9], laws[i, 10])
     return Law(
         int(laws[i, 0]),
@@ -62,57 +61,57 @@ def law_of(laws: Array, i: int) -> Law:
 
 
 @inlined
-def stuck(laws: Array, states: Array, i: int) -> bool:
+def is_stuck(laws: Array, states: Array, i: int) -> bool:
     """Whether dry friction holds an axis."""
     return laws[i, 0] == kernel_data.COULOMB and states[i, DIRECTION] == 0.0
 
 
 @njit(nogil=True, error_model="numpy")
-def let_free(machine: Array, laws: Array, states: Array) -> None:
-    """The inverse of the mass matrix over the axes that are not stuck, zero elsewhere (Gauss and Jordan)."""
+def invert_free_mass(machine: Array, laws: Array, states: Array) -> None:
+    """Invert the mass matrix over the axes that are not stuck, zero elsewhere (Gauss and Jordan)."""
     n = machine.shape[1]
     A = machine[MASS].copy()
     for i in range(n):
         for j in range(n):
-            machine[INVERSE, i, j] = 1.0 if i == j and not stuck(laws, states, i) else 0.0
+            machine[INVERSE_MASS, i, j] = 1.0 if i == j and not is_stuck(laws, states, i) else 0.0
     for i in range(n):
-        if stuck(laws, states, i):
+        if is_stuck(laws, states, i):
             continue
         pivot = 1.0 / A[i, i]
         for k in range(n):
             A[i, k] *= pivot
-            machine[INVERSE, i, k] *= pivot
+            machine[INVERSE_MASS, i, k] *= pivot
         for j in range(n):
-            if j == i or stuck(laws, states, j):
+            if j == i or is_stuck(laws, states, j):
                 continue
             factor = A[j, i]
             for k in range(n):
                 A[j, k] -= factor * A[i, k]
-                machine[INVERSE, j, k] -= factor * machine[INVERSE, i, k]
+                machine[INVERSE_MASS, j, k] -= factor * machine[INVERSE_MASS, i, k]
 
 
 @compiled
-def remembered(
+def memory_friction(
     law: Law, grid: Array, state: Array, stack: Array, d: float, move: float, x: float, v: float, p: float, q: float
 ) -> tuple[float, float, float]:
-    """Friction on trial by a law with a memory, and the rates of its two states p and q.
+    """Return the friction of a law with a memory on a trial step, and the rates of its two states p and q.
 
-    p is z of the bristles; of the generalised Maxwell-slip model p and q are what its slipping elements keep and gain
-    since the begin of the step.
+    p is z of the bristles; for generalised Maxwell slip p and q are the factor on, and the addition to, the force of
+    slipping elements since the begin of the step.
     """
     if law.form == kernel_data.GMS:
-        rate = law.n / sliding_force(law, v)
+        rate = law.n / stribeck_force(law, v)
         return elements_force(law, grid, stack, d, move, v, p, q), -rate * p, law.n - rate * q
     if law.form == kernel_data.SLIDERS:
         return sliders_force(law, grid, stack, move, x, v), 0.0, 0.0
-    fh, fb = hysteresis(law.curve, grid, state, stack, p)
-    dz, force = rates(law, v, fh, fb)
+    fh, fb = hysteresis_on_trial(law.curve, grid, state, stack, p)
+    dz, force = friction_rates(law, v, fh, fb)
     return force, dz, 0.0
 
 
 @inlined
-def springs(machine: Array, work: Array, at: int, i: int) -> float:
-    """Force of springs and dampers on an axis at a place."""
+def spring_force(machine: Array, work: Array, at: int, i: int) -> float:
+    """Return the force of springs and dampers on axis i in the state at row `at` of the work space."""
     force = 0.0
     for j in range(machine.shape[1]):
         force -= machine[STIFFNESS, i, j] * work[at, j] + machine[DAMPING, i, j] * work[at + 1, j]
@@ -124,7 +123,7 @@ def springs(machine: Array, work: Array, at: int, i: int) -> float:
 
 
 @inlined
-def derivative(
+def axis_rates(
     machine: Array,
     laws: Array,
     grids: Array,
@@ -135,48 +134,50 @@ def derivative(
     step: int,
     s: float,
     at: int,
-    held: int,
-    turn: int,
+    friction_row: int,
+    turn_row: int,
 ) -> None:
-    """Rates at the place `at`, into RATE; friction into the row `held`, what turns a law into the row `turn`.
+    """Write the rates of the state at row `at` into RATE, the friction and the turning indicators into the rows given.
 
     The drive runs through begin, middle and end of the step as a parabola; s is where in it.
     """
     n = machine.shape[1]
     for i in range(n):
         u1, u2, u3 = drive[step, 0, i], drive[step, 1, i], drive[step, 2, i]
-        net = u1 + s * ((4.0 * u2 - 3.0 * u1 - u3) + s * 2.0 * (u1 - 2.0 * u2 + u3)) + springs(machine, work, at, i)
+        net = (
+            u1 + s * ((4.0 * u2 - 3.0 * u1 - u3) + s * 2.0 * (u1 - 2.0 * u2 + u3)) + spring_force(machine, work, at, i)
+        )
         x, v, p, q = work[at, i], work[at + 1, i], work[at + 2, i], work[at + 3, i]
         force, dp, dq, form = 0.0, 0.0, 0.0, int(laws[i, 0])
         if form == kernel_data.COULOMB:
             d = states[i, DIRECTION]  # what it holds while it is stuck follows from the others' accelerations
-            law = law_of(laws, i)
-            force = d * sliding_force(law, v) + law.sigma2 * v if d != 0.0 else 0.0
+            law = unpack_law(laws, i)
+            force = d * stribeck_force(law, v) + law.sigma2 * v if d != 0.0 else 0.0
         elif form >= 0:
-            law = law_of(laws, i)
+            law = unpack_law(laws, i)
             if form != kernel_data.ORIGINAL and law.curve.kind == kernel_data.SPRING:  # no memory to look at
-                dp, force = rates(law, v, law.curve.K0 * p, 0.0)
+                dp, force = friction_rates(law, v, law.curve.K0 * p, 0.0)
             else:
-                d, move = work[COURSE, i], x - work[PLACE, i]
-                force, dp, dq = remembered(law, grids[i], states[i], stacks[i], d, move, x, v, p, q)
-        work[NET, i], work[held, i] = net - force, force
-        work[turn, i] = v if form == kernel_data.COULOMB or form == kernel_data.GMS else dp
+                d, move = work[HEADING, i], x - work[PLACE, i]
+                force, dp, dq = memory_friction(law, grids[i], states[i], stacks[i], d, move, x, v, p, q)
+        work[NET, i], work[friction_row, i] = net - force, force
+        work[turn_row, i] = v if form == kernel_data.COULOMB or form == kernel_data.GMS else dp
         work[RATE, i], work[RATE + 2, i], work[RATE + 3, i] = v, dp, dq
     for i in range(n):
         a = 0.0
         for j in range(n):
-            a += machine[INVERSE, i, j] * work[NET, j]
+            a += machine[INVERSE_MASS, i, j] * work[NET, j]
         work[RATE + 1, i] = a
     for i in range(n):
-        if stuck(laws, states, i):
+        if is_stuck(laws, states, i):
             force = work[NET, i]
             for j in range(n):
                 force -= machine[MASS, i, j] * work[RATE + 1, j]
-            work[held, i], work[turn, i] = force, laws[i, 1] - abs(force)
+            work[friction_row, i], work[turn_row, i] = force, laws[i, 1] - abs(force)
 
 
 @compiled
-def trial(
+def trial_step(
     machine: Array,
     laws: Array,
     grids: Array,
@@ -189,12 +190,12 @@ def trial(
     a: float,
     b: float,
 ) -> None:
-    """The part a..b of a step off the committed memories, from PLACE to END."""
+    """Try the part a..b of a step from the committed memories, from PLACE to END."""
     n, span = machine.shape[1], (b - a) * h
     for stage in range(4):
         s = a if stage == 0 else (b if stage == 3 else 0.5 * (a + b))
-        at, held, turn = (PLACE, BEFORE, TURN0) if stage == 0 else (STAGE, AFTER, TURN1)
-        derivative(machine, laws, grids, states, stacks, work, drive, step, s, at, held, turn)
+        at, held, turn = (PLACE, FRICTION_BEGIN, TURN_BEGIN) if stage == 0 else (STAGE, FRICTION_END, TURN_END)
+        axis_rates(machine, laws, grids, states, stacks, work, drive, step, s, at, held, turn)
         share = span / 6.0 if stage == 0 or stage == 3 else span / 3.0
         reach = span if stage == 2 else 0.5 * span
         for row in range(4):
@@ -205,25 +206,25 @@ def trial(
 
 
 @inlined
-def turns(laws: Array, states: Array, work: Array, i: int) -> bool:
+def law_turns(laws: Array, states: Array, work: Array, i: int) -> bool:
     """Whether the law of an axis turns in the step tried: its mass stops or breaks away, its bristles turn."""
     if laws[i, 0] == kernel_data.COULOMB:
         if states[i, DIRECTION] != 0.0:
             return work[PLACE + 1, i] * work[END + 1, i] < 0.0
-        return work[TURN0, i] > 0.0 > work[TURN1, i]
-    return work[TURNED, i] == 0.0 and work[TURN0, i] * work[TURN1, i] < 0.0
+        return work[TURN_BEGIN, i] > 0.0 > work[TURN_END, i]
+    return work[HAS_TURNED, i] == 0.0 and work[TURN_BEGIN, i] * work[TURN_END, i] < 0.0
 
 
 @inlined
-def indicator(laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int) -> float:
-    """What passes zero where the law of an axis turns, at the begin or at the end of the step tried."""
+def turn_indicator(laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int) -> float:
+    """Return the number that passes zero where the law of an axis turns, at the begin or end of the trial step."""
     if by_velocity:
-        return work[PLACE + 1, i] if row == TURN0 else work[END + 1, i]
+        return work[PLACE + 1, i] if row == TURN_BEGIN else work[END + 1, i]
     return work[row, i]
 
 
 @compiled
-def locate(
+def locate_turn(
     machine: Array,
     laws: Array,
     grids: Array,
@@ -237,15 +238,15 @@ def locate(
     b: float,
     i: int,
 ) -> float:
-    """Where between a and b of a step the law of an axis turns: false position. The last trial ended there."""
-    by_velocity = work[PLACE + 1, i] * work[END + 1, i] < 0.0 and not stuck(laws, states, i)
-    e0 = indicator(laws, states, work, i, by_velocity, TURN0)
-    e1 = indicator(laws, states, work, i, by_velocity, TURN1)
+    """Find where between a and b of a step the law of an axis turns: false position. The last trial ends there."""
+    by_velocity = work[PLACE + 1, i] * work[END + 1, i] < 0.0 and not is_stuck(laws, states, i)
+    e0 = turn_indicator(laws, states, work, i, by_velocity, TURN_BEGIN)
+    e1 = turn_indicator(laws, states, work, i, by_velocity, TURN_END)
     low, high, enough = a, b, 1e-12 * max(abs(e0), abs(e1))
     for _ in range(12):
         b = low + (high - low) * e0 / (e0 - e1)
-        trial(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
-        e = indicator(laws, states, work, i, by_velocity, TURN1)
+        trial_step(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
+        e = turn_indicator(laws, states, work, i, by_velocity, TURN_END)
         if abs(e) <= enough:
             break
         if e * e0 > 0.0:
@@ -256,7 +257,7 @@ def locate(
 
 
 @inlined
-def begin(
+def begin_part(
     machine: Array,
     laws: Array,
     grids: Array,
@@ -267,7 +268,7 @@ def begin(
     step: int,
     s: float,
 ) -> None:
-    """The states of the laws at the begin of a step, or of a part; dry friction that holds no longer lets go."""
+    """Set the states of the laws at the begin of a step, or of a part; dry friction past its limit breaks away."""
     n, dry = machine.shape[1], False
     for i in range(n):
         v = work[PLACE + 1, i]
@@ -275,31 +276,33 @@ def begin(
         work[PLACE + 2, i], work[PLACE + 3, i] = states[i, Z], 0.0
         if form == kernel_data.GMS:
             work[PLACE + 2, i] = 1.0
-            if work[TURNED, i] == 0.0:
-                work[COURSE, i] = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+            if work[HAS_TURNED, i] == 0.0:
+                work[HEADING, i] = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
         if form == kernel_data.COULOMB:
             dry = True
             if states[i, DIRECTION] * v < 0.0:  # it came and went within the last step
                 work[PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
-                let_free(machine, laws, states)
+                invert_free_mass(machine, laws, states)
     if not dry:
         return
     for _ in range(n):  # one after the other: letting one go changes what the others hold
-        derivative(machine, laws, grids, states, stacks, work, drive, step, s, PLACE, BEFORE, TURN0)
+        axis_rates(machine, laws, grids, states, stacks, work, drive, step, s, PLACE, FRICTION_BEGIN, TURN_BEGIN)
         worst, most = -1, 0.0
         for i in range(n):
-            excess = abs(work[BEFORE, i]) - laws[i, 1] * (1.0 + 1e-9)
-            if stuck(laws, states, i) and excess > most:
+            excess = abs(work[FRICTION_BEGIN, i]) - laws[i, 1] * (1.0 + 1e-9)
+            if is_stuck(laws, states, i) and excess > most:
                 worst, most = i, excess
         if worst < 0:
             return
-        states[worst, DIRECTION] = 1.0 if work[BEFORE, worst] > 0.0 else -1.0
-        let_free(machine, laws, states)
+        states[worst, DIRECTION] = 1.0 if work[FRICTION_BEGIN, worst] > 0.0 else -1.0
+        invert_free_mass(machine, laws, states)
 
 
 @inlined
-def accept(machine: Array, laws: Array, grids: Array, states: Array, stacks: Array, work: Array, span: float) -> bool:
-    """Go on to END with all memories; whether that was stable."""
+def commit_part(
+    machine: Array, laws: Array, grids: Array, states: Array, stacks: Array, work: Array, span: float
+) -> bool:
+    """Commit all memories at END; return whether that was stable."""
     stable = True
     for i in range(machine.shape[1]):
         form = int(laws[i, 0])
@@ -308,13 +311,13 @@ def accept(machine: Array, laws: Array, grids: Array, states: Array, stacks: Arr
         work[PLACE, i], work[PLACE + 1, i] = x1, v1
         if form < 0 or form == kernel_data.COULOMB:
             continue
-        law = law_of(laws, i)
+        law = unpack_law(laws, i)
         if form == kernel_data.GMS:
-            d = work[COURSE, i]
+            d = work[HEADING, i]
             if d == 0.0:
                 d = 1.0 if v1 > 0.0 else -1.0
             keep, gain = work[END + 2, i], work[END + 3, i]
-            settle(law, grids[i], stacks[i], d, Step(x0, v0, (0.0, 0.0, 0.0), span), x1, v1, keep, gain)
+            commit_elements(law, grids[i], stacks[i], d, Step(x0, v0, (0.0, 0.0, 0.0), span), x1, v1, keep, gain)
         elif form == kernel_data.SLIDERS:
             commit_sliders(law, grids[i], stacks[i], x1 - x0, x1, v1, span)
         else:
@@ -322,25 +325,25 @@ def accept(machine: Array, laws: Array, grids: Array, states: Array, stacks: Arr
                 slope, states[i, Z] = law.curve.K0, work[END + 2, i]
                 states[i, F] = slope * states[i, Z]
             else:
-                slope = commit(law.curve, grids[i], states[i], stacks[i], work[END + 2, i])
-            states[i, ERROR] = max(states[i, ERROR], 1.0) * growth(law, v1, states[i, F], slope, span)
-            stable = stable and states[i, ERROR] <= kernel_data.MOST_GROWTH
+                slope = commit_hysteresis(law.curve, grids[i], states[i], stacks[i], work[END + 2, i])
+            states[i, ERROR] = max(states[i, ERROR], 1.0) * error_growth(law, v1, states[i, F], slope, span)
+            stable = stable and states[i, ERROR] <= kernel_data.MAX_ERROR_GROWTH
     return stable
 
 
 @compiled
-def turn_round(machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int) -> None:
-    """What the law of an axis does where it turns."""
-    work[TURNED, i] = 1.0  # once a step
+def turn_law(machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int) -> None:
+    """Turn the law of an axis: elements stick, dry friction stops or breaks away."""
+    work[HAS_TURNED, i] = 1.0  # once a step
     if laws[i, 0] == kernel_data.GMS:
         stacks[i, 1, :] = 0.0  # all its elements stick
-        work[COURSE, i] = -work[COURSE, i]
+        work[HEADING, i] = -work[HEADING, i]
     if laws[i, 0] == kernel_data.COULOMB:
         if states[i, DIRECTION] == 0.0:
-            states[i, DIRECTION] = 1.0 if work[AFTER, i] > 0.0 else -1.0
+            states[i, DIRECTION] = 1.0 if work[FRICTION_END, i] > 0.0 else -1.0
         else:
             work[PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
-        let_free(machine, laws, states)
+        invert_free_mass(machine, laws, states)
 
 
 @compiled
@@ -356,7 +359,7 @@ def advance_axes(
     substeps: int,
     out: Array,
 ) -> bool:
-    """All axes over the steps of `drive` (n, 3, axes): begin, middle, end of each; False where it is not stable.
+    """Advance all axes over the steps of `drive` (n, 3, axes): begin, middle, end of each; False where not stable.
 
     `out` (n / substeps, 4, axes) takes position, velocity, z and friction force at the begin of every step that is a
     multiple of `substeps`. machine (4 or 5, axes, axes), let free; laws (axes, 11), one row a `Law`, -1 for none.
@@ -367,41 +370,36 @@ def advance_axes(
     for step in range(drive.shape[0]):
         a, parts = 0.0, 0
         for i in range(n):
-            work[TURNED, i] = 0.0
+            work[HAS_TURNED, i] = 0.0
         while a < 1.0:
-            begin(machine, laws, grids, states, stacks, work, drive, step, a)
+            begin_part(machine, laws, grids, states, stacks, work, drive, step, a)
             b, which = 1.0, -1
-            trial(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
+            trial_step(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
             if parts == 0 and step % substeps == 0:
                 for i in range(n):
                     row = step // substeps
                     out[row, 0, i], out[row, 1, i] = work[PLACE, i], work[PLACE + 1, i]
-                    out[row, 2, i], out[row, 3, i] = states[i, Z], work[BEFORE, i]
+                    out[row, 2, i], out[row, 3, i] = states[i, Z], work[FRICTION_BEGIN, i]
             for i in range(n):
-                if parts < MOST_PARTS and turns(laws, states, work, i):
-                    b, which = locate(machine, laws, grids, states, stacks, work, drive, step, h, a, b, i), i
-            if not accept(machine, laws, grids, states, stacks, work, (b - a) * h):
+                if parts < MAX_PARTS and law_turns(laws, states, work, i):
+                    b, which = locate_turn(machine, laws, grids, states, stacks, work, drive, step, h, a, b, i), i
+            if not commit_part(machine, laws, grids, states, stacks, work, (b - a) * h):
                 return False
             if which >= 0:
-                turn_round(machine, laws, states, stacks, work, which)
+                turn_law(machine, laws, states, stacks, work, which)
             a, parts = b, parts + 1
     for i in range(n):
         states[i, X], states[i, V] = work[PLACE, i], work[PLACE + 1, i]
     return True
 
 
-# ---- Compiled runs of several coupled masses: through forces that are given, and in a sampled loop.
-#
-# Kept on disk with a digest of the files that they call, for the reason given in `loops`.
+cached = njit(cache=True, nogil=True, error_model="numpy")
 
 
-kept = njit(cache=True, nogil=True, error_model="numpy")
+def build_run_kernel(stamp: str) -> Callable[..., bool]:
+    """Return the kernel that steps through given forces, cached under the digest of the files it calls."""
 
-
-def stamped_run(stamp: str) -> Callable[..., bool]:
-    """Steps through given forces, known to the cache by the digest."""
-
-    @kept
+    @cached
     def run(
         machine: Array,
         laws: Array,
@@ -416,15 +414,15 @@ def stamped_run(stamp: str) -> Callable[..., bool]:
         work = np.zeros((N_ROWS, machine.shape[1]))
         if len(stamp) == 0:
             return False
-        let_free(machine, laws, states)
+        invert_free_mass(machine, laws, states)
         return advance_axes(machine, laws, grids, states, stacks, work, drive, h, substeps, out)
 
     return run
 
 
 @njit(nogil=True, error_model="numpy")
-def times(M: Array, x: Array, out: Array) -> None:
-    """out = M x."""
+def multiply_matrix(M: Array, x: Array, out: Array) -> None:
+    """Write M x into `out`."""
     for row in range(M.shape[0]):
         total = 0.0
         for column in range(M.shape[1]):
@@ -433,8 +431,8 @@ def times(M: Array, x: Array, out: Array) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def control(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array) -> None:
-    """Output u of the controller for the error e; its state x goes on by one sample, by way of `new`."""
+def step_controller(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array) -> None:
+    """Write the output u of the controller for the error e, and step its state x by one sample, by way of `new`."""
     for row in range(u.size):
         total = 0.0
         for i in range(e.size):
@@ -452,10 +450,10 @@ def control(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Arr
     x[:] = new
 
 
-def stamped_loop(stamp: str) -> Callable[..., int]:
-    """The sampled loop, known to the cache by the digest."""
+def build_loop_kernel(stamp: str) -> Callable[..., int]:
+    """Return the kernel of the sampled loop, cached under the digest of the files it calls."""
 
-    @kept
+    @cached
     def loop(
         machine: Array,
         laws: Array,
@@ -480,7 +478,7 @@ def stamped_loop(stamp: str) -> Callable[..., int]:
         y: Array,
         u: Array,
     ) -> int:
-        """Samples till the end, or till the loop ran away.
+        """Return the number of samples until the end, or until the loop diverged.
 
         r, noise, y (n, n_y); disturbance, u (n, n_u); rows (n, 4, axes): position, velocity, z, friction.
         """
@@ -488,27 +486,27 @@ def stamped_loop(stamp: str) -> Callable[..., int]:
         if len(stamp) == 0:
             return 0
         work, x, new = np.zeros((N_ROWS, axes)), np.zeros(A.shape[0]), np.zeros(A.shape[0])
-        let_free(machine, laws, states)
+        invert_free_mass(machine, laws, states)
         drive, out, force = np.empty((steps + 1, 3, axes)), np.empty((1, 4, axes)), np.empty(actuators.shape[1])
         e, whole = np.empty(n), int(delay)
         part = delay - whole
         for k in range(samples):
-            times(sensors, states[:, X], e)
+            multiply_matrix(sensors, states[:, X], e)
             for i in range(n):
                 y[k, i] = e[i] + noise[k, i]
                 if resolution[i] > 0.0:
                     y[k, i] = resolution[i] * np.round(y[k, i] / resolution[i])
                 e[i] = r[k, i] - y[k, i]
-            control(A, B, C, D, x, new, e, u[k])
+            step_controller(A, B, C, D, x, new, e, u[k])
             for i in range(force.size):
                 u[k, i] = min(max(u[k, i], -saturation[i]), saturation[i])
             for piece in range(2):
                 span = part if piece == 0 else 1.0 - part
                 if span <= 0.0:
                     continue
-                asked = k - whole - 1 + piece
+                sample = k - whole - 1 + piece
                 for i in range(force.size):
-                    force[i] = disturbance[k, i] + (u[asked, i] if asked >= 0 else 0.0)
+                    force[i] = disturbance[k, i] + (u[sample, i] if sample >= 0 else 0.0)
                 count = int(np.ceil(span * steps))
                 for i in range(axes):
                     total = 0.0
@@ -525,6 +523,6 @@ def stamped_loop(stamp: str) -> Callable[..., int]:
     return loop
 
 
-STAMP = digest(*CALLED)
-run_axes: Callable[..., Any] = stamped_run(STAMP)
-run_axes_loop: Callable[..., Any] = stamped_loop(STAMP)
+STAMP = digest_files(*CALLED_FILES)
+run_axes: Callable[..., bool] = build_run_kernel(STAMP)
+run_axes_loop: Callable[..., int] = build_loop_kernel(STAMP)

@@ -21,9 +21,9 @@ LEUVEN, ORIGINAL, DAHL, COULOMB, GMS, SLIDERS, OWN = range(7)
 # Places in Memory.state
 X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, ERROR = range(9)
 N_STATES = 9
-#: Growth of an error of z, to first order, up to which sliding is called stable. The hysteresis bounds what the
-#: first order does not: below this the position was never off by 1e-3, well above it by 1e-2 and more.
-MOST_GROWTH = 1e30
+#: Growth of an error of z, to first order, up to which sliding counts as stable. The hysteresis bounds the error beyond
+#: the first order: below this limit the position was never off by 1e-3, well above it by 1e-2 and more.
+MAX_ERROR_GROWTH = 1e30
 #: Turning points remembered before the innermost loop is forgotten.
 STACK_DEPTH = 256
 
@@ -51,7 +51,7 @@ class Law(NamedTuple):
 
 
 class Body(NamedTuple):
-    """What carries the friction: a mass on a spring, or a motion that is prescribed."""
+    """The body that the friction acts on: a mass on a spring, or a prescribed motion."""
 
     driven: bool
     mass: float
@@ -60,7 +60,7 @@ class Body(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Where a step, or what is left of it, begins: position, velocity; the drive over the whole step; its length."""
+    """Begin of a step, or of the part of it that is left: position, velocity; drive over the whole step; its length."""
 
     x: float
     v: float
@@ -69,7 +69,7 @@ class Step(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is carried from one step to the next."""
+    """The state that is carried from one step to the next."""
 
     state: np.ndarray  # (N_STATES,)
     stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2 or 4, E): of the elements
@@ -80,7 +80,7 @@ class Memory(NamedTuple):
 Grid = np.ndarray
 
 
-def at_rest(curve: Curve, grid: Grid) -> Memory:
-    """The memory of a body that has never moved."""
+def initial_memory(curve: Curve, grid: Grid) -> Memory:
+    """Return the memory of a body that has never moved."""
     sizes = {ELEMENTS: (2, grid.shape[1]), VARYING: (4, grid.shape[1])}
     return Memory(np.zeros(N_STATES), np.zeros(sizes.get(curve.kind, (2, STACK_DEPTH))))

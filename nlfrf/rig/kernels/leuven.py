@@ -1,5 +1,7 @@
 """Compiled time stepping of the Leuven family of friction laws, and of hysteresis.
 
+    dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),  F = Fh(z) + sigma1 dz/dt + sigma2 v        (see `nlfrf.rig.laws.laws`)
+
 Nothing compiled is called across files, because the cache of compiled code on disk looks only at the file of the
 function it holds: a kernel that calls into another file would go on running old code after an update. Nothing
 imports this module at its head, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays
@@ -25,14 +27,21 @@ from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DEEPEST, DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
-__all__ = ["advance_hysteretic", "commit", "follow", "growth", "hysteresis", "rates"]
+__all__ = [
+    "advance_hysteretic",
+    "commit_hysteresis",
+    "error_growth",
+    "follow_path",
+    "friction_rates",
+    "hysteresis_on_trial",
+]
 
 
-#: Branches: where the memory is asked at every stage, and the two that are followed without asking.
-LOOKED_UP, VIRGIN, LATER = range(3)
-#: What divides a step.
+#: Branches of the hysteresis: looked up in the memory at every stage; the virgin curve; a later branch.
+FROM_MEMORY, VIRGIN, LATER = range(3)
+#: Events that divide a step: v = 0, dz/dt = 0, z where a loop closes.
 VELOCITY, RATE_OF_Z, PLACE = range(3)
-Way = tuple[int, float, float]
+Branch = tuple[int, float, float]
 Array = np.ndarray
 compiled = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 inlined = njit(
@@ -41,8 +50,8 @@ inlined = njit(
 
 
 @inlined
-def virgin(curve: Curve, grid: Array, z: float) -> float:
-    """Virgin curve y(z), odd."""
+def virgin_curve(curve: Curve, grid: Array, z: float) -> float:
+    """Return the virgin curve y(z), odd."""
     if curve.kind <= kernel_data.LINEAR:
         return curve.K0 * z
     if curve.kind == kernel_data.TANH:
@@ -56,14 +65,14 @@ def virgin(curve: Curve, grid: Array, z: float) -> float:
     elif curve.kind == kernel_data.ELASTIC_PLASTIC:
         y = min(curve.K0 * a, curve.Fy)
     else:
-        i = segment(grid, a)
+        i = find_segment(grid, a)
         y = grid[1, i] + grid[2, i] * (a - grid[0, i])
     return y if z >= 0.0 else -y
 
 
 @compiled
-def slope(curve: Curve, grid: Array, z: float, y: float) -> float:
-    """Stiffness y'(z) of the virgin curve, where y = y(z)."""
+def virgin_stiffness(curve: Curve, grid: Array, z: float, y: float) -> float:
+    """Return the stiffness y'(z) of the virgin curve, where y = y(z)."""
     if curve.kind <= kernel_data.LINEAR:
         return curve.K0
     if curve.kind == kernel_data.TANH:
@@ -75,12 +84,12 @@ def slope(curve: Curve, grid: Array, z: float, y: float) -> float:
         return curve.K0 * max(1.0 - 0.5 * curve.K0 * a / curve.Fy, 0.0)
     if curve.kind == kernel_data.ELASTIC_PLASTIC:
         return curve.K0 if curve.K0 * a < curve.Fy else 0.0
-    return grid[2, segment(grid, a)]
+    return grid[2, find_segment(grid, a)]
 
 
 @compiled
-def segment(grid: Array, a: float) -> int:
-    """Index of the last point of the table at or before a."""
+def find_segment(grid: Array, a: float) -> int:
+    """Return the index of the last point of the table at or before a."""
     low, high = 0, grid.shape[1]
     while high - low > 1:
         middle = (low + high) // 2
@@ -92,8 +101,8 @@ def segment(grid: Array, a: float) -> int:
 
 
 @compiled
-def branch(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
-    """Depth of the memory after a monotone move from z0 to z; depth + 1 where z0 becomes a turning point.
+def depth_after_move(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
+    """Return the depth of the memory after a monotone move from z0 to z; depth + 1 where z0 becomes a turning point.
 
     Passing the turning point before last closes an inner loop and wipes two points out; the outermost branch
     meets the virgin curve again at the mirror image of its turning point.
@@ -112,15 +121,15 @@ def branch(z: float, z0: float, direction: float, depth: int, stack: Array) -> i
 
 
 @compiled
-def began(state: Array, stack: Array) -> float:
-    """The force the current branch began with."""
+def branch_start_force(state: Array, stack: Array) -> float:
+    """Return the force at which the current branch began."""
     depth = int(state[DEPTH])
     return stack[1, depth - 1] if depth > 0 else 0.0
 
 
 @compiled
-def hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> tuple[float, float]:
-    """Hysteresis force after a monotone move from the committed state to z, and the force its branch began with."""
+def hysteresis_on_trial(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> tuple[float, float]:
+    """Return the hysteresis force after a monotone move from the committed state to z, and that of its begin."""
     z0 = state[Z]
     if curve.kind == kernel_data.SPRING:
         return curve.K0 * z, 0.0
@@ -131,20 +140,20 @@ def hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: float) 
             total += min(max(stack[0, i] + grid[0, i] * (z - z0), -w), w)
         return total, 0.0
     if z == z0:
-        return state[F], began(state, stack)
+        return state[F], branch_start_force(state, stack)
     depth = int(state[DEPTH])
-    n = branch(z, z0, state[DIRECTION], depth, stack)
+    n = depth_after_move(z, z0, state[DIRECTION], depth, stack)
     if n == 0:
-        return virgin(curve, grid, z), 0.0
+        return virgin_curve(curve, grid, z), 0.0
     zm, fm = z0, state[F]
     if n <= depth:
         zm, fm = stack[0, n - 1], stack[1, n - 1]
-    return fm + 2.0 * virgin(curve, grid, 0.5 * (z - zm)), fm
+    return fm + 2.0 * virgin_curve(curve, grid, 0.5 * (z - zm)), fm
 
 
 @compiled
-def commit(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> float:
-    """Move the memory to z; returns the stiffness dFh/dz there."""
+def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> float:
+    """Move the memory to z; return the stiffness dFh/dz there."""
     z0 = state[Z]
     if curve.kind == kernel_data.SPRING:
         state[Z], state[F] = z, curve.K0 * z
@@ -162,8 +171,8 @@ def commit(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> f
         return stiffness
     depth = int(state[DEPTH])
     if z != z0:
-        force, _ = hysteresis(curve, grid, state, stack, z)
-        n = branch(z, z0, state[DIRECTION], depth, stack)
+        force, _ = hysteresis_on_trial(curve, grid, state, stack, z)
+        n = depth_after_move(z, z0, state[DIRECTION], depth, stack)
         if n == depth + 1:
             if depth == stack.shape[1]:  # full: the innermost loop is forgotten, and counted
                 depth -= 2
@@ -175,21 +184,21 @@ def commit(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> f
         state[DEPTH], state[DEEPEST] = depth, max(state[DEEPEST], depth)
         state[Z], state[F] = z, force
     if depth == 0:
-        return slope(curve, grid, z, state[F])
-    return slope(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
+        return virgin_stiffness(curve, grid, z, state[F])
+    return virgin_stiffness(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
 
 
 @compiled
-def follow(curve: Curve, grid: Array, state: Array, stack: Array, path: Array, out: Array) -> None:
-    """The hysteresis force along a path of z, monotone between its points."""
+def follow_path(curve: Curve, grid: Array, state: Array, stack: Array, path: Array, out: Array) -> None:
+    """Compute the hysteresis force along a path of z, monotone between its points, into `out`."""
     for j in range(path.size):
-        commit(curve, grid, state, stack, path[j])
+        commit_hysteresis(curve, grid, state, stack, path[j])
         out[j] = state[F]
 
 
 @inlined
-def sliding_force(law: Law, v: float) -> float:
-    """Stribeck curve |s(v)|."""
+def stribeck_force(law: Law, v: float) -> float:
+    """Return the Stribeck curve |s(v)|."""
     if law.Fs == law.Fc:
         return law.Fc
     q = abs(v) / law.vs
@@ -198,9 +207,9 @@ def sliding_force(law: Law, v: float) -> float:
 
 
 @inlined
-def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
-    """dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
-    g = sliding_force(law, v)
+def friction_rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
+    """Return dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
+    g = stribeck_force(law, v)
     if law.form == kernel_data.LEUVEN:
         r = abs(fh) / g
         if law.n != 1.0:
@@ -209,9 +218,9 @@ def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
     else:
         d = 1.0 if v >= 0.0 else -1.0
         if law.form == kernel_data.ORIGINAL:
-            # where the branch began beyond s(v) no way is left to go: it slides
-            way, room = d * (fh - fb), g - d * fb
-            r = 1.0 if room <= 0.0 or way >= room else way / room
+            # where the branch began beyond s(v) there is no force left to build up: it slides
+            rise, margin = d * (fh - fb), g - d * fb
+            r = 1.0 if margin <= 0.0 or rise >= margin else rise / margin
             dz = v * (1.0 - math.copysign(abs(r) ** law.n, r))
         else:
             r = 1.0 - d * fh / g
@@ -220,8 +229,8 @@ def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
 
 
 @compiled
-def growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> float:
-    """What a step makes of an error of z while sliding: dz/dt pulls z back with a rate that the step must resolve."""
+def error_growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> float:
+    """Return the factor of a step on an error of z while sliding, whose relaxation rate the step must resolve."""
     q = h * law.n * law.curve.K0 * abs(v) / law.Fc
     if q > 30.0:  # z would be thrown to where the curve is flat, and nothing pull it back
         return np.inf
@@ -232,14 +241,14 @@ def growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> float:
 
 
 @compiled
-def way_ahead(law: Law, state: Array, stack: Array, v: float, turned: bool) -> Way:
-    """The branch that is followed until z turns or a loop closes, and its turning point."""
+def next_branch(law: Law, state: Array, stack: Array, v: float, has_turned: bool) -> Branch:
+    """Return the branch that is followed until z turns or a loop closes, and its turning point."""
     if not (kernel_data.LINEAR <= law.curve.kind <= kernel_data.PARABOLA):
-        return LOOKED_UP, 0.0, began(state, stack)
-    if not turned and state[DIRECTION] != 0.0:
-        dz, _ = rates(law, v, state[F], began(state, stack))
-        turned = dz * state[DIRECTION] < 0.0
-    if turned:
+        return FROM_MEMORY, 0.0, branch_start_force(state, stack)
+    if not has_turned and state[DIRECTION] != 0.0:
+        dz, _ = friction_rates(law, v, state[F], branch_start_force(state, stack))
+        has_turned = dz * state[DIRECTION] < 0.0
+    if has_turned:
         return LATER, state[Z], state[F]
     depth = int(state[DEPTH])
     if depth == 0:
@@ -248,37 +257,39 @@ def way_ahead(law: Law, state: Array, stack: Array, v: float, turned: bool) -> W
 
 
 @inlined
-def ahead(curve: Curve, grid: Array, state: Array, stack: Array, way: Way, z: float) -> tuple[float, float]:
-    """Hysteresis force at z on the way ahead, and the force its branch began with."""
-    if way[0] == LATER:
-        return way[2] + 2.0 * virgin(curve, grid, 0.5 * (z - way[1])), way[2]
-    if way[0] == VIRGIN:
-        return virgin(curve, grid, z), 0.0
-    return hysteresis(curve, grid, state, stack, z)
+def branch_force(
+    curve: Curve, grid: Array, state: Array, stack: Array, branch: Branch, z: float
+) -> tuple[float, float]:
+    """Return the hysteresis force at z on a branch, and the force at which the branch began."""
+    if branch[0] == LATER:
+        return branch[2] + 2.0 * virgin_curve(curve, grid, 0.5 * (z - branch[1])), branch[2]
+    if branch[0] == VIRGIN:
+        return virgin_curve(curve, grid, z), 0.0
+    return hysteresis_on_trial(curve, grid, state, stack, z)
 
 
 @compiled
-def trial(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, way: Way, step: Step, a: float, b: float
+def trial_step(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, branch: Branch, step: Step, a: float, b: float
 ) -> tuple[float, float, float, float, float]:
-    """The part a..b of a Runge-Kutta step off the committed memory: x, v, z at its end, dz/dt at both ends."""
+    """Try the part a..b of a Runge-Kutta step from the committed memory: x, v, z at its end, dz/dt at both ends."""
     curve, z, h = law.curve, state[Z], (b - a) * step.h
     w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
-    u1, u2, u3 = at(step.u, a), at(step.u, 0.5 * (a + b)), at(step.u, b)
+    u1, u2, u3 = drive_at(step.u, a), drive_at(step.u, 0.5 * (a + b)), drive_at(step.u, b)
     x, v = step.x, step.v
-    z1, f1 = rates(law, v, state[F], way[2])
+    z1, f1 = friction_rates(law, v, state[F], branch[2])
     a1 = w * (u1 - k * x - c * v - f1)
     v2 = u2 if driven else v + 0.5 * h * a1
-    fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z1)
-    z2, f2 = rates(law, v2, fh, fb)
+    fh, fb = branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z1)
+    z2, f2 = friction_rates(law, v2, fh, fb)
     a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - f2)
     v3 = u2 if driven else v + 0.5 * h * a2
-    fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z2)
-    z3, f3 = rates(law, v3, fh, fb)
+    fh, fb = branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z2)
+    z3, f3 = friction_rates(law, v3, fh, fb)
     a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - f3)
     v4 = u3 if driven else v + h * a3
-    fh, fb = ahead(curve, grid, state, stack, way, z + h * z3)
-    z4, f4 = rates(law, v4, fh, fb)
+    fh, fb = branch_force(curve, grid, state, stack, branch, z + h * z3)
+    z4, f4 = friction_rates(law, v4, fh, fb)
     a4 = w * (u3 - k * (x + h * v3) - c * v4 - f4)
     x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
     v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
@@ -287,34 +298,34 @@ def trial(
 
 
 @compiled
-def at(u: tuple[float, float, float], s: float) -> float:
-    """Parabola through the begin, middle and end of a step."""
+def drive_at(u: tuple[float, float, float], s: float) -> float:
+    """Return the drive at s in 0..1 of a step: the parabola through its begin, middle and end."""
     return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
 
 
 @compiled
-def locate(
+def locate_event(
     body: Body,
     law: Law,
     grid: Array,
     state: Array,
     stack: Array,
-    way: Way,
+    branch: Branch,
     step: Step,
     a: float,
     b: float,
-    what: int,
+    event: int,
     z: float,
 ) -> float:
-    """Where between a and b of a step the velocity or dz/dt passes zero, or z is reached: false position."""
+    """Find where between a and b of a step the velocity or dz/dt passes zero, or z is reached: false position."""
     low, high, e0, e1, enough = a, b, 0.0, 0.0, 0.0
     for i in range(12):
         if i > 0:
             b = low + (high - low) * e0 / (e0 - e1)
-        _, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, a, b)
-        e = v1 if what == VELOCITY else (d1 if what == RATE_OF_Z else z1 - z)
+        _, v1, z1, d0, d1 = trial_step(body, law, grid, state, stack, branch, step, a, b)
+        e = v1 if event == VELOCITY else (d1 if event == RATE_OF_Z else z1 - z)
         if i == 0:
-            e0, e1 = (step.v if what == VELOCITY else (d0 if what == RATE_OF_Z else state[Z] - z)), e
+            e0, e1 = (step.v if event == VELOCITY else (d0 if event == RATE_OF_Z else state[Z] - z)), e
             enough = 1e-12 * max(abs(e0), abs(e1))
         elif abs(e) <= enough:
             break
@@ -326,11 +337,11 @@ def locate(
 
 
 @compiled
-def closing(state: Array, stack: Array, z: float) -> tuple[bool, float]:
+def find_loop_closure(state: Array, stack: Array, z: float) -> tuple[bool, float]:
     """Whether a monotone move to z closes a loop, and the z where the first one closes."""
     z0, depth = state[Z], int(state[DEPTH])
     turned = (z - z0) * state[DIRECTION] < 0.0
-    if branch(z, z0, state[DIRECTION], depth, stack) >= depth + turned:
+    if depth_after_move(z, z0, state[DIRECTION], depth, stack) >= depth + turned:
         return False, z
     if turned:
         return True, (stack[0, depth - 1] if depth > 0 else -z0)
@@ -338,31 +349,39 @@ def closing(state: Array, stack: Array, z: float) -> tuple[bool, float]:
 
 
 @compiled
-def divide(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, way: Way, step: Step, a: float, turned: bool
+def step_to_event(
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    branch: Branch,
+    step: Step,
+    a: float,
+    has_turned: bool,
 ) -> tuple[float, float, float, float, bool]:
-    """The part of a step from a on up to where z turns or a loop closes: its end, x, v, z there, and if z turned."""
+    """Step from a to where z turns or a loop closes, else to 1: its end, x, v, z there, and whether z turned."""
     b = 1.0
-    x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, a, b)
-    if not turned and d0 * d1 < 0.0:
+    x1, v1, z1, d0, d1 = trial_step(body, law, grid, state, stack, branch, step, a, b)
+    if not has_turned and d0 * d1 < 0.0:
         what = VELOCITY if step.v * v1 < 0.0 else RATE_OF_Z
-        b, turned = locate(body, law, grid, state, stack, way, step, a, b, what, 0.0), True
-        x1, v1, z1, _, _ = trial(body, law, grid, state, stack, way, step, a, b)
-    if way[0] != LOOKED_UP:
-        closes, z = closing(state, stack, z1)
+        b, has_turned = locate_event(body, law, grid, state, stack, branch, step, a, b, what, 0.0), True
+        x1, v1, z1, _, _ = trial_step(body, law, grid, state, stack, branch, step, a, b)
+    if branch[0] != FROM_MEMORY:
+        closes, z = find_loop_closure(state, stack, z1)
         # a loop that closes just where z turns needs no second division
-        if closes and not (turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
-            b, turned = locate(body, law, grid, state, stack, way, step, a, b, PLACE, z), False
-            x1, v1, _, _, _ = trial(body, law, grid, state, stack, way, step, a, b)
+        if closes and not (has_turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
+            b, has_turned = locate_event(body, law, grid, state, stack, branch, step, a, b, PLACE, z), False
+            x1, v1, _, _, _ = trial_step(body, law, grid, state, stack, branch, step, a, b)
             z1 = z
-    return b, x1, v1, z1, turned
+    return b, x1, v1, z1, has_turned
 
 
 @compiled
 def advance_hysteretic(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
-    """Leuven family over the steps of `drive` (begin, middle, end of each); False where it is not stable.
+    """Advance the Leuven family over the steps of `drive` (begin, middle, end of each); False where it is not stable.
 
     `drive` is the force on the mass, or the velocity of a driven body. `out` takes position, velocity, z and
     friction force at the begin of every step that is a multiple of `substeps`. Steps are divided at turning
@@ -376,27 +395,27 @@ def advance_hysteretic(
         if j % substeps == 0:
             i = j // substeps
             out[i, 0], out[i, 1], out[i, 2] = x, v, state[Z]
-            _, out[i, 3] = rates(law, v, state[F], began(state, stack))
+            _, out[i, 3] = friction_rates(law, v, state[F], branch_start_force(state, stack))
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
-        way = way_ahead(law, state, stack, v, False)
+        way = next_branch(law, state, stack, v, False)
         step = Step(x, v, u, h)
-        x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, 0.0, 1.0)
-        if d0 * d1 < 0.0 or (way[0] != LOOKED_UP and closing(state, stack, z1)[0]):
+        x1, v1, z1, d0, d1 = trial_step(body, law, grid, state, stack, way, step, 0.0, 1.0)
+        if d0 * d1 < 0.0 or (way[0] != FROM_MEMORY and find_loop_closure(state, stack, z1)[0]):
             a, turned, parts = 0.0, False, 0
             while a < 1.0 and parts < 6:
-                a, x1, v1, z1, turned = divide(body, law, grid, state, stack, way, step, a, turned)
+                a, x1, v1, z1, turned = step_to_event(body, law, grid, state, stack, way, step, a, turned)
                 parts += 1
                 if a < 1.0:
                     step = Step(x1, v1, u, h)
-                    commit(law.curve, grid, state, stack, z1)
-                    way = way_ahead(law, state, stack, v1, turned)
+                    commit_hysteresis(law.curve, grid, state, stack, z1)
+                    way = next_branch(law, state, stack, v1, turned)
             if a < 1.0:  # more happens in this step than it resolves: over the rest of it as it comes
-                x1, v1, z1, _, _ = trial(body, law, grid, state, stack, way, step, a, 1.0)
+                x1, v1, z1, _, _ = trial_step(body, law, grid, state, stack, way, step, a, 1.0)
         x, v = x1, v1
-        stiffness = commit(law.curve, grid, state, stack, z1)
-        state[ERROR] = max(state[ERROR], 1.0) * growth(law, v, state[F], stiffness, h)
-        if state[ERROR] > kernel_data.MOST_GROWTH:
+        stiffness = commit_hysteresis(law.curve, grid, state, stack, z1)
+        state[ERROR] = max(state[ERROR], 1.0) * error_growth(law, v, state[F], stiffness, h)
+        if state[ERROR] > kernel_data.MAX_ERROR_GROWTH:
             return False
     state[X], state[V] = x, v
     return abs(x) < 1e150 and abs(v) < 1e150

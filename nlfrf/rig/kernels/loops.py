@@ -12,9 +12,9 @@ from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from types import FunctionType
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
@@ -22,24 +22,24 @@ from nlfrf.rig.kernels.data import Body, Law, X
 from nlfrf.rig.kernels.leuven import advance_hysteretic
 from nlfrf.rig.kernels.slip import advance_coulomb, advance_gms, advance_sliders
 
-__all__ = ["CALLED", "digest", "loops_around", "own_loops", "run_loops", "stepper"]
+__all__ = ["CALLED_FILES", "compile_user_law", "digest_files", "run_loops", "user_law_loops", "wrap_loops_kernel"]
 
 
 # mypy: disable-error-code="untyped-decorator"
 
 
 Array = np.ndarray
-CALLED = tuple(Path(__file__).parent / f"{name}.py" for name in ("data", "leuven", "slip"))
+CALLED_FILES = tuple(Path(__file__).parent / f"{name}.py" for name in ("data", "leuven", "slip"))
 
 
-def digest(*files: Path) -> str:
-    """Of the files whose kernels are called from another."""
+def digest_files(*files: Path) -> str:
+    """Return the SHA-256 of files: those whose kernels another file calls."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
 @njit(nogil=True, error_model="numpy")
 def control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float) -> float:
-    """Output of the i-th controller for the error e; its state x goes on by one sample, by way of `new`."""
+    """Return the output of the i-th controller for the error e, and step its state x by one sample, by way of `new`."""
     u = D[i] * e
     for row in range(x.size):
         u += C[i, row] * x[row]
@@ -53,10 +53,10 @@ def control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: 
 
 
 @njit(nogil=True, error_model="numpy")  # compiled with its caller, and kept with it
-def advance(
+def advance_law(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
 ) -> bool:
-    """Some steps of the law at hand."""
+    """Advance n steps with the kernel of the law."""
     if law.form == kernel_data.SLIDERS:
         return bool(advance_sliders(body, law, grid, state, stack, drive, h, n, out))
     if law.form == kernel_data.GMS:
@@ -66,8 +66,8 @@ def advance(
     return bool(advance_hysteretic(body, law, grid, state, stack, drive, h, n, out))
 
 
-def stamped(stamp: str) -> Callable[..., None]:
-    """The kernel, with the digest among what the cache knows it by."""
+def build_loops_kernel(stamp: str) -> Callable[..., None]:
+    """Return the kernel, cached under the digest of the files it calls."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def loops(
@@ -122,7 +122,7 @@ def stamped(stamp: str) -> Callable[..., None]:
                     for j in range(n):
                         drive[j, 0] = drive[j, 1] = drive[j, 2] = force
                     h = span / (n * fs)
-                    if not advance(body, law, grid, state, stack, drive[:n], h, n, out):
+                    if not advance_law(body, law, grid, state, stack, drive[:n], h, n, out):
                         lengths[i] = k
                         break
                     if piece == 0 or part == 0.0:
@@ -134,49 +134,48 @@ def stamped(stamp: str) -> Callable[..., None]:
     return loops
 
 
-run_loops = stamped(digest(*CALLED))
+run_loops = build_loops_kernel(digest_files(*CALLED_FILES))
 
 
-def loops_around(steps: Callable[..., bool], compiled: bool) -> Callable[..., None]:
-    """The same loops around steps of the user's own, compiled with them where they are."""
+def wrap_loops_kernel(steps: Callable[..., bool], compiled: bool) -> Callable[..., None]:
+    """Return the kernel of the loops around user-defined steps, compiled where these are."""
     source = run_loops.py_func  # type: ignore[attr-defined]
-    around = {**source.__globals__, "advance": steps}
+    around = {**source.__globals__, "advance_law": steps}
     plain = FunctionType(source.__code__, around, source.__name__, None, source.__closure__)
     return njit(nogil=True, error_model="numpy")(plain) if compiled else plain
 
 
-# ---- Steps of a body with friction by functions of the user's own, compiled where they can be.
-
-
 @lru_cache(maxsize=64)
-def stepper(derivative: Callable[..., Any], force: Callable[..., float], size: int) -> tuple[Callable[..., bool], bool]:
-    """The code that steps them, and whether it was compiled."""
-    plain = stepping(as_array(derivative), force)
+def compile_user_law(
+    derivative: Callable[..., ArrayLike], force: Callable[..., float], size: int
+) -> tuple[Callable[..., bool], bool]:
+    """Return the code that steps a law of user functions, and whether numba compiled it."""
+    plain = build_user_stepper(return_array(derivative), force)
     try:
         quick = [njit(error_model="numpy")(getattr(function, "py_func", function)) for function in (derivative, force)]
-        compiled = njit(error_model="numpy")(stepping(*quick))
+        compiled = njit(error_model="numpy")(build_user_stepper(*quick))
         trial = Body(False, 1.0, 0.0, 0.0)
         compiled(trial, np.zeros(2), np.zeros(size), np.zeros((1, 3)), 1e-9, 1, np.zeros((1, 4)))
-    except Exception:  # numba refuses in many ways; whatever is wrong with the functions, the plain ones will say
+    except Exception:  # numba refuses in many ways; an error in the functions shows when they run uncompiled
         return plain, False
     return compiled, True
 
 
 @lru_cache(maxsize=64)
-def own_loops(derivative: Callable[..., Any], force: Callable[..., float], size: int) -> Callable[..., None]:
-    """Sampled loops around them: `run_loops`, with their state where others keep their turning points."""
-    kernel, compiled = stepper(derivative, force, size)
+def user_law_loops(derivative: Callable[..., ArrayLike], force: Callable[..., float], size: int) -> Callable[..., None]:
+    """Return `run_loops` for a law of user functions, its state in the place of turning points."""
+    kernel, compiled = compile_user_law(derivative, force, size)
 
     def advance(
         body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
     ) -> bool:
         return kernel(body, state[:2], stack[0, :size], drive, h, n, out)  # X and V come first
 
-    return loops_around(njit(error_model="numpy")(advance) if compiled else advance, compiled)
+    return wrap_loops_kernel(njit(error_model="numpy")(advance) if compiled else advance, compiled)
 
 
-def as_array(derivative: Callable[..., Any]) -> Callable[..., Array]:
-    """The derivative as an array, whatever sequence the function gives."""
+def return_array(derivative: Callable[..., ArrayLike]) -> Callable[..., Array]:
+    """Return the derivative wrapped to give an array, whatever sequence the function gives."""
 
     def wrapped(x: float, v: float, z: Array) -> Array:
         return np.asarray(derivative(x, v, z), dtype=float)
@@ -184,8 +183,8 @@ def as_array(derivative: Callable[..., Any]) -> Callable[..., Array]:
     return wrapped
 
 
-def stepping(derivative: Callable[..., Array], force: Callable[..., float]) -> Callable[..., bool]:
-    """Runge and Kutta of order four over position, velocity and state."""
+def build_user_stepper(derivative: Callable[..., Array], force: Callable[..., float]) -> Callable[..., bool]:
+    """Return a fourth-order Runge-Kutta stepper over position, velocity and state."""
 
     def advance(body: Body, place: Array, z: Array, drive: Array, h: float, substeps: int, out: Array) -> bool:
         x, v = place[0], place[1]

@@ -12,14 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from nlfrf.rig.kernels.compiled import njit
-from nlfrf.rig.kernels.coupled import N_ROWS, advance_axes, let_free
+from nlfrf.rig.kernels.coupled import N_ROWS, advance_axes, invert_free_mass
 from nlfrf.rig.kernels.data import X
-from nlfrf.rig.kernels.loops import CALLED, digest
+from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
 
 __all__ = ["GAINS", "SIGNALS", "step_servo"]
 
@@ -32,8 +31,8 @@ SIGNALS = ("position", "velocity", "velocity_set", "current_set", "current", "un
 POSITION, VELOCITY, VELOCITY_SET, CURRENT_SET, CURRENT, UNLIMITED = range(len(SIGNALS))
 
 
-def stamped(stamp: str) -> Callable[..., int]:
-    """The kernel, known to the cache by the digest."""
+def build_servo_kernel(stamp: str) -> Callable[..., int]:
+    """Return the kernel, cached under the digest of the files it calls."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def servo(
@@ -57,7 +56,7 @@ def stamped(stamp: str) -> Callable[..., int]:
         rows: Array,
         signals: Array,
     ) -> int:
-        """Samples till the end, or till the machine ran away.
+        """Return the number of samples until the end, or until the machine diverged.
 
         position, velocity, current, noise (n,); rows (n, 4, axes): position, velocity, z, friction; signals (n, 6);
         filters (S, 6), second-order sections.
@@ -66,7 +65,7 @@ def stamped(stamp: str) -> Callable[..., int]:
         if len(stamp) == 0:
             return 0
         work, sections = np.zeros((N_ROWS, axes)), np.zeros((filters.shape[0], 2))
-        let_free(machine, laws, states)
+        invert_free_mass(machine, laws, states)
         drive, out = np.zeros((steps + 1, 3, axes)), np.empty((1, 4, axes))
         whole = int(gains[DELAY])
         part = gains[DELAY] - whole
@@ -128,5 +127,5 @@ def stamped(stamp: str) -> Callable[..., int]:
     return servo
 
 
-FILES = (*CALLED, *(Path(__file__).parent / f"{name}.py" for name in ("coupled", "loops")))
-step_servo: Callable[..., Any] = stamped(digest(*FILES))
+HASHED_FILES = (*CALLED_FILES, *(Path(__file__).parent / f"{name}.py" for name in ("coupled", "loops")))
+step_servo: Callable[..., int] = build_servo_kernel(digest_files(*HASHED_FILES))

@@ -17,11 +17,11 @@ __all__ = [
     "advance_coulomb",
     "advance_gms",
     "advance_sliders",
+    "commit_elements",
     "commit_sliders",
     "elements_force",
-    "settle",
     "sliders_force",
-    "sliding_force",
+    "stribeck_force",
 ]
 
 
@@ -34,8 +34,8 @@ compiled = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 
 
 @compiled
-def sliding_force(law: Law, v: float) -> float:
-    """Stribeck curve |s(v)|."""
+def stribeck_force(law: Law, v: float) -> float:
+    """Return the Stribeck curve |s(v)|."""
     if law.Fs == law.Fc:
         return law.Fc
     q = abs(v) / law.vs
@@ -44,39 +44,39 @@ def sliding_force(law: Law, v: float) -> float:
 
 
 @compiled
-def at(u: tuple[float, float, float], s: float) -> float:
-    """Parabola through the begin, middle and end of a step."""
+def drive_at(u: tuple[float, float, float], s: float) -> float:
+    """Return the drive at s in 0..1 of a step: the parabola through its begin, middle and end."""
     return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
 
 
 @compiled
-def slide(body: Body, law: Law, d: float, step: Step, a: float, b: float) -> tuple[float, float]:
-    """Position and velocity after the part a..b of a step that slides in the direction d."""
+def sliding_step(body: Body, law: Law, d: float, step: Step, a: float, b: float) -> tuple[float, float]:
+    """Return position and velocity after the part a..b of a step that slides in the direction d."""
     h, w, k, c = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping + law.sigma2
-    u1, u2, u3 = at(step.u, a), at(step.u, 0.5 * (a + b)), at(step.u, b)
+    u1, u2, u3 = drive_at(step.u, a), drive_at(step.u, 0.5 * (a + b)), drive_at(step.u, b)
     x, v = step.x, step.v
-    a1 = w * (u1 - k * x - c * v - d * sliding_force(law, v))
+    a1 = w * (u1 - k * x - c * v - d * stribeck_force(law, v))
     v2 = v + 0.5 * h * a1
-    a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - d * sliding_force(law, v2))
+    a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - d * stribeck_force(law, v2))
     v3 = v + 0.5 * h * a2
-    a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - d * sliding_force(law, v3))
+    a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - d * stribeck_force(law, v3))
     v4 = v + h * a3
-    a4 = w * (u3 - k * (x + h * v3) - c * v4 - d * sliding_force(law, v4))
+    a4 = w * (u3 - k * (x + h * v3) - c * v4 - d * stribeck_force(law, v4))
     return x + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
 
 @compiled
-def breaks_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, float]:
-    """Where after a the force on a stuck mass passes the static friction, and in which direction; (1, 0) if not."""
+def locate_break_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, float]:
+    """Find where after a the force on a stuck mass passes the static friction, and its direction; (1, 0) if not."""
     spring = body.stiffness * step.x
-    end = at(step.u, 1.0) - spring
+    end = drive_at(step.u, 1.0) - spring
     if abs(end) <= law.Fs:
         return 1.0, 0.0
     d = 1.0 if end > 0.0 else -1.0
     low, high = a, 1.0
     for _ in range(50):
         middle = 0.5 * (low + high)
-        if d * (at(step.u, middle) - spring) > law.Fs:
+        if d * (drive_at(step.u, middle) - spring) > law.Fs:
             high = middle
         else:
             low = middle
@@ -84,12 +84,12 @@ def breaks_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, floa
 
 
 @compiled
-def stops(body: Body, law: Law, d: float, step: Step, a: float, v1: float) -> float:
-    """Where after a the velocity passes zero: false position."""
+def locate_stop(body: Body, law: Law, d: float, step: Step, a: float, v1: float) -> float:
+    """Find where after a the velocity passes zero: false position."""
     low, high, e0, e1 = a, 1.0, step.v, v1
     b = low + (high - low) * e0 / (e0 - e1)
     for _ in range(12):
-        _, e = slide(body, law, d, step, a, b)
+        _, e = sliding_step(body, law, d, step, a, b)
         if abs(e) <= 1e-12 * max(abs(step.v), abs(v1)):
             break
         if e * e0 > 0.0:
@@ -104,7 +104,7 @@ def stops(body: Body, law: Law, d: float, step: Step, a: float, v1: float) -> fl
 def advance_coulomb(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
-    """Coulomb friction with static friction: the mass sticks until the force passes Fs, and slides until it stops."""
+    """Advance Coulomb friction over the steps of `drive`: the mass sticks until the force passes Fs, then slides."""
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
         u = (drive[j, 0], drive[j, 1], drive[j, 2])
@@ -116,7 +116,7 @@ def advance_coulomb(
             out[i, 0], out[i, 1], out[i, 2] = x, v, 0.0
             d = state[DIRECTION]
             stuck = 0.0 if body.driven else u[0] - body.stiffness * x
-            out[i, 3] = stuck if d == 0.0 else d * sliding_force(law, v) + law.sigma2 * v
+            out[i, 3] = stuck if d == 0.0 else d * stribeck_force(law, v) + law.sigma2 * v
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
         if body.driven:
@@ -127,16 +127,16 @@ def advance_coulomb(
             d = state[DIRECTION]
             step = Step(x, v, u, h)
             if d == 0.0:
-                a, state[DIRECTION] = breaks_away(body, law, step, a)
+                a, state[DIRECTION] = locate_break_away(body, law, step, a)
             else:
-                x1, v1 = slide(body, law, d, step, a, 1.0)
+                x1, v1 = sliding_step(body, law, d, step, a, 1.0)
                 if d * v1 > 0.0:
                     x, v, a = x1, v1, 1.0
                 else:
-                    b = stops(body, law, d, step, a, v1) if v != 0.0 else a
-                    x, _ = slide(body, law, d, step, a, b)
+                    b = locate_stop(body, law, d, step, a, v1) if v != 0.0 else a
+                    x, _ = sliding_step(body, law, d, step, a, b)
                     v, a = 0.0, b
-                    force = at(u, b) - body.stiffness * x
+                    force = drive_at(u, b) - body.stiffness * x
                     state[DIRECTION] = 0.0 if abs(force) <= law.Fs else (1.0 if force > 0.0 else -1.0)
             if a >= 1.0:
                 break
@@ -150,12 +150,12 @@ def advance_coulomb(
 def elements_force(
     law: Law, grid: Array, stack: Array, d: float, move: float, v: float, keep: float, gain: float
 ) -> float:
-    """Force of the elements after a move: the stuck ones follow it up to their limit, the slipping ones relax.
+    """Return the force of the elements after a move: stuck ones follow it up to their limit, slipping ones relax.
 
     The limit counts in the direction d of the motion: what was left at the other limit is free to come back.
     A slipping element is keep times its force at the begin of the step plus gain times its share of the strength.
     """
-    g, total = sliding_force(law, v), law.sigma2 * v
+    g, total = stribeck_force(law, v), law.sigma2 * v
     for i in range(grid.shape[1]):
         if stack[1, i] == 0.0:
             w, force = grid[1, i] * g, stack[0, i] + grid[0, i] * move
@@ -170,30 +170,30 @@ def elements_force(
 
 
 @compiled
-def trial(
+def trial_step(
     body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, b: float
 ) -> tuple[float, float, float, float]:
-    """The part a..b of a Runge-Kutta step: x, v, and keep and gain of the slipping elements at its end.
+    """Try the part a..b of a Runge-Kutta step: x, v, and keep and gain of the slipping elements at its end.
 
     Slipping, dF/dt = d C (alpha - F / s(v)) is linear in F: keep' = -C/|s| keep and gain' = C (1 - gain/|s|)
     serve all elements at once.
     """
     h, w, k, c, n = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping, law.n
-    u1, u2, u3 = at(step.u, a), at(step.u, 0.5 * (a + b)), at(step.u, b)
+    u1, u2, u3 = drive_at(step.u, a), drive_at(step.u, 0.5 * (a + b)), drive_at(step.u, b)
     x, v, driven = step.x, step.v, body.driven
-    r = n / sliding_force(law, v)
+    r = n / stribeck_force(law, v)
     k1, g1 = -r, n
     a1 = w * (u1 - k * x - c * v - elements_force(law, grid, stack, d, 0.0, v, 1.0, 0.0))
     v2 = u2 if driven else v + 0.5 * h * a1
-    keep, gain, r = 1.0 + 0.5 * h * k1, 0.5 * h * g1, n / sliding_force(law, v2)
+    keep, gain, r = 1.0 + 0.5 * h * k1, 0.5 * h * g1, n / stribeck_force(law, v2)
     k2, g2 = -r * keep, n - r * gain
     a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - elements_force(law, grid, stack, d, 0.5 * h * v, v2, keep, gain))
     v3 = u2 if driven else v + 0.5 * h * a2
-    keep, gain, r = 1.0 + 0.5 * h * k2, 0.5 * h * g2, n / sliding_force(law, v3)
+    keep, gain, r = 1.0 + 0.5 * h * k2, 0.5 * h * g2, n / stribeck_force(law, v3)
     k3, g3 = -r * keep, n - r * gain
     a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - elements_force(law, grid, stack, d, 0.5 * h * v2, v3, keep, gain))
     v4 = u3 if driven else v + h * a3
-    keep, gain, r = 1.0 + h * k3, h * g3, n / sliding_force(law, v4)
+    keep, gain, r = 1.0 + h * k3, h * g3, n / stribeck_force(law, v4)
     k4, g4 = -r * keep, n - r * gain
     a4 = w * (u3 - k * (x + h * v3) - c * v4 - elements_force(law, grid, stack, d, h * v3, v4, keep, gain))
     x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
@@ -203,12 +203,14 @@ def trial(
 
 
 @compiled
-def turning(body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, v1: float) -> float:
-    """Where after a the velocity passes zero: false position."""
+def locate_reversal(
+    body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, v1: float
+) -> float:
+    """Find where after a the velocity passes zero: false position."""
     low, high, e0, e1 = a, 1.0, step.v, v1
     b = low + (high - low) * e0 / (e0 - e1)
     for _ in range(12):
-        _, e, _, _ = trial(body, law, grid, stack, d, step, a, b)
+        _, e, _, _ = trial_step(body, law, grid, stack, d, step, a, b)
         if abs(e) <= 1e-12 * max(abs(step.v), abs(v1)):
             break
         if e * e0 > 0.0:
@@ -220,14 +222,14 @@ def turning(body: Body, law: Law, grid: Array, stack: Array, d: float, step: Ste
 
 
 @compiled
-def settle(
+def commit_elements(
     law: Law, grid: Array, stack: Array, d: float, step: Step, x1: float, v1: float, keep: float, gain: float
 ) -> None:
     """Commit the elements at the end of a step: those that passed their limit have begun to slip.
 
     Where in the step one passed it counts: from there on it lags behind the Stribeck curve instead of following it.
     """
-    g0, g1 = sliding_force(law, step.v), sliding_force(law, v1)
+    g0, g1 = stribeck_force(law, step.v), stribeck_force(law, v1)
     for i in range(grid.shape[1]):
         share = grid[1, i]
         if stack[1, i] == 0.0:
@@ -237,7 +239,7 @@ def settle(
                 if begin < share * g0:
                     s = (share * g0 - begin) / (share * g0 - begin + end - share * g1)
                 # what it relaxes in the rest of this step is of second order
-                end = min(begin + s * (end - begin), share * sliding_force(law, step.v + s * (v1 - step.v)))
+                end = min(begin + s * (end - begin), share * stribeck_force(law, step.v + s * (v1 - step.v)))
                 stack[1, i] = d
             stack[0, i] = d * end
         else:
@@ -248,7 +250,7 @@ def settle(
 def advance_gms(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
-    """Generalised Maxwell-slip: grid holds stiffness and share of the strength, stack force and slip direction."""
+    """Advance generalised Maxwell slip; grid holds stiffness and share of strength, stack force and slip direction."""
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
         u = (drive[j, 0], drive[j, 1], drive[j, 2])
@@ -262,17 +264,17 @@ def advance_gms(
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
         step = Step(x, v, u, h)
-        x1, v1, keep, gain = trial(body, law, grid, stack, d, step, 0.0, 1.0)
+        x1, v1, keep, gain = trial_step(body, law, grid, stack, d, step, 0.0, 1.0)
         if v * v1 < 0.0:
-            b = turning(body, law, grid, stack, d, step, 0.0, v1)
-            x1, v1, keep, gain = trial(body, law, grid, stack, d, step, 0.0, b)
-            settle(law, grid, stack, d, step, x1, v1, keep, gain)
+            b = locate_reversal(body, law, grid, stack, d, step, 0.0, v1)
+            x1, v1, keep, gain = trial_step(body, law, grid, stack, d, step, 0.0, b)
+            commit_elements(law, grid, stack, d, step, x1, v1, keep, gain)
             stack[1, :] = 0.0
             d, step = -d, Step(x1, v1, u, h)
-            x1, v1, keep, gain = trial(body, law, grid, stack, d, step, b, 1.0)
+            x1, v1, keep, gain = trial_step(body, law, grid, stack, d, step, b, 1.0)
         elif d == 0.0:
             d = 1.0 if v1 > 0.0 else -1.0
-        settle(law, grid, stack, d, step, x1, v1, keep, gain)
+        commit_elements(law, grid, stack, d, step, x1, v1, keep, gain)
         x, v = x1, v1
     state[X], state[V] = x, v
     return abs(x) < 1e150 and abs(v) < 1e150
@@ -285,12 +287,12 @@ def advance_gms(
 
 
 #: Rows of the memory of the elements: force, direction of slip, time of rest, number drawn.
-FORCE, SLIP, REST, DRAWN = range(4)
+ELEMENT_FORCE, SLIP, REST, DRAWN = range(4)
 
 
 @compiled
-def held(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float) -> float:
-    """What the slider of an element holds, or slips at, in the direction d."""
+def slider_force(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float) -> float:
+    """Return the force that the slider of an element holds, or slips at, in the direction d."""
     m = 1.0
     if stack[SLIP, i] == d:
         q = v / law.vs
@@ -308,31 +310,31 @@ def held(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: flo
 
 
 @compiled
-def force_after(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float) -> float:
-    """Force of an element after a move."""
-    force = stack[FORCE, i] + grid[0, i] * move
+def element_force_on_trial(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float) -> float:
+    """Return the force of an element after a move, without committing it."""
+    force = stack[ELEMENT_FORCE, i] + grid[0, i] * move
     if abs(force) * law.n <= grid[1, i]:  # less than any slider slips at
         return force
     d = 1.0 if force > 0.0 else -1.0
-    most = held(law, grid, stack, i, d, x, v)
+    most = slider_force(law, grid, stack, i, d, x, v)
     return d * most if abs(force) > most else force
 
 
 @compiled
 def sliders_force(law: Law, grid: Array, stack: Array, move: float, x: float, v: float) -> float:
-    """Force of all elements after a move."""
+    """Return the force of all elements after a move, without committing it."""
     force = 0.0
     for i in range(grid.shape[1]):
-        force += force_after(law, grid, stack, i, move, x, v)
+        force += element_force_on_trial(law, grid, stack, i, move, x, v)
     return force
 
 
 @compiled
 def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v: float, h: float) -> None:
-    """The elements at the end of a step: which slip now, and how long the others have rested."""
+    """Commit the elements at the end of a step: which slip now, and how long the others have rested."""
     for i in range(grid.shape[1]):
-        stuck = stack[FORCE, i] + grid[0, i] * move
-        force = force_after(law, grid, stack, i, move, x, v)
+        stuck = stack[ELEMENT_FORCE, i] + grid[0, i] * move
+        force = element_force_on_trial(law, grid, stack, i, move, x, v)
         if force == stuck:
             if stack[SLIP, i] != 0.0:
                 drawn = stack[DRAWN, i] * 9301.0 + 0.49297 + 0.618 * grid[6, i] + 0.31 * i
@@ -343,16 +345,16 @@ def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v
         else:
             stack[SLIP, i] = 1.0 if stuck > 0.0 else -1.0
             # once it gives way it slips at what it slips at, which is no more than what it held
-            most = held(law, grid, stack, i, stack[SLIP, i], x, v)
+            most = slider_force(law, grid, stack, i, stack[SLIP, i], x, v)
             force = stack[SLIP, i] * min(abs(force), most)
-        stack[FORCE, i] = force
+        stack[ELEMENT_FORCE, i] = force
 
 
 @compiled
 def advance_sliders(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
-    """Elements with sliders that vary, over the steps of `drive`; arguments as in the other kernels."""
+    """Advance elements with varying sliders over the steps of `drive`; arguments as in the other kernels."""
     x, v, w, k, c = state[X], state[V], 1.0 / body.mass, body.stiffness, body.damping
     for j in range(drive.shape[0]):
         u1, u2, u3 = drive[j, 0], drive[j, 1], drive[j, 2]

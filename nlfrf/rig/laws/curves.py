@@ -5,18 +5,17 @@ A virgin curve y(z) is odd, and concave and increasing for z > 0.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_positive, require_real_array
-from nlfrf._base.values import freeze_array, value
+from nlfrf._base.values import ArrayField, freeze_array, value
 
 __all__ = ["Curve", "ElasticPlastic", "Exponential", "Linear", "MaxwellSlip", "Parabola", "Table", "Tanh"]
 
 
 @value(kw_only=False)
-class Yielding:
+class YieldingCurve:
     """A virgin curve of two numbers: its stiffness at the origin K0 [N/m] and its largest force Fy [N]."""
 
     K0: float
@@ -54,13 +53,13 @@ class Linear:
     def __post_init__(self) -> None:
         require_positive("K0", self.K0)
 
-    def __call__(self, z: Any) -> np.ndarray:
-        """Virgin curve y(z) [N]."""
+    def __call__(self, z: ArrayLike) -> np.ndarray:
+        """Return the virgin curve y(z) [N]."""
         return self.K0 * np.asarray(z, dtype=float)
 
 
 @value(kw_only=False)
-class Tanh(Yielding):
+class Tanh(YieldingCurve):
     """y = Fy tanh(K0 z / Fy): odd distortion that starts with the third power of the displacement.
 
     Parameters
@@ -88,13 +87,13 @@ class Tanh(Yielding):
     array([ 0.761594, -0.761594])
     """
 
-    def __call__(self, z: Any) -> np.ndarray:
-        """Virgin curve y(z) [N]."""
+    def __call__(self, z: ArrayLike) -> np.ndarray:
+        """Return the virgin curve y(z) [N]."""
         return self.Fy * np.tanh(self.K0 / self.Fy * np.asarray(z, dtype=float))
 
 
 @value(kw_only=False)
-class Exponential(Yielding):
+class Exponential(YieldingCurve):
     """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already lose energy.
 
     Parameters
@@ -120,14 +119,14 @@ class Exponential(Yielding):
     (64000.0, 1.0)
     """
 
-    def __call__(self, z: Any) -> np.ndarray:
-        """Virgin curve y(z) [N]."""
+    def __call__(self, z: ArrayLike) -> np.ndarray:
+        """Return the virgin curve y(z) [N]."""
         z = np.asarray(z, dtype=float)
         return -np.sign(z) * self.Fy * np.expm1(-self.K0 / self.Fy * np.abs(z))
 
 
 @value(kw_only=False)
-class Parabola(Yielding):
+class Parabola(YieldingCurve):
     """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of yielding elements.
 
     Parameters
@@ -153,15 +152,15 @@ class Parabola(Yielding):
     (64000.0, 1.0)
     """
 
-    def __call__(self, z: Any) -> np.ndarray:
-        """Virgin curve y(z) [N]."""
+    def __call__(self, z: ArrayLike) -> np.ndarray:
+        """Return the virgin curve y(z) [N]."""
         z = np.asarray(z, dtype=float)
         rest = np.maximum(1 - self.K0 / (2 * self.Fy) * np.abs(z), 0)
         return np.sign(z) * self.Fy * (1 - rest**2)
 
 
 @value(kw_only=False)
-class ElasticPlastic(Yielding):
+class ElasticPlastic(YieldingCurve):
     """y = K0 z up to Fy, flat beyond: a single yielding element (Jenkins).
 
     Parameters
@@ -187,8 +186,8 @@ class ElasticPlastic(Yielding):
     (64000.0, 1.0)
     """
 
-    def __call__(self, z: Any) -> np.ndarray:
-        """Virgin curve y(z) [N]."""
+    def __call__(self, z: ArrayLike) -> np.ndarray:
+        """Return the virgin curve y(z) [N]."""
         return np.clip(self.K0 * np.asarray(z, dtype=float), -self.Fy, self.Fy)
 
 
@@ -214,8 +213,8 @@ class Table:
     -0.15
     """
 
-    z: Any
-    F: Any
+    z: ArrayField
+    F: ArrayField
 
     def __post_init__(self) -> None:
         z, force = require_real_array("z", self.z, ndim=1), require_real_array("F", self.F, ndim=1)
@@ -253,8 +252,8 @@ class Table:
         """Largest force [N]."""
         return float(self.F[-1])
 
-    def __call__(self, z: Any) -> np.ndarray:
-        """Virgin curve y(z) [N]."""
+    def __call__(self, z: ArrayLike) -> np.ndarray:
+        """Return the virgin curve y(z) [N]."""
         z = np.asarray(z, dtype=float)
         return np.sign(z) * np.interp(np.abs(z), np.append(0.0, self.z), np.append(0.0, self.F))
 
@@ -288,8 +287,8 @@ class MaxwellSlip:
     [1.5, 2.0, 3.0, 1.5]
     """
 
-    stiffness: Any
-    strength: Any
+    stiffness: ArrayField
+    strength: ArrayField
 
     def __post_init__(self) -> None:
         stiffness = require_real_array("stiffness", self.stiffness, ndim=1)
@@ -321,8 +320,8 @@ class MaxwellSlip:
         """(E,) displacement at which each element first slips [m]."""
         return self.strength / self.stiffness
 
-    def __call__(self, z: Any) -> np.ndarray:
-        """Virgin curve y(z) [N]."""
+    def __call__(self, z: ArrayLike) -> np.ndarray:
+        """Return the virgin curve y(z) [N]."""
         z = np.asarray(z, dtype=float)[..., np.newaxis]
         return np.clip(self.stiffness * z, -self.strength, self.strength).sum(axis=-1)
 

@@ -12,19 +12,19 @@ are the same operator.
 from __future__ import annotations
 
 import warnings
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import DataWarning, require_integer, require_positive, require_real_array
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.curves import Curve, ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
 
-__all__ = ["NO_GRID", "fit_maxwell_slip", "hysteresis_force", "packed_curve", "warn_lost"]
+__all__ = ["NO_GRID", "fit_maxwell_slip", "hysteresis_force", "pack_curve", "warn_of_forgotten_loops"]
 
 
 NO_GRID = np.zeros((3, 1))
-KINDS: dict[type, int] = {
+CURVE_CODES: dict[type, int] = {
     Linear: kernel_data.SPRING,
     Tanh: kernel_data.TANH,
     Exponential: kernel_data.EXPONENTIAL,
@@ -35,8 +35,8 @@ KINDS: dict[type, int] = {
 }
 
 
-def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
-    """Force along a path of displacements that starts at rest at z = 0, with all its memory.
+def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
+    """Return the force along a path of displacements that starts at rest at z = 0, with all its memory.
 
     Parameters
     ----------
@@ -70,23 +70,23 @@ def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
     from nlfrf.rig.kernels import leuven as kernels
 
     path = np.array(require_real_array("z", z, ndim=1))
-    packed, grid = packed_curve(curve)
-    memory = kernel_data.at_rest(packed, grid)
+    packed, grid = pack_curve(curve)
+    memory = kernel_data.initial_memory(packed, grid)
     force = np.empty_like(path)
-    kernels.follow(packed, grid, memory.state, memory.stack, path, force)
-    warn_lost(memory.state[kernel_data.LOST])
+    kernels.follow_path(packed, grid, memory.state, memory.stack, path, force)
+    warn_of_forgotten_loops(memory.state[kernel_data.LOST])
     return force
 
 
-def warn_lost(lost: float) -> None:
+def warn_of_forgotten_loops(lost: float) -> None:
     """Warn where the memory of turning points was too short."""
     if lost:
-        said = f"the hysteresis memory of {kernel_data.STACK_DEPTH} turning points overflowed {lost:g} times"
-        warnings.warn(f"{said}; the innermost loops were forgotten", DataWarning, stacklevel=3)
+        text = f"the hysteresis memory of {kernel_data.STACK_DEPTH} turning points overflowed {lost:g} times"
+        warnings.warn(f"{text}; the innermost loops were forgotten", DataWarning, stacklevel=3)
 
 
 def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0) -> MaxwellSlip:
-    """Elements that stand for a curve: its chords between graded knots.
+    """Approximate a curve by Maxwell-slip elements: its chords between graded knots.
 
     Graded, because elements are exactly linear below the first knot: evenly spaced ones would show no
     hysteresis, and no distortion, in small motions. Half of the knots go where the curve bends, half are spread
@@ -124,7 +124,7 @@ def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0
     """
     n_elements = require_integer("n_elements", n_elements, least=1)
     decades = require_positive("decades", decades)
-    packed_curve(curve)
+    pack_curve(curve)
     if isinstance(curve, MaxwellSlip):
         return curve
     if isinstance(curve, Linear):
@@ -134,7 +134,7 @@ def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0
     if isinstance(curve, Table) and curve.z.size <= n_elements:
         knots = curve.z
     else:
-        knots = graded_knots(curve, n_elements, decades)
+        knots = choose_knots(curve, n_elements, decades)
     force = np.append(np.asarray(curve(knots[:-1])), curve.Fy)
     slope = np.append(np.diff(force, prepend=0.0) / np.diff(knots, prepend=0.0), 0.0)
     stiffness = -np.diff(slope)
@@ -142,8 +142,8 @@ def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0
     return MaxwellSlip(stiffness=stiffness[used], strength=(stiffness * knots)[used])
 
 
-def graded_knots(curve: Curve, n_knots: int, decades: float) -> np.ndarray:
-    """Knots up to the end of a curve: their density is the mean of sqrt|y''|, which evens out the error, and 1/z."""
+def choose_knots(curve: Curve, n_knots: int, decades: float) -> np.ndarray:
+    """Choose knots up to the end of a curve: their density is the mean of sqrt|y''|, for equal errors, and 1/z."""
     far = curve.Fy / curve.K0 * np.geomspace(1, 1e6, 2000)
     end = far[np.argmax(curve(far) >= (1 - 0.05 / n_knots**2) * curve.Fy)]
     z = end * np.logspace(-decades, 0, 2000)
@@ -153,14 +153,14 @@ def graded_knots(curve: Curve, n_knots: int, decades: float) -> np.ndarray:
     return np.interp(np.linspace(0, place[-1], n_knots), place, z)
 
 
-def packed_curve(curve: Curve) -> tuple[kernel_data.Curve, kernel_data.Grid]:
-    """The curve as the compiled code reads it."""
-    if type(curve) not in KINDS:
-        raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in KINDS)}, got {curve!r}")
+def pack_curve(curve: Curve) -> tuple[kernel_data.Curve, kernel_data.Grid]:
+    """Return the numbers of a curve and its grid for compiled code."""
+    if type(curve) not in CURVE_CODES:
+        raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in CURVE_CODES)}, got {curve!r}")
     grid = NO_GRID
     if isinstance(curve, Table):
         z, force = np.append(0.0, curve.z), np.append(0.0, curve.F)
         grid = np.stack([z, force, np.append(np.diff(force) / np.diff(z), 0.0)])
     if isinstance(curve, MaxwellSlip):
         grid = np.stack([curve.stiffness, curve.strength, np.zeros(curve.stiffness.size)])
-    return kernel_data.Curve(KINDS[type(curve)], float(curve.K0), float(curve.Fy)), grid
+    return kernel_data.Curve(CURVE_CODES[type(curve)], float(curve.K0), float(curve.Fy)), grid

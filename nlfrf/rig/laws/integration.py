@@ -1,4 +1,4 @@
-"""One run of a body through a force by the compiled code that fits its friction law."""
+"""Integrate a body with friction over a force, by the compiled code of its friction law."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nlfrf.rig.kernels import data as kernel_data
-from nlfrf.rig.laws.laws import OwnFriction, OwnLaw
+from nlfrf.rig.laws.laws import OwnFriction, UserLawData
 
 __all__ = ["integrate"]
 
@@ -21,13 +21,13 @@ def integrate(
     h: float,
     substeps: int,
 ) -> np.ndarray | None:
-    """The compiled integration.
+    """Integrate over `drive` (n, 3), steps of h [s], with the kernel of the law.
 
     Returns (n / substeps, 4): position, velocity, z and friction force at the begin of every `substeps`-th step;
     None where the step was too long to be stable.
     """
-    if isinstance(law, OwnLaw):
-        return integrate_own(body, law.of, memory, drive, h, substeps)
+    if isinstance(law, UserLawData):
+        return integrate_user_law(body, law.functions, memory, drive, h, substeps)
     kernel: Callable[..., bool]
     if law.form == kernel_data.COULOMB:
         from nlfrf.rig.kernels.slip import advance_coulomb as kernel
@@ -42,7 +42,7 @@ def integrate(
     return out if stable else None
 
 
-def integrate_own(
+def integrate_user_law(
     body: kernel_data.Body,
     law: OwnFriction,
     memory: kernel_data.Memory,
@@ -50,10 +50,10 @@ def integrate_own(
     h: float,
     substeps: int,
 ) -> np.ndarray | None:
-    """The same for functions of the user's own; their state lies where others keep their turning points."""
-    from nlfrf.rig.kernels.loops import stepper
+    """Integrate a law of user functions; its state takes the place of the turning points of other laws."""
+    from nlfrf.rig.kernels.loops import compile_user_law
 
-    kernel, _ = stepper(law.derivative, law.force, law.rest.size)
+    kernel, _ = compile_user_law(law.derivative, law.force, law.rest.size)
     state, z = memory.state, memory.stack[0, : law.rest.size]
     if not state[kernel_data.DEPTH]:  # it has never moved
         z[:] = law.rest

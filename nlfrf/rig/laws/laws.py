@@ -9,9 +9,9 @@ s(v) is the Stribeck curve,
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import (
     require_choice,
@@ -21,10 +21,10 @@ from nlfrf._base.arguments import (
     require_real,
     require_real_array,
 )
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.curves import Curve, Linear, MaxwellSlip, Tanh
-from nlfrf.rig.laws.hysteresis import NO_GRID, packed_curve
+from nlfrf.rig.laws.hysteresis import NO_GRID, pack_curve
 
 __all__ = [
     "Coulomb",
@@ -34,16 +34,13 @@ __all__ = [
     "Leuven",
     "LuGre",
     "OwnFriction",
-    "OwnLaw",
+    "UserLawData",
     "VaryingSliders",
-    "packed_law",
-    "packed_own",
-    "packed_sliders",
+    "pack_law",
+    "pack_sliders",
+    "pack_user_law",
     "stribeck",
 ]
-
-
-# ---- A friction law of the user's own: a state, its derivative, the force.
 
 
 @value
@@ -90,7 +87,7 @@ class OwnFriction:
     True
     """
 
-    derivative: Callable[[float, float, np.ndarray], Any]
+    derivative: Callable[[float, float, np.ndarray], ArrayLike]
     force: Callable[[float, float, np.ndarray], float]
     rest: np.ndarray
     stiffness: float
@@ -119,27 +116,24 @@ class OwnFriction:
 
     @property
     def compiled(self) -> bool:
-        """Whether numba could compile it."""
-        from nlfrf.rig.kernels.loops import stepper
+        """Whether numba compiled the functions."""
+        from nlfrf.rig.kernels.loops import compile_user_law
 
-        return stepper(self.derivative, self.force, self.rest.size)[1]
-
-
-class OwnLaw(kernel_data.Law):
-    """The numbers of a law that has functions beside them."""
-
-    of: OwnFriction
+        return compile_user_law(self.derivative, self.force, self.rest.size)[1]
 
 
-def packed_own(law: OwnFriction) -> tuple[OwnLaw, kernel_data.Grid]:
-    """The law as the integration reads it."""
+class UserLawData(kernel_data.Law):
+    """The numbers of a law whose state equation and force are user functions."""
+
+    functions: OwnFriction
+
+
+def pack_user_law(law: OwnFriction) -> tuple[UserLawData, kernel_data.Grid]:
+    """Return the numbers of a law of user functions for the integration."""
     spring = kernel_data.Curve(kernel_data.SPRING, float(law.stiffness), np.inf)
-    numbers = OwnLaw(kernel_data.OWN, np.inf, np.inf, 1.0, 2.0, float(law.damping), 0.0, 1.0, spring)
-    numbers.of = law
+    numbers = UserLawData(kernel_data.OWN, np.inf, np.inf, 1.0, 2.0, float(law.damping), 0.0, 1.0, spring)
+    numbers.functions = law
     return numbers, NO_GRID
-
-
-# ---- Maxwell slip whose sliders vary: with speed, time of rest, position and direction, and at random.
 
 
 @value
@@ -190,8 +184,8 @@ class VaryingSliders:
     1.0
     """
 
-    stiffness: Any
-    strength: Any
+    stiffness: ArrayField
+    strength: ArrayField
     stiction: float = 1.0
     vs: float = np.inf
     dwell: float = 0.0
@@ -215,8 +209,8 @@ class VaryingSliders:
         require_integer("seed", self.seed, least=0)
 
 
-def packed_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
-    """The law as compiled code reads it: stiffness, strength, phase, and four numbers that all elements share."""
+def pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
+    """Return the numbers and grid for compiled code: stiffness, strength, phase, four numbers that elements share."""
     total, strength = float(np.sum(law.stiffness)), float(np.sum(law.strength))
     n = law.stiffness.size
     grid = np.zeros((7, n))
@@ -273,9 +267,9 @@ class Coulomb:
 
     def __post_init__(self) -> None:
         require_positive("Fc", self.Fc)
-        if not given(self.Fs):
+        if not is_given(self.Fs):
             object.__setattr__(self, "Fs", self.Fc)
-        if not given(self.vs):
+        if not is_given(self.vs):
             if require_positive("Fs", self.Fs) > self.Fc:
                 raise ValueError(f"vs must be given where Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
             object.__setattr__(self, "vs", 1.0)
@@ -431,7 +425,7 @@ class Leuven:
         check_stribeck(self)
         require_positive("n", self.n)
         require_choice("form", self.form, ("modified", "original"))
-        packed, _ = packed_curve(self.curve)
+        packed, _ = pack_curve(self.curve)
         if packed.Fy < self.Fs * (1 - 1e-2):
             raise ValueError(
                 f"curve must reach the static friction Fs = {self.Fs:g} N, got one that ends at {packed.Fy:g} N"
@@ -481,8 +475,8 @@ class GeneralizedMaxwellSlip:
     1.0
     """
 
-    stiffness: Any
-    alpha: Any
+    stiffness: ArrayField
+    alpha: ArrayField
     C: float
     Fs: float
     Fc: float
@@ -500,15 +494,16 @@ class GeneralizedMaxwellSlip:
         check_stribeck(self)
 
 
-def given(number: Any) -> bool:
+def is_given(number: float) -> bool:
     """Whether a parameter was given: its default is nan."""
     return not (isinstance(number, float) and np.isnan(number))
 
 
-Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip | VaryingSliders | OwnFriction
+StribeckLaw = Coulomb | LuGre | Leuven | GeneralizedMaxwellSlip
+Friction = StribeckLaw | Dahl | VaryingSliders | OwnFriction
 
 
-def check_stribeck(law: Any) -> None:
+def check_stribeck(law: StribeckLaw) -> None:
     """Refuse numbers that make no Stribeck curve."""
     for name in ("Fc", "vs", "delta"):
         require_positive(name, getattr(law, name))
@@ -518,8 +513,8 @@ def check_stribeck(law: Any) -> None:
         raise ValueError(f"Fs must be at least Fc = {law.Fc:g} N, got {law.Fs:g} N")
 
 
-def stribeck(law: Any, v: Any) -> np.ndarray:
-    """Stribeck curve s(v) [N] of a law, without its viscous part; zero at v = 0.
+def stribeck(law: Friction, v: ArrayLike) -> np.ndarray:
+    """Return the Stribeck curve s(v) [N] of a law, without its viscous part; zero at v = 0.
 
     >>> stribeck(Leuven(), [-0.01, 0.0, 1.0]).round(4)
     array([-0.8104,  0.    ,  0.7   ])
@@ -527,43 +522,43 @@ def stribeck(law: Any, v: Any) -> np.ndarray:
     v = np.asarray(v, dtype=float)
     if isinstance(law, OwnFriction):
         raise ValueError("law must have a Stribeck curve, got OwnFriction: `drive` it at constant velocities")
-    packed, _ = packed_law(law)
+    packed, _ = pack_law(law)
     return np.sign(v) * (packed.Fc + (packed.Fs - packed.Fc) * np.exp(-(np.abs(v / packed.vs) ** packed.delta)))
 
 
-def packed_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
-    """The law as the compiled code reads it."""
+def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
+    """Return the numbers of a law, and the grid of its curve or elements, for compiled code."""
     if isinstance(law, Dahl):
         force = float(law.Fc)
-        spring, grid = packed_curve(Linear(K0=law.sigma0))
+        spring, grid = pack_curve(Linear(K0=law.sigma0))
         return kernel_data.Law(kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
     if isinstance(law, LuGre):
-        spring, grid = packed_curve(Linear(K0=law.sigma0))
-        return packed_stribeck(law, kernel_data.LEUVEN, 1.0, spring), grid
+        spring, grid = pack_curve(Linear(K0=law.sigma0))
+        return pack_stribeck_law(law, kernel_data.LEUVEN, 1.0, spring), grid
     if isinstance(law, Coulomb):
-        return packed_stribeck(
+        return pack_stribeck_law(
             law, kernel_data.COULOMB, 1.0, kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
         ), NO_GRID
     if isinstance(law, VaryingSliders):
-        return packed_sliders(law)
+        return pack_sliders(law)
     if isinstance(law, OwnFriction):
-        return packed_own(law)
+        return pack_user_law(law)
     if isinstance(law, GeneralizedMaxwellSlip):
         shares = MaxwellSlip(stiffness=law.stiffness, strength=law.alpha)
-        curve, grid = packed_curve(shares)
-        return packed_stribeck(law, kernel_data.GMS, law.C, curve), grid
+        curve, grid = pack_curve(shares)
+        return pack_stribeck_law(law, kernel_data.GMS, law.C, curve), grid
     if not isinstance(law, Leuven):
         raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
-    curve, grid = packed_curve(law.curve)
+    curve, grid = pack_curve(law.curve)
     if law.form == "modified":
-        return packed_stribeck(law, kernel_data.LEUVEN, law.n, curve), grid
+        return pack_stribeck_law(law, kernel_data.LEUVEN, law.n, curve), grid
     if curve.kind == kernel_data.SPRING:  # the original form needs the turning points of a spring too
         curve = curve._replace(kind=kernel_data.LINEAR)
-    return packed_stribeck(law, kernel_data.ORIGINAL, law.n, curve), grid
+    return pack_stribeck_law(law, kernel_data.ORIGINAL, law.n, curve), grid
 
 
-def packed_stribeck(law: Any, form: int, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
-    """A law with a Stribeck curve and its dampings."""
+def pack_stribeck_law(law: StribeckLaw, form: int, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
+    """Return the numbers of a law with a Stribeck curve."""
     return kernel_data.Law(
         form=form,
         Fs=float(law.Fs),

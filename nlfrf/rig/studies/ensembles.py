@@ -27,19 +27,19 @@ __all__ = [
     "Ensemble",
     "Ensembles",
     "bootstrap_sigma",
-    "ensemble",
+    "ensemble_spectra",
+    "find_resonance",
     "frf",
-    "near_resonance",
+    "is_near_resonance",
     "normalised_difference",
     "output_linear",
     "output_rms",
     "output_stochastic",
     "paper_multisine",
     "power_db",
-    "resonance",
-    "single_experiment",
+    "single_experiment_coverage",
     "systematic_over_detection",
-    "under_reading",
+    "underestimation_db",
 ]
 
 
@@ -49,9 +49,9 @@ LEVELS = {1: 0.25, 2: 0.025, 3: 2.5}
 GRIDS = ("odd", "odd-odd", "special-odd", "random-odd")
 F0, FS = 0.25, 4096.0
 #: First and last line of the band: 5, 7, ..., 573 for the odd grid, from 9 on for the two that leave lines out.
-BAND = {"odd": (5, 573), "odd-odd": (9, 573), "special-odd": (9, 573), "random-odd": (5, 573)}
+BAND_LINES = {"odd": (5, 573), "odd-odd": (9, 573), "special-odd": (9, 573), "random-odd": (5, 573)}
 #: Half width [Hz] of what is called "at the resonance".
-NEAR = 3.0
+RESONANCE_HALF_WIDTH = 3.0
 
 
 @value
@@ -82,16 +82,18 @@ class Ensemble:
 Ensembles = dict[tuple[int, str], Ensemble]
 
 
-def ensemble(record: Record) -> Ensemble:
-    """The spectra of a record, up to its last excited line."""
+def ensemble_spectra(record: Record) -> Ensemble:
+    """Return the spectra of a record, up to its last excited line."""
     last = record.lines.excited[-1] + 1
     U, Y = (np.fft.rfft(s.mean(axis=1), axis=1)[:, :last] * (2 / record.n_samples) for s in (record.u, record.y))
     return Ensemble(lines=record.lines, f0=record.f0, U=U, Y=Y)
 
 
-def paper_multisine(kind: str, level: int, *, n_realizations: int, rng: Any = None) -> Multisine:
-    """The paper's excitation: 4 s periods, lines up to 573 at 0.25 Hz, the same rms on every grid."""
-    first, last = BAND[kind]
+def paper_multisine(
+    kind: str, level: int, *, n_realizations: int, rng: np.random.Generator | int | None = None
+) -> Multisine:
+    """Return the paper's excitation: 4 s periods, lines up to 573 at 0.25 Hz, the same rms on every grid."""
+    first, last = BAND_LINES[kind]
     return multisine(
         kind,
         fs=FS,
@@ -105,24 +107,24 @@ def paper_multisine(kind: str, level: int, *, n_realizations: int, rng: Any = No
 
 
 def output_linear(e: Ensemble) -> np.ndarray:
-    """(F,) output that is linear in the input, equation (7): E[Y U*] / |U| on the excited lines."""
+    """Return the (F,) output that is linear in the input, equation (7): E[Y U*] / |U| on the excited lines."""
     u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
     return np.asarray(np.mean(y * u.conj(), axis=0) / np.sqrt(np.mean(np.abs(u) ** 2, axis=0)))
 
 
 def output_stochastic(e: Ensemble) -> np.ndarray:
-    """(F,) stochastic distortion on the excited lines, equation (8): std(Y U*) / |U|."""
+    """Return the (F,) stochastic distortion on the excited lines, equation (8): std(Y U*) / |U|."""
     u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
     return np.asarray(np.std(y * u.conj(), axis=0, ddof=1) / np.sqrt(np.mean(np.abs(u) ** 2, axis=0)))
 
 
 def output_rms(e: Ensemble, lines: np.ndarray) -> np.ndarray:
-    """(D,) output on detection lines, equation (9): its rms over the realisations."""
+    """Return the (D,) output on detection lines, equation (9): its rms over the realisations."""
     return np.sqrt(np.mean(np.abs(e.Y[:, lines]) ** 2, axis=0))
 
 
 def frf(e: Ensemble) -> tuple[np.ndarray, np.ndarray]:
-    """(F,) best linear approximation E[Y U*] / E|U|^2, and the variance of this mean."""
+    """Return the (F,) best linear approximation E[Y U*] / E|U|^2, and the variance of this mean."""
     u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
     power = np.mean(np.abs(u) ** 2, axis=0)
     G = np.mean(y * u.conj(), axis=0) / power
@@ -131,30 +133,30 @@ def frf(e: Ensemble) -> tuple[np.ndarray, np.ndarray]:
     return G, np.sum(np.abs(rest) ** 2, axis=0) / (m - 1) / m / power**2
 
 
-def resonance(e: Ensemble) -> float:
-    """Where |G| is largest [Hz]: the vertex of a parabola through the lines within 3 Hz of the largest one."""
+def find_resonance(e: Ensemble) -> float:
+    """Find where |G| is largest [Hz]: the vertex of a parabola through the lines within 3 Hz of the largest one."""
     G, _ = frf(e)
     f = e.lines.excited * e.f0
     peak = f[np.argmax(np.abs(G))]
-    near = np.abs(f - peak) <= NEAR
+    near = np.abs(f - peak) <= RESONANCE_HALF_WIDTH
     a, b, _ = np.polyfit(f[near] - peak, np.abs(G[near]) / np.abs(G).max(), 2)
-    return float(peak - np.clip(b / (2 * a), -NEAR, NEAR)) if a < 0 else float(peak)
+    return float(peak - np.clip(b / (2 * a), -RESONANCE_HALF_WIDTH, RESONANCE_HALF_WIDTH)) if a < 0 else float(peak)
 
 
-def near_resonance(e: Ensemble, lines: np.ndarray) -> np.ndarray:
-    """Which lines lie within 3 Hz of the resonance."""
-    return np.abs(lines * e.f0 - resonance(e)) <= NEAR
+def is_near_resonance(e: Ensemble, lines: np.ndarray) -> np.ndarray:
+    """Return a mask of the lines within 3 Hz of the resonance."""
+    return np.abs(lines * e.f0 - find_resonance(e)) <= RESONANCE_HALF_WIDTH
 
 
-def under_reading(e: Ensemble) -> float:
-    """Stochastic distortion on the excited lines over the rms of the odd detection lines, at the resonance [dB]."""
-    excited = output_stochastic(e)[near_resonance(e, e.lines.excited)]
-    odd = output_rms(e, e.lines.odd)[near_resonance(e, e.lines.odd)]
+def underestimation_db(e: Ensemble) -> float:
+    """Return the stochastic distortion on excited lines over the rms of odd detection lines, at the resonance [dB]."""
+    excited = output_stochastic(e)[is_near_resonance(e, e.lines.excited)]
+    odd = output_rms(e, e.lines.odd)[is_near_resonance(e, e.lines.odd)]
     return float(power_db(np.mean(excited**2) / np.mean(odd**2)))
 
 
 def bootstrap_sigma(e: Ensemble, quantity: Callable[[Ensemble], float], *, n_draws: int = 200) -> float:
-    """Standard deviation of a quantity of the ensemble, over draws of its realisations with replacement."""
+    """Return the standard deviation of a quantity of the ensemble, over draws of realisations with replacement."""
     rng = np.random.default_rng(0)
     drawn = []
     for _ in range(n_draws):
@@ -164,7 +166,7 @@ def bootstrap_sigma(e: Ensemble, quantity: Callable[[Ensemble], float], *, n_dra
 
 
 def normalised_difference(a: Ensemble, b: Ensemble) -> float:
-    """Mean over common lines of |G_a - G_b|^2 over its variance: one where the two are the same BLA."""
+    """Return the mean over common lines of |G_a - G_b|^2 over its variance: one where the two are the same BLA."""
     common, i, j = np.intersect1d(a.lines.excited, b.lines.excited, assume_unique=True, return_indices=True)
     (Ga, va), (Gb, vb) = frf(a), frf(b)
     if common.size == 0:
@@ -175,7 +177,7 @@ def normalised_difference(a: Ensemble, b: Ensemble) -> float:
 
 
 def systematic_over_detection(e: Ensemble, rig: Rig) -> np.ndarray:
-    """(F,) systematic distortion |G_R - G_0| |U| over the odd detection level [dB]; G_0 is the rig before it slips."""
+    """Return (F,) systematic distortion |G_R - G_0| |U| over the odd detection level [dB]; G_0: before it slips."""
     G, _ = frf(e)
     f = e.lines.excited * e.f0
     s = 2j * np.pi * f
@@ -187,8 +189,8 @@ def systematic_over_detection(e: Ensemble, rig: Rig) -> np.ndarray:
     return np.asarray(2 * power_db(np.abs(G - G0) * np.sqrt(np.mean(np.abs(u) ** 2, axis=0)) / np.exp(odd)))
 
 
-def single_experiment(e: Ensemble, *, factor: float, n_detection: int = 6) -> tuple[float, float]:
-    """How one experiment alone does: its level over the true one [dB, median], and how often its 95 % disc holds G.
+def single_experiment_coverage(e: Ensemble, *, factor: float, n_detection: int = 6) -> tuple[float, float]:
+    """Return the level of one experiment over the true one [dB, median], and how often its 95 % disc holds G.
 
     The level is the rms over the nearest odd detection lines, its square times `factor`.
     """
@@ -201,6 +203,6 @@ def single_experiment(e: Ensemble, *, factor: float, n_detection: int = 6) -> tu
     return float(np.median(2 * power_db(level / output_stochastic(e)))), float(np.mean(inside))
 
 
-def power_db(ratio: Any) -> Any:
-    """Power ratio in dB."""
+def power_db(ratio: np.ndarray | float) -> np.ndarray:
+    """Return a power ratio in dB."""
     return 10 * np.log10(ratio)

@@ -26,13 +26,13 @@ from nlfrf.rig.studies.level_study import LevelStudy
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["pictures"]
+__all__ = ["draw_figures"]
 
 
 BLUE, ORANGE, GREEN, RED, GREY = "tab:blue", "tab:orange", "tab:green", "tab:red", "0.6"
 
 
-def pictures(
+def draw_figures(
     ensembles: Ensembles, signals: dict[str, Ensemble], study: LevelStudy, rig: Rig
 ) -> list[tuple[str, Figure]]:
     """Every figure with its name."""
@@ -47,7 +47,7 @@ def pictures(
 
 
 def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, Any]:
-    """A figure that belongs to no window, and its axes as an array."""
+    """Create a figure that belongs to no window, and its axes as an array."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -55,7 +55,7 @@ def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **o
 
 
 def figure_levels(ensembles: Ensembles) -> Figure:
-    """Figure 3: the BLA at the three levels, amplitude and phase."""
+    """Draw figure 3: the BLA at the three levels, amplitude and phase."""
     figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
     for level, colour in zip(LEVELS, (BLUE, GREEN, RED), strict=True):
         e = ensembles[level, "odd"]
@@ -67,11 +67,11 @@ def figure_levels(ensembles: Ensembles) -> Figure:
         bottom.plot(f, np.degrees(np.unwrap(np.angle(G))), color=colour)
     top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 3. BLA on the odd grid (dotted: its standard deviation)")
     bottom.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
-    return with_grids(figure, (top, bottom))
+    return add_grids(figure, (top, bottom))
 
 
 def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
-    """Figures 4 to 6: the output on excited and detection lines at the three levels."""
+    """Draw figures 4 to 6: the output on excited and detection lines at the three levels."""
     figure, axes = new_figure(8, 11, 3, sharex=True)
     number = {"odd": "Figure 4. ", "odd-odd": "Figure 5. ", "special-odd": "Figure 6. "}.get(kind, "")
     for level, ax in zip(LEVELS, axes, strict=True):
@@ -104,11 +104,11 @@ def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
         ax.set(ylabel="output [dB re 1 m]", title=f"level {level}, {LEVELS[level]:g} N rms")
     axes[0].set_title(f"{number}{kind.capitalize()} grid: level 1, {LEVELS[1]:g} N rms")
     axes[-1].set_xlabel("frequency [Hz]")
-    return with_grids(figure, axes)
+    return add_grids(figure, axes)
 
 
 def figure_comparison(ensembles: Ensembles) -> Figure:
-    """Figure 7: the BLAs of the three grids at level 1, and their differences beside the standard deviation."""
+    """Draw figure 7: the BLAs of the three grids at level 1, their differences and the standard deviation."""
     figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
     G_odd, variance = frf(ensembles[1, "odd"])
     lines = ensembles[1, "odd"].lines.excited
@@ -123,11 +123,11 @@ def figure_comparison(ensembles: Ensembles) -> Figure:
             bottom.plot(f[j], power_db(variance[i] + other[j]), color=colour, lw=0.8, label="standard deviation of it")
     top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 7. Three grids, one BLA (level 1)")
     bottom.set(xlabel="frequency [Hz]", ylabel="difference [dB re 1 m/N]")
-    return with_grids(figure, (top, bottom))
+    return add_grids(figure, (top, bottom))
 
 
 def figure_excitations(signals: dict[str, Ensemble]) -> Figure:
-    """Side remarks: the BLAs of signals with the same power spectrum and other distributions."""
+    """Draw the BLAs of signals with the same power spectrum and other distributions."""
     figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
     G_first, variance = frf(signals[SIGNALS[0]])
     for signal, colour in zip(SIGNALS, ("black", GREY, BLUE, ORANGE, RED), strict=True):
@@ -140,11 +140,11 @@ def figure_excitations(signals: dict[str, Ensemble]) -> Figure:
             bottom.plot(f, ratio, ".", color=colour, label=f"{signal}: mean {np.mean(ratio):.1f}")
     top.set(ylabel="|G| [dB re 1 m/N]", title="Same power spectrum, other distributions (held for 1/64 s)")
     bottom.set(xlabel="frequency [Hz]", ylabel="squared difference over its variance", yscale="log")
-    return with_grids(figure, (top, bottom))
+    return add_grids(figure, (top, bottom))
 
 
 def figure_study(study: LevelStudy) -> Figure:
-    """The level study: the family, and how fast its distortion grows."""
+    """Draw the level study: the family, and how fast its distortion grows."""
     figure, axes = new_figure(8, 10, 3, sharex=True)
     plot_level_study(study, axes=axes)
     return figure
@@ -171,8 +171,8 @@ def plot_level_study(study: LevelStudy, *, axes: Any = None) -> Any:
     return axes
 
 
-def with_grids(figure: Figure, axes: Any) -> Figure:
-    """The figure with grids and legends."""
+def add_grids(figure: Figure, axes: Any) -> Figure:
+    """Add grids and legends to a figure."""
     for ax in axes:
         finish_axes(ax)
     return figure

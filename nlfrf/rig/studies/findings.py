@@ -12,7 +12,7 @@ import numpy as np
 from nlfrf._base.arguments import format_paragraph
 from nlfrf._base.values import value
 from nlfrf.records.record import Record
-from nlfrf.rig.bench.rig import Rig, advance, at_rest, step_refusal
+from nlfrf.rig.bench.rig import Rig, initial_memory, integrate_rig, unstable_step_error
 from nlfrf.rig.bench.simulate import Arrays, Experiment, run_all, run_experiment
 from nlfrf.rig.studies.ensembles import (
     F0,
@@ -21,26 +21,26 @@ from nlfrf.rig.studies.ensembles import (
     Ensemble,
     Ensembles,
     bootstrap_sigma,
-    ensemble,
-    near_resonance,
+    ensemble_spectra,
+    find_resonance,
+    is_near_resonance,
     normalised_difference,
     output_rms,
     output_stochastic,
     paper_multisine,
     power_db,
-    resonance,
-    single_experiment,
+    single_experiment_coverage,
     systematic_over_detection,
-    under_reading,
+    underestimation_db,
 )
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["SIGNALS", "Finding", "findings", "side_remarks"]
+__all__ = ["SIGNALS", "Finding", "judge_findings", "judge_side_remarks"]
 
 
 @value
 class Finding:
-    """One claim of the paper beside what came out here.
+    """One claim of the paper, with the numbers of this simulation.
 
     Fields
     ------
@@ -81,24 +81,26 @@ class Finding:
         return "\n".join([f"{self.name} {'holds' if self.holds else 'DOES NOT HOLD'}", *rows])
 
 
-def findings(ensembles: Ensembles, rig: Rig) -> list[Finding]:
-    """The paper's conclusions F1 to F6, each judged on the ensembles of (level, grid)."""
+def judge_findings(ensembles: Ensembles, rig: Rig) -> list[Finding]:
+    """Judge the paper's conclusions F1 to F6 on the ensembles of (level, grid)."""
     return [
-        resonances_found(ensembles),
-        even_lines_found(ensembles),
-        equal_blas_found(ensembles),
-        odd_odd_found(ensembles),
-        special_odd_found(ensembles),
-        systematic_found(ensembles, rig),
-        single_experiment_found(ensembles),
-        random_odd_found(ensembles),
+        judge_resonances(ensembles),
+        judge_even_lines(ensembles),
+        judge_equal_blas(ensembles),
+        judge_odd_odd(ensembles),
+        judge_special_odd(ensembles),
+        judge_systematic(ensembles, rig),
+        judge_single_experiment(ensembles),
+        judge_random_odd(ensembles),
     ]
 
 
-def resonances_found(ensembles: Ensembles) -> Finding:
-    """F1."""
+def judge_resonances(ensembles: Ensembles) -> Finding:
+    """Judge F1: resonances at about 59 Hz in presliding and 45 Hz in sliding."""
     ours = {
-        f"level {level}, {kind} [Hz]": resonance(ensembles[level, kind]) for level in (1, 2, 3) for kind in GRIDS[:3]
+        f"level {level}, {kind} [Hz]": find_resonance(ensembles[level, kind])
+        for level in (1, 2, 3)
+        for kind in GRIDS[:3]
     }
     expected = {1: 59.0, 2: 59.0, 3: 45.0}
     return Finding(
@@ -114,8 +116,8 @@ def resonances_found(ensembles: Ensembles) -> Finding:
     )
 
 
-def even_lines_found(ensembles: Ensembles) -> Finding:
-    """F2."""
+def judge_even_lines(ensembles: Ensembles) -> Finding:
+    """Judge F2: the even detection lines."""
     ours = {}
     for level in (1, 2, 3):
         for kind in GRIDS[:3]:
@@ -134,8 +136,8 @@ def even_lines_found(ensembles: Ensembles) -> Finding:
     )
 
 
-def equal_blas_found(ensembles: Ensembles) -> Finding:
-    """F3."""
+def judge_equal_blas(ensembles: Ensembles) -> Finding:
+    """Judge F3: the same BLA on every grid."""
     ours = {
         f"level {level}, {a} and {b}": normalised_difference(ensembles[level, a], ensembles[level, b])
         for level in (1, 2, 3)
@@ -151,9 +153,9 @@ def equal_blas_found(ensembles: Ensembles) -> Finding:
     )
 
 
-def odd_odd_found(ensembles: Ensembles) -> Finding:
-    """F4."""
-    ours = {f"level {level} [dB]": under_reading(ensembles[level, "odd-odd"]) for level in (1, 2, 3)}
+def judge_odd_odd(ensembles: Ensembles) -> Finding:
+    """Judge F4: odd-odd grids underestimate the distortion."""
+    ours = {f"level {level} [dB]": underestimation_db(ensembles[level, "odd-odd"]) for level in (1, 2, 3)}
     return Finding(
         name="F4",
         claim="Detection lines of the odd-odd grid read less than the stochastic distortion at the resonance.",
@@ -166,11 +168,11 @@ def odd_odd_found(ensembles: Ensembles) -> Finding:
     )
 
 
-def special_odd_found(ensembles: Ensembles) -> Finding:
-    """F5, the stochastic part."""
+def judge_special_odd(ensembles: Ensembles) -> Finding:
+    """Judge F5, the stochastic part, on special-odd grids."""
     e = ensembles[1, "special-odd"]
-    sigma = bootstrap_sigma(e, under_reading)
-    ours = {f"level {level} [dB]": under_reading(ensembles[level, "special-odd"]) for level in (1, 2, 3)}
+    sigma = bootstrap_sigma(e, underestimation_db)
+    ours = {f"level {level} [dB]": underestimation_db(ensembles[level, "special-odd"]) for level in (1, 2, 3)}
     return Finding(
         name="F5a",
         claim="Detection lines of the special-odd grid read the stochastic distortion.",
@@ -183,14 +185,14 @@ def special_odd_found(ensembles: Ensembles) -> Finding:
     )
 
 
-def systematic_found(ensembles: Ensembles, rig: Rig) -> Finding:
-    """F5, the systematic part."""
+def judge_systematic(ensembles: Ensembles, rig: Rig) -> Finding:
+    """Judge F5, the systematic part."""
     ours = {}
     for level in (1, 2):
         e = ensembles[level, "special-odd"]
         over = systematic_over_detection(e, rig)
         ours[f"level {level}, median of the band [dB]"] = float(np.median(over))
-        at = near_resonance(e, e.lines.excited)
+        at = is_near_resonance(e, e.lines.excited)
         ours[f"level {level}, median at the resonance [dB]"] = float(np.median(over[at]))
     medians = [ours[f"level {level}, median of the band [dB]"] for level in (1, 2)]
     return Finding(
@@ -205,12 +207,12 @@ def systematic_found(ensembles: Ensembles, rig: Rig) -> Finding:
     )
 
 
-def single_experiment_found(ensembles: Ensembles) -> Finding:
-    """F6."""
+def judge_single_experiment(ensembles: Ensembles) -> Finding:
+    """Judge F6: one experiment alone."""
     e = ensembles[1, "special-odd"]
     ours = {}
     for factor, name in ((1.0, "as read"), (3.0, "times 3")):
-        level, inside = single_experiment(e, factor=factor)
+        level, inside = single_experiment_coverage(e, factor=factor)
         ours[f"level over the true one, {name} [dB]"] = level
         ours[f"95 % disc holds the BLA, {name} [%]"] = 100 * inside
     return Finding(
@@ -226,11 +228,11 @@ def single_experiment_found(ensembles: Ensembles) -> Finding:
     )
 
 
-def random_odd_found(ensembles: Ensembles) -> Finding:
-    """What the paper recommends looking at."""
+def judge_random_odd(ensembles: Ensembles) -> Finding:
+    """Judge the random-odd grid, which the paper recommends for further study."""
     e = ensembles[1, "random-odd"]
-    sigma = bootstrap_sigma(e, under_reading)
-    ours = {f"level {level} [dB]": under_reading(ensembles[level, "random-odd"]) for level in (1, 2, 3)}
+    sigma = bootstrap_sigma(e, underestimation_db)
+    ours = {f"level {level} [dB]": underestimation_db(ensembles[level, "random-odd"]) for level in (1, 2, 3)}
     return Finding(
         name="R1",
         claim="A grid that leaves out odd lines at random should read the stochastic distortion without bias.",
@@ -248,15 +250,15 @@ def random_odd_found(ensembles: Ensembles) -> Finding:
 # The power spectrum is the same for all: independent values, each held for 1/64 s, so long that the rig feels
 # their distribution and not the sum of many of them.
 
-CLOCK = 64.0
-RMS = 0.5
+HELD_CLOCK = 64.0
+HELD_RMS = 0.5
 #: Lines on which the held signals are compared: below the clock's Nyquist frequency.
-COMPARED = np.arange(4, round(0.45 * CLOCK / F0))
+COMPARED_LINES = np.arange(4, round(0.45 * HELD_CLOCK / F0))
 SIGNALS = ("multisine", "another multisine", "Gaussian", "uniform", "binary")
 
 
 @value
-class Held:
+class HeldSignal:
     """One period of held values on a rig."""
 
     rig: Rig
@@ -264,46 +266,48 @@ class Held:
     n_discard: int
 
 
-def held_values(signal: str, n_realizations: int, rng: np.random.Generator) -> np.ndarray:
-    """(M, n) values of one period, white, of rms 0.5 N."""
-    n = round(CLOCK / F0)
+def draw_held_values(signal: str, n_realizations: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw (M, n) values of one period, white, of rms 0.5 N."""
+    n = round(HELD_CLOCK / F0)
     shape = (n_realizations, n)
     if signal == "Gaussian":
-        return RMS * rng.standard_normal(shape)
+        return HELD_RMS * rng.standard_normal(shape)
     if signal == "uniform":
-        return RMS * rng.uniform(-np.sqrt(3), np.sqrt(3), shape)
+        return HELD_RMS * rng.uniform(-np.sqrt(3), np.sqrt(3), shape)
     if signal == "binary":
-        return RMS * rng.choice([-1.0, 1.0], shape)
+        return HELD_RMS * rng.choice([-1.0, 1.0], shape)
     spectrum = np.zeros((n_realizations, n // 2 + 1), dtype=complex)
     spectrum[:, 1 : n // 2] = np.exp(2j * np.pi * rng.uniform(size=(n_realizations, n // 2 - 1)))
     force = np.fft.irfft(spectrum, n)
-    return RMS * force / force.std(axis=1, keepdims=True)
+    return HELD_RMS * force / force.std(axis=1, keepdims=True)
 
 
-def run_held(held: Held) -> Arrays:
+def simulate_held(held: HeldSignal) -> Arrays:
     """Integrate one period of held values to steady state, with 4096 steps a second; runs in a worker."""
     n = round(FS / F0)
     force = np.repeat(held.force, n // held.force.size)
     drive = np.repeat(force[:, np.newaxis], 3, axis=1)
-    memory, out = at_rest(held.rig), None
+    memory, out = initial_memory(held.rig), None
     for _ in range(held.n_discard + 1):
-        out = advance(held.rig, memory, drive, 1 / FS, 1)
+        out = integrate_rig(held.rig, memory, drive, 1 / FS, 1)
         if out is None:
-            raise step_refusal(FS, 1, lambda finer: False)
+            raise unstable_step_error(FS, 1, lambda finer: False)
     assert out is not None
     return {"u": force, "y": out[:, 0]}
 
 
-def held_ensemble(rig: Rig, signal: str, n_realizations: int, rng: np.random.Generator, **options: Any) -> Ensemble:
-    """The ensemble of one held signal."""
-    values = held_values(signal, n_realizations, rng)
-    results = run_all(run_held, [Held(rig=rig, force=row, n_discard=2) for row in values], **options)
+def simulate_held_ensemble(
+    rig: Rig, signal: str, n_realizations: int, rng: np.random.Generator, **options: Any
+) -> Ensemble:
+    """Simulate the ensemble of one held signal."""
+    values = draw_held_values(signal, n_realizations, rng)
+    results = run_all(simulate_held, [HeldSignal(rig=rig, force=row, n_discard=2) for row in values], **options)
     u, y = (np.stack([result[name] for result in results])[:, np.newaxis, :] for name in ("u", "y"))
-    return ensemble(Record(u=u, y=y, fs=FS, lines=LineGrid(excited=COMPARED)))
+    return ensemble_spectra(Record(u=u, y=y, fs=FS, lines=LineGrid(excited=COMPARED_LINES)))
 
 
-def random_amplitudes(rig: Rig, n_realizations: int, rng: np.random.Generator, **options: Any) -> Ensemble:
-    """The odd multisine at level 1 with amplitudes that are random too, uniform on 0 to sqrt(3) times theirs."""
+def simulate_random_amplitudes(rig: Rig, n_realizations: int, rng: np.random.Generator, **options: Any) -> Ensemble:
+    """Simulate the odd multisine at level 1 with random amplitudes too, uniform on 0 to sqrt(3) times theirs."""
     ms = paper_multisine("odd", 1, n_realizations=n_realizations, rng=rng)
     amplitude = ms.amplitude * np.sqrt(3) * rng.uniform(size=ms.phase.shape)
     experiments = [
@@ -320,35 +324,35 @@ def random_amplitudes(rig: Rig, n_realizations: int, rng: np.random.Generator, *
     results = run_all(run_experiment, experiments, **options)
     y = np.stack([result["y"] for result in results])
     u = np.stack([experiment.ms.u for experiment in experiments])
-    return ensemble(Record(u=u, y=y, fs=ms.fs, lines=ms.lines))
+    return ensemble_spectra(Record(u=u, y=y, fs=ms.fs, lines=ms.lines))
 
 
-def side_remarks(
+def judge_side_remarks(
     rig: Rig,
     odd: Ensemble,
     *,
     rng: np.random.Generator,
-    progress: Callable[[int, int], Any] | None = None,
+    progress: Callable[[int, int], object] | None = None,
     **options: Any,
 ) -> tuple[list[Finding], dict[str, Ensemble]]:
-    """S1 to S3, and the ensembles behind them; `odd` is the odd multisine at level 1 with random phases only."""
+    """Judge S1 to S3; return the findings and their ensembles. `odd` is the odd multisine at level 1."""
     m = odd.n_realizations
     ensembles: dict[str, Ensemble] = {}
     total = m * (len(SIGNALS) + 1)
 
-    def shifted(done: int) -> Callable[[int, int], Any] | None:
+    def shifted(done: int) -> Callable[[int, int], object] | None:
         return None if progress is None else lambda now, _: progress(done + now, total)
 
     for i, signal in enumerate(SIGNALS):
-        ensembles[signal] = held_ensemble(rig, signal, m, rng, progress=shifted(i * m), **options)
-    random = random_amplitudes(rig, m, rng, progress=shifted(len(SIGNALS) * m), **options)
+        ensembles[signal] = simulate_held_ensemble(rig, signal, m, rng, progress=shifted(i * m), **options)
+    random = simulate_random_amplitudes(rig, m, rng, progress=shifted(len(SIGNALS) * m), **options)
     ensembles["random amplitudes"] = random
     difference = {s: normalised_difference(ensembles["multisine"], ensembles[s]) for s in SIGNALS[1:]}
     return judge_remarks(difference, normalised_difference(odd, random)), ensembles
 
 
 def judge_remarks(difference: dict[str, float], amplitudes: float) -> list[Finding]:
-    """The findings S1 to S3 from the differences between the excitations."""
+    """Return the findings S1 to S3 from the differences between the excitations."""
     same, other = {s: difference[s] for s in SIGNALS[1:3]}, {s: difference[s] for s in SIGNALS[3:]}
     return [
         Finding(

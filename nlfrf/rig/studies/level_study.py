@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import Any
+from os import PathLike
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_real_array
 from nlfrf._base.values import value
@@ -67,14 +68,14 @@ class LevelStudy:
 def level_study(
     rig: Rig,
     ms: Multisine,
-    rms: Any,
+    rms: ArrayLike,
     *,
     n_periods: int = 1,
     n_discard: int = 2,
     oversampling: int = 1,
     executor: Executor | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-    resume: Any = None,
+    progress: Callable[[int, int], object] | None = None,
+    resume: str | PathLike[str] | None = None,
 ) -> LevelStudy:
     """Run the same multisine through a rig at several levels and identify each.
 

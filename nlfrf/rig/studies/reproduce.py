@@ -1,4 +1,4 @@
-"""The paper reproduced: its figures, its findings with a number beside each, written to a folder.
+"""The paper reproduced: its figures, and each finding with a number, written to a folder.
 
 Figures 3 to 7 show what the paper's figures show; where its text and not its drawing says what belongs in one,
 the arrangement is ours: 3 the BLA at the three levels, 4 to 6 the output on excited and detection lines for the
@@ -11,8 +11,8 @@ import json
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict
+from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,29 +21,29 @@ from nlfrf._base.axes import save_figure
 from nlfrf._base.files import Role, require_writable, write_text
 from nlfrf.rig.bench.rig import paper_rig
 from nlfrf.rig.bench.simulate import simulate
-from nlfrf.rig.studies.ensembles import GRIDS, LEVELS, Ensembles, ensemble, paper_multisine
-from nlfrf.rig.studies.figures import pictures
-from nlfrf.rig.studies.findings import SIGNALS, Finding, findings, side_remarks
+from nlfrf.rig.studies.ensembles import GRIDS, LEVELS, Ensembles, ensemble_spectra, paper_multisine
+from nlfrf.rig.studies.figures import draw_figures
+from nlfrf.rig.studies.findings import SIGNALS, Finding, judge_findings, judge_side_remarks
 from nlfrf.rig.studies.level_study import level_study
 
 __all__ = ["reproduce"]
 
 
 #: Levels of the study [N rms], 10 dB apart.
-STUDIED = 0.0025 * 10 ** np.arange(0, 3.1, 0.5)
+STUDY_LEVELS = 0.0025 * 10 ** np.arange(0, 3.1, 0.5)
 
 FIGURES = (*(f"figure{k}" for k in range(3, 8)), "random_odd", "excitations", "levels")
-FILES = (*(f"{name}.png" for name in FIGURES), "findings.json", "findings.md")
+OUTPUT_FILES = (*(f"{name}.png" for name in FIGURES), "findings.json", "findings.md")
 
 
 def reproduce(
-    out: Any,
+    out: str | PathLike[str],
     *,
     n_realizations: int = 100,
     seed: int = 1,
     executor: Executor | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-    resume: Any = None,
+    progress: Callable[[int, int], object] | None = None,
+    resume: str | PathLike[str] | None = None,
 ) -> list[Finding]:
     """Run the paper's experiments and write its figures and findings.
 
@@ -74,12 +74,12 @@ def reproduce(
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"out must be a folder, got the file {folder}")
     folder.mkdir(parents=True, exist_ok=True)
-    require_writable(*(folder / name for name in FILES), role=Role.DERIVED)  # hours before they are written
+    require_writable(*(folder / name for name in OUTPUT_FILES), role=Role.DERIVED)  # hours before they are written
     rig, rng, few = paper_rig(), np.random.default_rng(seed), max(4, m // 10)
-    total = m * (len(LEVELS) * len(GRIDS) + len(SIGNALS) + 1) + few * STUDIED.size
+    total = m * (len(LEVELS) * len(GRIDS) + len(SIGNALS) + 1) + few * STUDY_LEVELS.size
     done = 0
 
-    def count(before: int) -> Callable[[int, int], Any] | None:
+    def count(before: int) -> Callable[[int, int], object] | None:
         return None if progress is None else lambda now, _: progress(before + now, total)
 
     ensembles: Ensembles = {}
@@ -87,17 +87,17 @@ def reproduce(
         for kind in GRIDS:
             ms = paper_multisine(kind, level, n_realizations=m, rng=rng)
             record = simulate(rig, ms, executor=executor, progress=count(done), resume=resume)
-            ensembles[level, kind] = ensemble(record)
+            ensembles[level, kind] = ensemble_spectra(record)
             done += m
-    found = findings(ensembles, rig)
-    remarks, signals = side_remarks(
+    found = judge_findings(ensembles, rig)
+    remarks, signals = judge_side_remarks(
         rig, ensembles[1, "odd"], rng=rng, executor=executor, progress=count(done), resume=resume
     )
     done += m * (len(SIGNALS) + 1)
     ms = paper_multisine("special-odd", 1, n_realizations=few, rng=rng)
-    study = level_study(rig, ms, STUDIED, n_discard=4, executor=executor, progress=count(done), resume=resume)
+    study = level_study(rig, ms, STUDY_LEVELS, n_discard=4, executor=executor, progress=count(done), resume=resume)
     found = [*found, *remarks]
-    for name, figure in pictures(ensembles, signals, study, rig):
+    for name, figure in draw_figures(ensembles, signals, study, rig):
         save_figure(folder / f"{name}.png", figure, dpi=110, role=Role.DERIVED)
     content = {
         "schema": "nlfrf-findings",
@@ -106,12 +106,12 @@ def reproduce(
         "findings": [asdict(finding) for finding in found],
     }
     write_text(folder / "findings.json", json.dumps(content, indent=2) + "\n", role=Role.DERIVED)
-    write_text(folder / "findings.md", table(found, m), role=Role.DERIVED)
+    write_text(folder / "findings.md", format_table(found, m), role=Role.DERIVED)
     return found
 
 
-def table(found: list[Finding], n_realizations: int) -> str:
-    """The findings as a table in Markdown."""
+def format_table(found: list[Finding], n_realizations: int) -> str:
+    """Format the findings as a table in Markdown."""
     rows = [
         f"# Findings with {n_realizations} realisations a case",
         "",

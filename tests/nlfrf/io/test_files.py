@@ -9,7 +9,7 @@ from scipy.io import savemat
 import nlfrf
 from nlfrf._base.files import write_atomically
 from nlfrf._base.values import field_names
-from nlfrf.io.readers.clock import frequency_of
+from nlfrf.io.readers.clock import sampling_frequency
 from nlfrf.io.results import load
 from tests.support.measurement_files import damaged
 
@@ -135,13 +135,13 @@ def test_a_record_in_csv_keeps_its_sampling_frequency(record, fs, tmp_path):
 
 def test_the_sampling_frequency_of_any_time_axis():
     t = np.arange(20_000) / 11_025
-    assert frequency_of(np.round(t, 6)) == 11_025
-    assert frequency_of(np.round(t, 4) + 7) == pytest.approx(11_025, rel=1e-4)  # most steps are printed as 0.0001
+    assert sampling_frequency(np.round(t, 6)) == 11_025
+    assert sampling_frequency(np.round(t, 4) + 7) == pytest.approx(11_025, rel=1e-4)  # most steps are printed as 0.0001
     jitter = 5e-6 * np.random.default_rng(0).standard_normal(t.size)
-    assert frequency_of(t + jitter) == pytest.approx(11_025, rel=1e-4)
+    assert sampling_frequency(t + jitter) == pytest.approx(11_025, rel=1e-4)
     gaps = np.delete(np.arange(20_000) / 1000, [500, 501, 7000, 9000])
-    assert frequency_of(gaps) == 1000
-    assert frequency_of(np.zeros(10)) == frequency_of(-t) == frequency_of(t[:1]) == 0
+    assert sampling_frequency(gaps) == 1000
+    assert sampling_frequency(np.zeros(10)) == sampling_frequency(-t) == sampling_frequency(t[:1]) == 0
 
 
 @pytest.mark.parametrize(("name", "unit"), [("t [ms]", 1e-3), ("Time (us)", 1e-6), ("time", 1.0), ("t [ s ]", 1.0)])

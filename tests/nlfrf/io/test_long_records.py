@@ -113,8 +113,8 @@ def test_a_table_read_by_blocks_is_that_of_the_whole(rows, tmp_path, monkeypatch
     path = tmp_path / "t.csv"
     np.savetxt(path, table, delimiter=",", header="t [s],u,y", comments="", fmt="%.17g")
     table[17, 1] = np.nan
-    monkeypatch.setattr(tables, "ROWS", rows)
-    monkeypatch.setattr(tables, "lines_in", lambda *_: rows)  # far too few, most of the time
+    monkeypatch.setattr(tables, "BLOCK_ROWS", rows)
+    monkeypatch.setattr(tables, "count_lines", lambda *_: rows)  # far too few, most of the time
     found = tables.contents(path)[0]
     np.testing.assert_array_equal(np.column_stack(list(found.values())), table)
 
@@ -135,7 +135,7 @@ def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
             ("wide", x.T, {}),
         ):
             file.create_dataset(name, data=array, **options).attrs["columns"] = ["t", "u", "y"]
-    # the room as the child loads it, with blocks of another size
+    # the reader as the child loads it, with blocks of another size
     child = f"from nlfrf._base import own_process as o; import sys; from pathlib import Path; o.BLOCK_BYTES = {block}\n"
     child += f"o.run_child({hdf5.__file__!r}, Path(sys.argv[1]))"
     done = subprocess.run(
@@ -244,9 +244,11 @@ def test_lines_of_long_periods_are_those_found_in_all_of_them(monkeypatch):
 def test_the_frequency_of_a_time_axis_by_blocks(n, monkeypatch):
     monkeypatch.setattr(transforms, "BLOCK_ENTRIES", 64)
     t = np.round(np.arange(n) / 16384, 6)
-    assert clock.frequency_of(t) == pytest.approx(16384, rel=2e-2 if n < 4 else 1e-3)
+    assert clock.sampling_frequency(t) == pytest.approx(16384, rel=2e-2 if n < 4 else 1e-3)
     if n > 3:
-        assert clock.frequency_of(np.where(np.arange(n) == n // 2, np.nan, t) + 1e6) == clock.frequency_of(t)
+        assert clock.sampling_frequency(np.where(np.arange(n) == n // 2, np.nan, t) + 1e6) == clock.sampling_frequency(
+            t
+        )
 
 
 @pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", "<i4", "?"])

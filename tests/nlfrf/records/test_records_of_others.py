@@ -150,7 +150,9 @@ def test_channels_of_a_few_samples_are_not_the_measurement(tmp_path):
     """LabVIEW stores its settings and states beside the streams, under names that look like inputs."""
     ms = multisine_of(2)
     u = np.tile(ms.u[0], 4)
-    house = {f"u{i}": np.array([0.0, 1.0, 0.0, 1.0]) for i in range(14)}
-    savemat(tmp_path / "run.mat", house | {"chan_a": u, "chan_b": np.convolve(u, [0.5, 0.5])[: u.size], "fs": 1000.0})
+    constants = {f"u{i}": np.array([0.0, 1.0, 0.0, 1.0]) for i in range(14)}
+    savemat(
+        tmp_path / "run.mat", constants | {"chan_a": u, "chan_b": np.convolve(u, [0.5, 0.5])[: u.size], "fs": 1000.0}
+    )
     found = nlfrf.inspect_file(tmp_path / "run.mat")
     assert (found.u, found.y, found.period) == ("chan_a", "chan_b", N)

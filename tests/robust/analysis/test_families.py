@@ -29,8 +29,8 @@ def test_no_wrong_verdict_no_refusal_nothing_open(name):
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
-def test_every_door_decides_beside_the_boundary(dt):
-    """K = -1 puts the pole of 1/(s + 1) on the axis, its neighbour does not: no door leaves it open or errs."""
+def test_every_check_decides_close_to_the_boundary(dt):
+    """K = -1 puts the pole of 1/(s + 1) on the axis, its neighbour does not: every check decides both, and rightly."""
     G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]]) if not dt else control.ss([[0.5]], [[1]], [[1]], [[0]], dt)
     limit = -1.0 if not dt else -0.5
     model = UncertaintyModel(G, 1e-17, "multiplicative", np.array([1.0]), np.array([1e-18]), perturbation="LTI")

@@ -325,10 +325,10 @@ def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(suffix, 
     from nlfrf._base.own_process import read_in_own_process
     from nlfrf.io import channels
 
-    room = tmp_path / "room.py"
-    room.write_text("def contents(path):\n    import a_package_that_is_missing\n")
+    reader = tmp_path / "reader.py"
+    reader.write_text("def contents(path):\n    import a_package_that_is_missing\n")
     path = tmp_path / f"run{suffix}"
     path.write_bytes(b"MDF     4.10")
-    monkeypatch.setattr(channels, "read_in_own_process", lambda _, path: read_in_own_process(str(room), path))
+    monkeypatch.setattr(channels, "read_in_own_process", lambda _, path: read_in_own_process(str(reader), path))
     with pytest.raises(ValueError, match=rf"needs a_package_that_is_missing, .* pip install 'nlfrf\[{extra}\]'"):
         read_channels(path)

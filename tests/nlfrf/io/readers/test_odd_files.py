@@ -5,7 +5,7 @@ import pytest
 
 import nlfrf
 from nlfrf.io.channels import read_channels
-from nlfrf.io.readers.layout import once
+from nlfrf.io.readers.layout import make_unique
 from tests.support.measurement_files import FS, T, U, Y, lvm
 
 
@@ -13,7 +13,7 @@ def test_columns_that_share_a_name(tmp_path):
     rng = np.random.default_rng(3)
     for _ in range(200):
         given = [rng.choice(["y", "y.2", "y.3", "col2", ""]) for _ in range(rng.integers(1, 7))]
-        found = once(given)
+        found = make_unique(given)
         assert len(set(found)) == len(given)
         for name in {*given} - {""}:  # the first that is called so keeps its name
             assert found[given.index(name)] == name or "" in given

@@ -13,7 +13,7 @@ import pytest
 from nlfrf import paper_rig, simulate_loops
 from nlfrf.rig.bench import closed_loop as loop_results
 from nlfrf.rig.bench import simulate as runs
-from nlfrf.rig.bench.closed_loop import respond, stack
+from nlfrf.rig.bench.closed_loop import simulate_runs, stack_runs
 from robust import pid
 
 FS, N = 1000, 300
@@ -78,7 +78,7 @@ def refusing(response):
 
 
 def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
-    monkeypatch.setattr(loop_results, "told", None)  # here, not there
+    monkeypatch.setattr(loop_results, "to_responses", None)  # here, not there
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         assert simulate_loops(**arguments(), executor=executor, of=last) == [last(response) for response in here]
         with pytest.raises(Small, match="nothing"):
@@ -90,8 +90,8 @@ def test_a_lambda_and_what_a_folder_keeps_are_looked_at_here(here, tmp_path):
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         assert simulate_loops(**arguments(), executor=executor, of=lambda response: float(response.x[-1])) == wanted
         assert simulate_loops(**arguments(), executor=executor, of=last, resume=tmp_path) == wanted
-    assert not loop_results.travels(lambda response: response.x)
-    assert loop_results.travels(last)
+    assert not loop_results.can_pickle(lambda response: response.x)
+    assert loop_results.can_pickle(last)
     kept = []  # whatever is wanted of them, the runs are there
     assert same(simulate_loops(**arguments(), resume=tmp_path, progress=lambda *done: kept.append(done)), here)
     assert kept == [(2, 2)]
@@ -105,18 +105,18 @@ def test_what_a_notebook_defines_is_looked_at_here(monkeypatch):
     monkeypatch.setattr(swing, "__qualname__", "swing")
     notebook = SimpleNamespace(swing=swing)
     monkeypatch.setitem(sys.modules, "__main__", notebook)
-    assert not loop_results.travels(swing)
+    assert not loop_results.can_pickle(swing)
     notebook.__file__ = "study.py"
-    assert loop_results.travels(swing)
+    assert loop_results.can_pickle(swing)
 
 
 def test_what_all_runs_share_travels_once():
-    shared = stack(**stacked(r=np.ones((1, 1000))))
-    each = stack(**stacked(r=np.ones((50, 1000))))
+    shared = stack_runs(**stacked(r=np.ones((1, 1000))))
+    each = stack_runs(**stacked(r=np.ones((50, 1000))))
     sent, more = pickle.dumps(shared), pickle.dumps(each)
     assert len(sent) < len(more) - 49 * 8000
-    back = respond(pickle.loads(sent))
-    assert all(np.array_equal(back[name], part) for name, part in respond(each).items())
+    back = simulate_runs(pickle.loads(sent))
+    assert all(np.array_equal(back[name], part) for name, part in simulate_runs(each).items())
 
 
 def stacked(r):
@@ -152,19 +152,19 @@ def test_results_of_another_integrator_are_not_taken(tmp_path, monkeypatch, here
     simulate_loops(**arguments(5), resume=tmp_path)
     simulate_loops(**arguments(5), resume=tmp_path, progress=lambda *counts: kept.append(counts))
     assert kept == [(1, 1)]
-    monkeypatch.setattr(runs, "integrator", lambda: b"a later version")
+    monkeypatch.setattr(runs, "hash_integrator", lambda: b"a later version")
     simulate_loops(**arguments(5), resume=tmp_path)
     assert len(list(tmp_path.glob("*.npz"))) == 2
 
 
 def test_the_integrator_is_every_file_that_integrates(tmp_path, monkeypatch):
-    first = runs.integrator()
-    for wing in ("bench", "kernels", "laws"):
-        folder = tmp_path / wing
+    first = runs.hash_integrator()
+    for part in ("bench", "kernels", "laws"):
+        folder = tmp_path / part
         folder.mkdir()
-        for path in (runs.Path(runs.__file__).parents[1] / wing).glob("*.py"):
+        for path in (runs.Path(runs.__file__).parents[1] / part).glob("*.py"):
             (folder / path.name).write_bytes(path.read_bytes())
     monkeypatch.setattr(runs, "__file__", str(tmp_path / "bench" / "simulate.py"))
-    assert runs.integrator.__wrapped__() == first
+    assert runs.hash_integrator.__wrapped__() == first
     (tmp_path / "kernels" / "coupled.py").write_text("# changed\n")
-    assert runs.integrator.__wrapped__() != first
+    assert runs.hash_integrator.__wrapped__() != first

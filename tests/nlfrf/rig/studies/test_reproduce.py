@@ -11,18 +11,18 @@ from nlfrf.rig.bench.rig import paper_rig
 from nlfrf.rig.studies.ensembles import (
     Ensemble,
     bootstrap_sigma,
-    ensemble,
+    ensemble_spectra,
+    find_resonance,
     frf,
     normalised_difference,
     output_linear,
     output_rms,
     output_stochastic,
     paper_multisine,
-    resonance,
-    single_experiment,
-    under_reading,
+    single_experiment_coverage,
+    underestimation_db,
 )
-from nlfrf.rig.studies.findings import SIGNALS, held_values
+from nlfrf.rig.studies.findings import SIGNALS, draw_held_values
 from nlfrf.rig.studies.level_study import LevelStudy, level_study
 from nlfrf.rig.studies.reproduce import reproduce
 from nlfrf.signals.lines import LineGrid
@@ -60,14 +60,14 @@ def test_equations_give_back_what_was_put_in():
     mean, variance = frf(e)
     assert np.allclose(variance, 0.05**2 / 4000, rtol=5 / np.sqrt(4000))
     assert np.mean(np.abs(mean - G) ** 2 / variance) == pytest.approx(1, abs=5 / np.sqrt(G.size))
-    assert resonance(e) == pytest.approx(20.0, abs=0.2)
+    assert find_resonance(e) == pytest.approx(20.0, abs=0.2)
 
 
 def test_under_reading_is_that_of_the_detection_lines():
     e = made_ensemble(100, detected=0.1 / np.sqrt(3))
-    sigma = bootstrap_sigma(e, under_reading)
+    sigma = bootstrap_sigma(e, underestimation_db)
     assert 0.1 < sigma < 0.5
-    assert abs(under_reading(e) - 4.77) < 4 * sigma
+    assert abs(underestimation_db(e) - 4.77) < 4 * sigma
 
 
 def test_normalised_difference_is_one_for_one_bla_and_more_for_two():
@@ -80,7 +80,7 @@ def test_normalised_difference_is_one_for_one_bla_and_more_for_two():
 
 
 def test_single_experiments_cover_as_the_f_distribution_says():
-    level, inside = single_experiment(made_ensemble(300), factor=1.0)
+    level, inside = single_experiment_coverage(made_ensemble(300), factor=1.0)
     assert level == pytest.approx(0.0, abs=0.5)
     assert inside == pytest.approx(0.95, abs=0.01)
 
@@ -88,7 +88,7 @@ def test_single_experiments_cover_as_the_f_distribution_says():
 def test_an_ensemble_is_the_spectra_of_its_record():
     ms = paper_multisine("special-odd", 1, n_realizations=2, rng=1)
     u = np.repeat(ms.u[:, np.newaxis], 2, axis=1)
-    e = ensemble(Record(u=u, y=3 * u, fs=ms.fs, lines=ms.lines))
+    e = ensemble_spectra(Record(u=u, y=3 * u, fs=ms.fs, lines=ms.lines))
     assert ms.lines.excited[[0, 1, -1]].tolist() == [9, 11, 571]
     assert np.allclose(e.U[:, ms.lines.excited], ms.amplitude * np.exp(1j * ms.phase))
     assert np.allclose(e.Y, 3 * e.U)
@@ -96,7 +96,7 @@ def test_an_ensemble_is_the_spectra_of_its_record():
 
 @pytest.mark.parametrize("signal", SIGNALS)
 def test_held_signals_have_the_same_white_spectrum(signal):
-    values = held_values(signal, 4000, np.random.default_rng(1))
+    values = draw_held_values(signal, 4000, np.random.default_rng(1))
     power = np.mean(np.abs(np.fft.rfft(values)[:, 1:-1]) ** 2, axis=0) / values.shape[1]
     assert np.allclose(power, 0.25, rtol=0.1)
     kurtosis = {"binary": 1.0, "uniform": 1.8}.get(signal, 3.0)
@@ -171,7 +171,7 @@ def test_reproduce_refuses_bad_arguments(tmp_path):
 
 def test_a_finding_is_text_on_a_terminal_and_a_row_in_markdown():
     from nlfrf.rig.studies.findings import Finding
-    from nlfrf.rig.studies.reproduce import table
+    from nlfrf.rig.studies.reproduce import format_table
 
     found = Finding(
         name="F1", claim="A claim", paper="7.7 dB", ours={"level 1 [dB]": 1.234}, criterion="below 2", holds=False
@@ -180,4 +180,4 @@ def test_a_finding_is_text_on_a_terminal_and_a_row_in_markdown():
     assert rows[0] == "F1 DOES NOT HOLD"
     assert [row.split(":")[0] for row in rows[1:]] == ["claim", "paper", "ours", "holds if"]
     assert "|" not in str(found)
-    assert "| F1 | A claim | 7.7 dB | level 1 [dB]: 1.23 | below 2 | **no** |" in table([found], 10)
+    assert "| F1 | A claim | 7.7 dB | level 1 [dB]: 1.23 | below 2 | **no** |" in format_table([found], 10)

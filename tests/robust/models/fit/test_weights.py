@@ -92,7 +92,7 @@ def test_discrete_weights_cover_too(shape):
     ("n", "order", "seed"), [(5, 6, 52), (4, 4, 61), (3, 4, 49)], ids=["0.79 left", "0.24 left", "at Nyquist"]
 )
 def test_few_lines_hide_no_dip_below_nyquist(n, order, seed):
-    """Between two lines far apart there is room for a dip, most of it in a sliver below the Nyquist frequency."""
+    """Between two distant lines a dip can hide, most of it in a sliver below the Nyquist frequency."""
     omega = np.geomspace(1, 30, n)
     rng = np.random.default_rng(seed)
     rng.choice(3), rng.choice(2)

@@ -83,25 +83,25 @@ HEAVY = {
 ALWAYS_LATE = set(HEAVY) - {"numba", "flint"}
 
 
-def found_rooms():
+def parse_modules():
     for package in ("nlfrf", "robust"):
         for path in sorted((ROOT / package).rglob("*.py")):
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
             yield name, ast.parse(path.read_text())
 
 
-ROOMS = dict(found_rooms())
-EACH = pytest.mark.parametrize(("name", "tree"), ROOMS.items(), ids=list(ROOMS))
+MODULES = dict(parse_modules())
+EACH = pytest.mark.parametrize(("name", "tree"), MODULES.items(), ids=list(MODULES))
 
 
-def wing_of(room):
-    """The folder of a room; a room on the landing is a wing of its own."""
-    return ".".join(room.split(".")[:2])
+def package_of(module):
+    """Return the package of a module; a module directly in nlfrf or robust is a package of its own."""
+    return ".".join(module.split(".")[:2])
 
 
-def part_of(room):
+def part_of(module):
     """(package, part) of a module on the second level; part "." for a module that lies in the package itself."""
-    names = room.split(".")
+    names = module.split(".")
     package = ".".join(names[:2])
     return package, names[2] if len(names) > 2 and names[2] in PARTS.get(package, ()) else "."
 
@@ -118,17 +118,17 @@ def imports(tree):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
             names = [alias.name for alias in node.names]
-            rooms = [f"{node.module}.{name}" for name in names]
-            for room in rooms:
-                if room in ROOMS:
-                    yield room, [], node not in late and node not in typing_only
-            rest = [name for name, room in zip(names, rooms, strict=True) if room not in ROOMS]
+            modules = [f"{node.module}.{name}" for name in names]
+            for module in modules:
+                if module in MODULES:
+                    yield module, [], node not in late and node not in typing_only
+            rest = [name for name, module in zip(names, modules, strict=True) if module not in MODULES]
             if rest:
                 yield node.module, rest, node not in late and node not in typing_only
 
 
 def shown(tree):
-    """What a room names in `__all__`."""
+    """Return the names that a module lists in `__all__`."""
     for node in tree.body:
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
             return set(ast.literal_eval(node.value))
@@ -141,7 +141,7 @@ def is_lazy(tree):
 
 
 def defined(tree):
-    """Every name that a room defines."""
+    """Return every name that a module defines."""
     names = set()
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -152,29 +152,29 @@ def defined(tree):
     return names
 
 
-def test_the_tables_name_every_wing():
-    found = {wing_of(name) for name in ROOMS if name.count(".")} - (FACES - set(ARROWS))
+def test_the_tables_name_every_package():
+    found = {package_of(name) for name in MODULES if name.count(".")} - (FACES - set(ARROWS))
     assert found == set(ARROWS)
-    assert set(ROOMS) >= FACES
+    assert set(MODULES) >= FACES
 
 
 @EACH
 def test_arrows_run_one_way(name, tree):
-    package, wing = name.split(".")[0], wing_of(name)
+    root, package = name.split(".")[0], package_of(name)
     for imported, names, _ in imports(tree):
         top = imported.split(".")[0]
-        if package == "nlfrf":
+        if root == "nlfrf":
             assert top not in ("robust", "control", "cvxpy"), f"{name} imports {imported}"
         if top not in ("nlfrf", "robust") or name in FACES:
             continue
-        if top != package:
-            allowed = imported in ("nlfrf", "nlfrf.plot") or wing_of(imported) == "nlfrf._base"
+        if top != root:
+            allowed = imported in ("nlfrf", "nlfrf.plot") or package_of(imported) == "nlfrf._base"
             assert allowed, f"{name} imports {imported}: nlfrf is known by its public names and its shared ground"
             public = set(import_module("nlfrf")._public_names)
             assert imported != "nlfrf" or set(names) <= public, f"{name} imports {names} from nlfrf"
-        elif imported != package:
-            allowed = {f"{package}.{other}" for other in ARROWS[wing].split()} | {wing, f"{package}._base"}
-            assert wing_of(imported) in allowed, f"{name} imports {imported}"
+        elif imported != root:
+            allowed = {f"{root}.{other}" for other in ARROWS[package].split()} | {package, f"{root}._base"}
+            assert package_of(imported) in allowed, f"{name} imports {imported}"
         else:
             raise AssertionError(f"{name} imports its own package")
 
@@ -191,62 +191,64 @@ def test_arrows_run_one_way_between_parts(name, tree):
 
 
 def test_the_table_of_parts_names_every_folder():
-    folders = {room for room in ROOMS if room.count(".") == 2 and (ROOT / room.replace(".", "/")).is_dir()}
+    folders = {name for name in MODULES if name.count(".") == 2 and (ROOT / name.replace(".", "/")).is_dir()}
     assert folders == {f"{package}.{part}" for package, parts in PARTS.items() for part in parts if part != "."}
 
 
-def test_no_circle_inside_a_wing():
+def test_no_circle_inside_a_package():
     """Late imports count too: a circle is a circle whenever it closes."""
-    below = {name: {i for i, _, _ in imports(tree) if i in ROOMS and i not in FACES} for name, tree in ROOMS.items()}
+    below = {
+        name: {i for i, _, _ in imports(tree) if i in MODULES and i not in FACES} for name, tree in MODULES.items()
+    }
     done = set()
     while True:
         free = {name for name in below if name not in done and below[name] <= done | {name}}
         if not free:
             break
         done |= free
-    assert set(ROOMS) - done <= FACES
+    assert set(MODULES) - done <= FACES
 
 
-def test_wings_stand_in_few_floors():
-    def floor(wing):
-        package = wing.split(".")[0]
-        others = [f"{package}.{other}" for other in ARROWS[wing].split()]
-        own = 1 + max(map(floor, others), default=0)
-        return own if wing == "nlfrf._base" else max(own, 1 + floor("nlfrf._base"))
+def test_packages_stand_in_few_layers():
+    def layer(package):
+        root = package.split(".")[0]
+        others = [f"{root}.{other}" for other in ARROWS[package].split()]
+        own = 1 + max(map(layer, others), default=0)
+        return own if package == "nlfrf._base" else max(own, 1 + layer("nlfrf._base"))
 
-    assert max(map(floor, ARROWS)) + 2 <= 10  # and the face, and the command
+    assert max(map(layer, ARROWS)) + 2 <= 10  # and the face, and the command
 
 
-def test_no_wing_is_called_like_a_public_name():
+def test_no_package_is_called_like_a_public_name():
     import nlfrf
     import robust
 
     for module in (nlfrf, robust):
-        wings = {wing.split(".")[1] for wing in ARROWS if wing.startswith(module.__name__)}
-        assert not wings & set(module._public_names)
+        packages = {package.split(".")[1] for package in ARROWS if package.startswith(module.__name__)}
+        assert not packages & set(module._public_names)
 
 
 @EACH
-def test_a_plate_hangs_at_every_door(name, tree):
-    """A wing's `__init__` says what each room holds, and has no code but where the wing is public."""
-    rooms = {
+def test_every_package_docstring_describes_its_modules(name, tree):
+    """The `__init__` of a package says what each module holds, and has no code unless the package is public."""
+    modules = {
         other.split(".")[-1]
-        for other in ROOMS
+        for other in MODULES
         if other.startswith(f"{name}.") and other.count(".") == name.count(".") + 1
     }
-    if not (name.count(".") >= 1 and rooms):
+    if not (name.count(".") >= 1 and modules):
         return
     rows = [line.split(maxsplit=1) for line in ast.get_docstring(tree).splitlines()]
-    said = {row[0] for row in rows if len(row) == 2}
-    assert rooms <= said, f"{name} does not say what {rooms - said} holds"
-    assert name in FACES or len(tree.body) == 1 or is_lazy(tree), f"{name}: a plate has no code"
+    described = {row[0] for row in rows if len(row) == 2}
+    assert modules <= described, f"{name} does not say what {modules - described} holds"
+    assert name in FACES or len(tree.body) == 1 or is_lazy(tree), f"{name}: a package docstring stands alone"
 
 
 @EACH
-def test_rooms_show_their_face(name, tree):
-    if (name in FACES and name.split(".")[-1] != "cli") or (name.count(".") == 1 and wing_of(name) != name):
+def test_modules_list_their_names(name, tree):
+    if (name in FACES and name.split(".")[-1] != "cli") or (name.count(".") == 1 and package_of(name) != name):
         return
-    if len(tree.body) == 1 or is_lazy(tree) or name.endswith("cli"):  # a plate, a command
+    if len(tree.body) == 1 or is_lazy(tree) or name.endswith("cli"):  # a package docstring, a command
         return
     face = shown(tree)
     assert face is not None, f"{name} has no __all__"
@@ -254,10 +256,10 @@ def test_rooms_show_their_face(name, tree):
 
 
 @EACH
-def test_names_are_taken_from_the_room_that_shows_them(name, tree):
+def test_names_are_imported_from_the_module_that_lists_them(name, tree):
     for imported, names, _ in imports(tree):
-        if imported in ROOMS and names and imported not in ("nlfrf", "robust"):
-            face = shown(ROOMS[imported]) or set()
+        if imported in MODULES and names and imported not in ("nlfrf", "robust"):
+            face = shown(MODULES[imported]) or set()
             assert set(names) <= face, f"{name} takes {set(names) - face} from {imported}, which does not show it"
 
 
@@ -287,11 +289,11 @@ def test_import_loads_nothing_heavy(taken, unloaded):
 
 
 def test_robust_is_a_plain_module():
-    """Also after every room was entered: a function of the face is never hidden by the room it stands in."""
+    """Also after every module was imported: a function of the face is never hidden by the module it is defined in."""
     code = (
         "import importlib, types, robust\n"
-        f"for room in {sorted(name for name in ROOMS if name.startswith('robust') and not name.endswith('cli'))}:\n"
-        "    importlib.import_module(room)\n"
+        f"for module in {sorted(name for name in MODULES if name.startswith('robust') and not name.endswith('cli'))}:\n"
+        "    importlib.import_module(module)\n"
         "assert type(robust) is types.ModuleType\n"
         "print([name for name in robust._public_names if isinstance(getattr(robust, name), types.ModuleType)])\n"
     )
@@ -299,17 +301,17 @@ def test_robust_is_a_plain_module():
 
 
 def test_the_library_never_prints():
-    for name, tree in ROOMS.items():
+    for name, tree in MODULES.items():
         if not name.endswith(".cli"):
             calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"]
             assert not calls, f"{name} prints"
 
 
-def test_forms_are_named_in_one_room():
-    """A further form of uncertainty is one row of the table: no other room asks for a form by its name."""
+def test_forms_are_named_in_one_module():
+    """A further form of uncertainty is one row of the table: no other module asks for a form by its name."""
     from robust.models.sets.forms import FORMS
 
-    for name, tree in ROOMS.items():
+    for name, tree in MODULES.items():
         if name != "robust.models.sets.forms":
             named = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and n.value in tuple(FORMS)}
             assert not named, f"{name} asks for {named}"

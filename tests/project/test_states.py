@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from tests.house.test_architecture import ROOMS
+from tests.project.test_architecture import MODULES
 
 #: Names, attributes and functions that hold words for people.
 PROSE = {
@@ -36,11 +36,11 @@ CUTS = {
 }
 #: module:function that takes words apart which are no message, reviewed one by one: what they are instead.
 REVIEWED = {
-    "nlfrf.doctor:needed": "a requirement of the metadata of a package",
-    "nlfrf.io.readers.clock:spelled": "a number in a file",
-    "nlfrf.io.readers.layout:head_of": "the beginning of a file",
+    "nlfrf.doctor:iterate_requirements": "a requirement of the metadata of a package",
+    "nlfrf.io.readers.clock:parse_number": "a number in a file",
+    "nlfrf.io.readers.layout:first_lines": "the beginning of a file",
     "nlfrf.io.readers.lvm:contents": "a file",
-    "nlfrf.io.readers.twincat:with_tabs": "a file",
+    "nlfrf.io.readers.twincat:separate_by_tabs": "a file",
     "nlfrf._base.values:field_meanings": "a docstring, for a table in a notebook",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
     "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
@@ -69,7 +69,7 @@ def returns_words():
     """Functions of the packages that are said to return a text."""
     return {
         node.name
-        for tree in ROOMS.values()
+        for tree in MODULES.values()
         for node in ast.walk(tree)
         if isinstance(node, ast.FunctionDef) and isinstance(node.returns, ast.Name) and node.returns.id == "str"
     }
@@ -116,7 +116,7 @@ def test_nothing_is_decided_by_the_words_of_a_sentence():
     words = returns_words()
     found = {
         f"{name}:{function}": f"{name}:{line}: {code}"
-        for name, tree in ROOMS.items()
+        for name, tree in MODULES.items()
         for function, line, code in branches(tree, words)
     }
     assert not {place: code for place, code in found.items() if place not in REVIEWED}

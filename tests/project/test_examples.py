@@ -211,8 +211,8 @@ def test_what_needs_records_says_where_it_looked(name, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_change_in_any_room_runs_the_examples_again(tmp_path, monkeypatch):
-    """Rooms lie in wings: a picture of yesterday's code would say nothing about today's."""
+def test_a_change_in_any_module_runs_the_examples_again(tmp_path, monkeypatch):
+    """Modules lie in packages: a picture of yesterday's code would say nothing about today's."""
     for folder in ("examples", "robust/plot", "nlfrf"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "examples" / "01_one.py").write_text("")
