@@ -295,7 +295,7 @@ def identify_experiment(
 
 @axis.command("design")
 def design_for_drive(
-    source: Annotated[str, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")],
+    source: Annotated[Path, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")],
     out: Out,
     period: Annotated[int, typer.Option(help="Samples in one period, at the sampling frequency of the drive.")],
     f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
@@ -352,7 +352,7 @@ def design_for_drive(
 
 @axis.command()
 def play(
-    axis: Annotated[str, typer.Argument(help="Preset, or .toml file of an axis.")],
+    axis: Annotated[Path, typer.Argument(help="Preset, or .toml file of an axis.")],
     file: Annotated[Path, typer.Argument(help="Set points to play, as 'nlfrf axis design' wrote them (.csv).")],
     out: Out,
 ) -> None:
@@ -378,13 +378,12 @@ def levels(
     finish_command(found, not found.reason, json)
 
 
-def read_axis(text: str) -> nlfrf.ServoAxis:
+def read_axis(path: Path) -> nlfrf.ServoAxis:
     """The axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
-    path = Path(text)
     if path.suffix.lower() != ".toml":
         if path.suffix:
             raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
-        return nlfrf.servo_axis(text)
+        return nlfrf.servo_axis(str(path))
     try:
         fields = tomllib.loads(path.read_text(encoding="utf-8"))
         return nlfrf.ServoAxis(drive=nlfrf.ServoDrive(**fields.pop("drive", {})), **fields)

@@ -27,6 +27,8 @@ COMMANDS = (
     "nlfrf identify multi.npz -o {}",
     "nlfrf plot bla.npz -o {}",
     "nlfrf reproduce --realizations 10 -o {}",
+    "nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o {}",
+    "nlfrf axis play belt played.csv -o {}",
     "robust model bla.npz --poles 2 -o {}",
     "robust model bla.npz --poles 2 -o other.json --picture {}",
     "robust design model.json --bandwidth 5 -o {}",
@@ -71,6 +73,7 @@ def files(tmp_path_factory):
     nlfrf.save_record(record, "mid.csv")
     assert run("robust model bla.npz --poles 2 --zeros 0 -o m0.json")[0] == 0
     robust.save_controller(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
+    assert run("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
     (folder / "sub").mkdir()
     yield folder
     os.chdir(before)
@@ -104,19 +107,26 @@ def reads(command):
     return [word for word in command.split() if Path(word).is_file()]
 
 
+def commands_of(group):
+    """Name and command of each of a group, and of the groups inside it."""
+    for name, command in group.commands.items():
+        inner = commands_of(command) if hasattr(command, "commands") else [("", command)]
+        yield from ((f"{name} {rest}".strip(), one) for rest, one in inner)
+
+
 def test_every_command_that_writes_is_here():
     from typer.main import get_command
 
     writing = {
         f"{program} {name} {parameter.name}"
         for program, module in (("nlfrf", measuring), ("robust", controlling))
-        for name, command in get_command(module.app).commands.items()
+        for name, command in commands_of(get_command(module.app))
         for parameter in command.params
         if parameter.name in OUTPUT_PARAMETERS
     }
     options = {"out": "-o {}", "picture": "--picture {}"}
     tried = {
-        f"{' '.join(command.split()[:2])} {name}"
+        f"{' '.join(command.split()[: 3 if command.split()[1] in ('axis', 'drive') else 2])} {name}"
         for command in COMMANDS
         for name, option in options.items()
         if option in command
@@ -125,7 +135,7 @@ def test_every_command_that_writes_is_here():
     paths = {
         parameter.name
         for module in (measuring, controlling)
-        for command in get_command(module.app).commands.values()
+        for _, command in commands_of(get_command(module.app))
         for parameter in command.params
         if "out" in parameter.name or "picture" in parameter.name
     } - {"output"}
@@ -166,6 +176,7 @@ def test_no_command_replaces_what_none_of_its_kind_made(files, command):
         ("nlfrf identify multi.npz -o G.npz --csv", "G-bla.csv"),
         (DESIGN.format("exc.csv"), "exc.npz"),
         (DESIGN.format("exc.wav"), "exc.npz"),
+        ("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o move.csv", "move.npz"),
         ("robust export Kc.json -o Kc.mat", "load_Kc.m"),
         ("robust check model.json Kc.json K.json -o r.txt", "r-K.txt"),
         ("robust check model.json Kc.json -o r.txt", "r.certificate.json"),
