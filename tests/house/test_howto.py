@@ -12,6 +12,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [
     DOCS / "guide" / "primer.md",
     DOCS / "guide" / "aliases.md",
+    DOCS / "guide" / "axis.md",
     *sorted(path for path in (DOCS / "howto").glob("*.md") if path.stem != "index"),
 ]
 

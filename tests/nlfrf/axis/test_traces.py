@@ -10,12 +10,44 @@ import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
 from nlfrf.axis import design_experiment, load_trace, play_experiment
+from tests.nlfrf.axis import test_levels
 
 ROOT = Path(__file__).parents[3]
 N = 2000
 AXIS = servo_axis("belt")
 ROUGH = replace(AXIS, motor_friction=None, load_friction=None)
 FORCE, POSITION = "force set point [N]", "position [m]"
+
+
+#: Row of the table in the guide -> the tests that show it.
+ROWS = {
+    "a set point of motion as u, with its unit": "test_a_set_point_of_motion_in_place_of_the_force",
+    "the position set point as u, without a unit": "test_the_position_set_point_in_place_of_the_force_without_units",
+    "the velocity set point as u, without a unit": "test_the_velocity_set_point_in_place_of_the_force_without_units",
+    "the position set point as y": "test_the_position_set_point_in_place_of_the_position",
+    "the velocity as y": "test_the_velocity_in_place_of_the_position",
+    "wrong sign of the force": "test_a_wrong_sign",
+    "wrong sign of the position": "test_a_wrong_sign_of_the_position",
+    "a wrong unit factor of 5 or more": "test_a_wrong_unit_factor",
+    "another file, or another period": "test_a_wrong_period_or_another_file",
+    "a wrong sampling frequency": "test_a_wrong_clock",
+    "a decimated trace": "test_a_decimated_trace",
+    "lost rows, by the time column": "test_lost_rows",
+    "a trace that is too short": "test_a_trace_that_ends_too_early",
+    "a trace that begins somewhere else": "test_a_trace_that_begins_somewhere_else",
+    "current at its limit": "test_a_saturated_current",
+    "a level at which friction changes the loop": "test_a_level_so_low_that_friction_changes_the_loop",
+    "an axis that turns back": "test_an_axis_that_turns_back_in_motion",
+    "play in front of a load with friction": "test_play_in_front_of_a_load_with_friction_is_seen",
+}
+
+
+def test_every_row_of_the_guide_is_tested():
+    guide = (ROOT / "docs" / "guide" / "axis.md").read_text(encoding="utf-8")
+    table = guide[guide.index("| mistake |") :].split("\n\n")[0]
+    rows = [row.split("|")[1].strip() for row in table.splitlines()[2:]]
+    assert rows == list(ROWS)
+    assert set(ROWS.values()) <= set(dir(test_levels)) | set(globals())
 
 
 class Run:
@@ -81,9 +113,11 @@ def test_a_set_point_of_motion_in_place_of_the_force(run, u):
         run.read(u=u)
 
 
-def test_the_position_set_point_in_place_of_the_force_without_units(at_rest):
+def test_the_position_set_point_in_place_of_the_force_without_units(at_rest, in_motion):
     with pytest.raises(ValueError, match="u must be measured in the loop, got the multisine that was played"):
         at_rest.read(u="position set point", names=without_units(at_rest))
+    with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
+        in_motion.read(u="position set point", names=without_units(in_motion))
 
 
 def test_the_velocity_set_point_in_place_of_the_force_without_units(run):
@@ -136,13 +170,18 @@ def test_a_wrong_period_or_another_file(run):
         run.read(experiment=longer)
 
 
-def test_a_wrong_clock(at_rest):
+def test_a_wrong_clock(at_rest, in_motion):
     """The time column is doubled: 2 kHz, of which half a period of the drive is one of the record."""
     with (
         pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"),
         pytest.warns(DataWarning, match="the trace is sampled at 2000 Hz"),
     ):
         at_rest.read(change={"t [s]": 2})
+    with (
+        pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got"),
+        pytest.warns(DataWarning, match="the trace is sampled at 2000 Hz"),
+    ):
+        in_motion.read(change={"t [s]": 2})
 
 
 def test_a_decimated_trace(run):
@@ -186,12 +225,12 @@ def test_a_trace_that_begins_long_before(at_rest):
     assert np.array_equal(record.u, at_rest.read()[0].u)
 
 
-def test_a_saturated_current(at_rest, tmp_path):
-    peak = at_rest.experiment.peak_force
+def test_a_saturated_current(run, tmp_path):
+    peak = run.experiment.peak_force
     tight = replace(AXIS, drive=replace(AXIS.drive, max_current=0.5 * peak / AXIS.force_constant))
-    play_experiment(tight, at_rest.folder / "play.csv", tmp_path / "trace.csv")
+    play_experiment(tight, run.folder / "play.csv", tmp_path / "trace.csv")
     with pytest.warns(DataWarning, match="u seems clipped: .* lower the level or widen the range"):
-        load_trace(tmp_path / "trace.csv", at_rest.experiment)
+        load_trace(tmp_path / "trace.csv", run.experiment)
 
 
 def test_a_level_so_low_that_friction_changes_the_loop(tmp_path):
