@@ -21,6 +21,7 @@ COMMANDS = (
     "bench_many_loops 2000",
     "bench_axes",
     "bench_servo",
+    "bench_experiment",
     "bench_robust",
     "bench_design",
     "bench_synthesis",

@@ -33,6 +33,9 @@ MEASURING = (
     "identify rec.npz {} -o o.npz",
     "identify multi.npz {} -o o.npz",
     "plot {} -o o.png",
+    "axis design {} --period 500 --f-min 8 --f-max 100 --rms 5 -o o.csv",
+    "axis play {} {} -o o.csv",
+    "axis levels {} --design {}",
 )
 CONTROLLING = (
     "model {} --poles 2 -o o.json",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 import warnings
 from collections.abc import Callable
 from csv import reader as csv_reader
@@ -20,6 +21,7 @@ from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command
 from nlfrf._base.files import require_writable
 from nlfrf._base.values import to_json
 from nlfrf.doctor import examine
+from nlfrf.io.designs import load_experiment
 from nlfrf.io.records import holds_multirecord
 from nlfrf.signals.lines import KINDS, grid_lines
 
@@ -32,6 +34,8 @@ app = Commands(
 
 #: Parameters of the library whose option has another name.
 OPTIONS = {
+    "base_velocity": "velocity",
+    "n_levels": "ramp",
     "n_samples": "period",
     "n_discard": "discard",
     "n_periods": "periods",
@@ -51,6 +55,16 @@ OPTIONS = {
 MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
 SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+
+
+axis = Commands(
+    help="Experiments on a servo axis under its running drive: design, play on a simulated axis, choose levels.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(axis, name="axis", short_help=axis.info.help)
+Force = Annotated[str, typer.Option("--input", help="Name of the force, torque or current set point in the trace.")]
+Position = Annotated[str, typer.Option("--output", help="Name of the actual position in the trace.")]
 
 
 @app.callback()
@@ -232,6 +246,19 @@ def identify(
         cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
         identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json, decimal)
         return
+    if design is not None and isinstance(found := nlfrf.load(design), nlfrf.axis.AxisExperiment):
+        given = {
+            "period": period,
+            "discard": discard,
+            "resample": resample,
+            "reference": references,
+            "opinion": opinion,
+        }
+        if extra := [name for name, one in given.items() if one]:
+            raise ValueError(f"{extra[0]} must be left out for an experiment on a drive: its design says it")
+        names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
+        identify_experiment(found, file, names, fs, how, out, csv, json, decimal)
+        return
     say, targets = printer(json), output_paths(out, outputs)
     require_writable(*targets, *map(table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
@@ -244,6 +271,131 @@ def identify(
         if csv:
             nlfrf.export_csv(bla, table_path(target), decimal=decimal)
     finish_command(dict(zip(outputs, blas, strict=True)), True, json)
+
+
+def identify_experiment(
+    experiment: nlfrf.axis.AxisExperiment,
+    files: list[Path],
+    names: tuple[str, str],
+    fs: float | None,
+    how: dict[str, Any],
+    out: Path,
+    csv: bool,
+    json: bool,
+    decimal: str,
+) -> None:
+    """The BLA of each direction of a base motion, of each level of a ramp, or the one at rest."""
+    records = nlfrf.axis.load_trace(files, experiment, u=names[0], y=names[1], fs=fs)
+    labels = list(experiment.labels)[-len(records) :]
+    targets = output_paths(out, labels)
+    require_writable(*targets, *map(table_path, targets * csv))
+    blas = nlfrf.identify(records, **how)
+    for label, bla, target in zip(labels, blas, targets, strict=True):
+        nlfrf.save_bla(bla, target)
+        printer(json)(f"{label}: {bla}")
+        if csv:
+            nlfrf.export_csv(bla, table_path(target), decimal=decimal)
+    finish_command(dict(zip(labels, blas, strict=True)), True, json)
+
+
+@axis.command("design")
+def design_for_drive(
+    source: Annotated[Path, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")],
+    out: Out,
+    period: Annotated[int, typer.Option(help="Samples in one period, at the sampling frequency of the drive.")],
+    f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
+    f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
+    rms: Annotated[
+        float | None, typer.Option(help="Root mean square of the force set point; as the limits allow.")
+    ] = None,
+    port: Annotated[str, typer.Option(help="Set point it is added to: position, velocity or force.")] = "position",
+    max_force: Annotated[float, typer.Option(help="Limit of the force set point [N], [Nm].")] = np.inf,
+    max_velocity: Annotated[float, typer.Option(help="Limit of the velocity [m/s], [rad/s].")] = np.inf,
+    max_travel: Annotated[float, typer.Option(help="Limit of the travel [m], [rad].")] = np.inf,
+    velocity: Annotated[float, typer.Option(help="Base velocity [m/s], [rad/s]; 0: at rest.")] = 0.0,
+    strokes: Annotated[int, typer.Option(help="Strokes there and back.")] = 0,
+    ramp: Annotated[int, typer.Option(help="Levels of a pre-test at rest, up to --rms; 0: none.")] = 0,
+    periods: Annotated[int, typer.Option(help="Periods to keep, of each stroke or level.")] = 2,
+    discard: Annotated[int, typer.Option(help="Periods before them.")] = 2,
+    realizations: Annotated[int, typer.Option(help="Realisations, a file each.")] = 1,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
+    first: Annotated[Path | None, typer.Option(help="Design (.npz) of the first trace.")] = None,
+    level: Annotated[str, typer.Option(help="Of a first trace that is a pre-test: sticks, bends or slides.")] = "",
+    input: Force = "force set point",
+    output: Position = "position",
+    decimal: Decimal = ".",
+) -> None:
+    """Design a multisine for a set point of a running drive: set points to play (.csv), and the design (.npz)."""
+    origin: Any
+    if first is None:
+        origin = read_axis(source)
+    else:
+        played = load_experiment(first)
+        records = nlfrf.axis.load_trace(source, played, u=input, y=output)
+        origin = records[0]
+        if played.is_ramp:
+            found, states = nlfrf.axis.find_levels(records, played), ("sticks", "bends", "slides")
+            if level not in states or found.reason:
+                raise ValueError(
+                    found.reason or f"level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
+                )
+            k = states.index(level)
+            origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
+    limits = nlfrf.axis.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel)
+    asked: dict[str, Any] = {"n_samples": period, "f_min": f_min, "f_max": f_max, "rms": rms, "port": port}
+    asked |= {"limits": limits, "n_periods": periods, "n_discard": discard, "rng": seed}
+    if ramp:
+        if velocity or strokes or realizations != 1:
+            raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
+        experiment = nlfrf.axis.design_ramp(origin, **asked, n_levels=ramp)
+    else:
+        asked |= {"base_velocity": velocity, "strokes": strokes, "n_realizations": realizations}
+        experiment = nlfrf.axis.design_experiment(origin, **asked)
+    nlfrf.save(experiment, out, decimal=decimal)
+    print(experiment)
+
+
+@axis.command()
+def play(
+    axis: Annotated[Path, typer.Argument(help="Preset, or .toml file of an axis.")],
+    file: Annotated[Path, typer.Argument(help="Set points to play, as 'nlfrf axis design' wrote them (.csv).")],
+    out: Out,
+) -> None:
+    """Play set points on a simulated axis, and write what its drive traces (.csv)."""
+    trace = nlfrf.axis.play_experiment(read_axis(axis), file, out)
+    if trace.diverged:
+        raise ValueError(f"axis must be stable under its drive, got one that ran away after {trace.t[-1]:.3g} s")
+    print(f"{trace.t.size} samples, {trace.t[-1]:.3g} s, at its current limit in {trace.limited.mean():.1%} of them")
+
+
+@axis.command()
+def levels(
+    file: Annotated[Path, typer.Argument(help="Trace of the pre-test.")],
+    design: Annotated[Path, typer.Option(help="What was played, as 'nlfrf axis design --ramp' wrote it (.npz).")],
+    input: Force = "force set point",
+    output: Position = "position",
+    json: Json = False,
+) -> None:
+    """Read from a pre-test at which levels an axis sticks, bends and slides (exit code 1: it does not show three)."""
+    experiment = load_experiment(design)
+    found = nlfrf.axis.find_levels(nlfrf.axis.load_trace(file, experiment, u=input, y=output), experiment)
+    printer(json)(found)
+    finish_command(found, not found.reason, json)
+
+
+def read_axis(path: Path) -> nlfrf.ServoAxis:
+    """The axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
+    if path.suffix.lower() != ".toml":
+        if path.suffix:
+            raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
+        return nlfrf.servo_axis(str(path))
+    try:
+        fields = tomllib.loads(path.read_text(encoding="utf-8"))
+        return nlfrf.ServoAxis(drive=nlfrf.ServoDrive(**fields.pop("drive", {})), **fields)
+    except (TypeError, tomllib.TOMLDecodeError) as error:
+        raise ValueError(
+            f"axis must be a file of fields of ServoAxis and [drive], got {path.name!r}: {error}"
+        ) from None
 
 
 @app.command()

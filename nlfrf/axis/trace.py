@@ -42,8 +42,10 @@ POSITION_SCALES = {
 SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the one that was played: rounding
 OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expected to differ from it
 MIN_LIKENESS = 0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
-FACTOR = 2.0  # between what is measured and what the design expects, on the upper lines, where friction hardly counts
-START = 0.02  # of a period by which a trace may begin elsewhere: delays of the loop that a design does not know
+PERIODIC = 0.01  # share of the power of u that stands on the excited lines at least, encoder noise and all
+UNIT_FACTOR = 5.0  # against the design on the upper lines: N for A, m for mm, Nm for kgf m; not a stuck axis
+FACTOR = 2.0  # between force reached and force asked for, and between the periods of a record, without a word
+START = 0.1  # of a period by which phases may look late: sticking friction that the design does not know does that
 AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
 TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
 UPPER_SHARE = 1 / 3  # of the lines that count as upper
@@ -255,6 +257,8 @@ def match_realizations(parts: list[Periods], drawn: np.ndarray, lines: np.ndarra
     """Which trace answers each realisation; refused where one has none."""
     U, R = (rfft_at(one, lines) for one in (np.stack([one.u.mean(axis=0) for one in parts]), drawn))
     found = np.array([[likeness(one, drawn_one, lines) for one in U] for drawn_one in R])
+    total = np.array([np.mean((one.u - one.u.mean(axis=1, keepdims=True)) ** 2) for one in parts])
+    found = found * (2 * np.sum(squared_modulus(U), axis=1) / drawn.shape[1] ** 2 > PERIODIC * total)
     order = [int(m) for m in found.argmax(axis=1)]
     for m, likely in enumerate(found.max(axis=1)):
         if not likely > MIN_LIKENESS or len(set(order)) < len(order):
@@ -305,7 +309,7 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
         gain, (designed, traced) = float(np.median(np.abs(ratios[name]))), units[name]
         if abs(turn) > TURNED:
             data_warning(f"{name} has the other sign than the design expects: turn it, G is that of a negative mass")
-        elif abs(turn) > 180 - TURNED or (traced in ("", designed) and not 1 / FACTOR < gain < FACTOR):
+        elif abs(turn) > 180 - TURNED or (traced in ("", designed) and not 1 / UNIT_FACTOR < gain < UNIT_FACTOR):
             data_warning(
                 f"{name} is {gain:.3g} times what the design expects, turned by {turn:.0f} deg, on the upper lines, "
                 f"where friction hardly counts: is it another signal, in another unit than {designed}, or the machine "

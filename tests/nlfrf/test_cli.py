@@ -1,5 +1,6 @@
 """The command nlfrf: the whole way by files, and errors as one line and exit code 2."""
 
+import re
 import subprocess
 import sys
 
@@ -371,3 +372,81 @@ def test_a_name_with_a_comma_stands_in_quotes(nlfrf_command, tmp_path):
     )
     assert code == 2
     assert "--reference must name a signal of 'run.csv'" in err
+
+
+AXIS_TOML = """
+motor_inertia = 7.17
+load_inertia = 15.0
+stiffness = 1.33e6
+damping = 100.0
+force_constant = 125.0
+[drive]
+fs = 4000
+kv = 30
+kp = 33
+tn = 0.03
+lag = 0.5e-3
+"""
+
+
+def test_an_axis_from_its_gains_to_three_levels_and_either_direction(nlfrf_command, tmp_path):
+    (tmp_path / "axis.toml").write_text(AXIS_TOML)
+    ramp = "--ramp 14 --max-velocity 0.2 --periods 1 --discard 1"
+    move = "--velocity 0.1 --strokes 1 --max-force 200 --max-travel 0.5"
+    band = "--period 1000 --f-min 4 --f-max 100 --seed 1"
+    said = []
+    for step in (
+        f"axis design axis.toml {band} {ramp} -o ramp.csv",
+        "axis play belt ramp.csv -o ramp-trace.csv",
+        "axis levels ramp-trace.csv --design ramp.npz",
+        f"axis design axis.toml --period 2000 --f-min 4 --f-max 200 --seed 1 {move} -o move.csv",
+        "axis play belt move.csv -o move-trace.csv",
+        "identify move-trace.csv --design move.npz --csv -o bla.npz",
+        "plot move.npz -o move.png",
+        "axis design ramp-trace.csv --first ramp.npz --level bends --period 1000 --f-min 8 --f-max 90 -o bends.csv",
+    ):
+        code, out, err = nlfrf_command(*step.split())
+        assert (code, err) == (0, ""), step
+        said.append(out)
+    assert "14 levels from 0.0" in said[0]
+    assert re.search(r"take, as rms of the force set point: .* N \(sticks\), .* N \(bends\), .* N \(slides\)", said[2])
+    assert "in motion at 0.1 m/s" in said[3]
+    assert "forward: BLA on" in said[5]
+    forward, backward = (load_bla(tmp_path / f"bla-{one}.npz") for one in ("forward", "backward"))
+    assert forward.output_units == ("m",)
+    np.testing.assert_allclose(forward.G, backward.G, rtol=0.05)
+    bends = re.search(r"([\d.]+) N \(bends\)", said[2])[1]
+    assert f"force {bends} N rms" in said[7]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("axis design lathe {} -o x.csv", "preset must be one of"),
+        ("axis design belt {} --rms 5 --ramp 8 --velocity 0.1 -o x.csv", "ramp must be left out in motion"),
+        ("axis design belt {} --rms 5 --strokes 1 -o x.csv", "--velocity must not be zero where the axis goes back"),
+        ("axis design belt {} --rms 500 --max-force 50 -o x.csv", "rms must be at most"),
+        ("axis design trace.csv {} -o x.csv", "got 'trace.csv': a trace needs --first"),
+        (
+            "axis design bad.toml {} -o x.csv",
+            "axis must be a file of fields of ServoAxis and [drive], got 'bad.toml': ",
+        ),
+        ("axis play belt play.npz -o x.csv", "path must hold set points called"),
+        (
+            "identify trace.csv --design play.npz --period 500 -o x.npz",
+            "period must be left out for an experiment on a",
+        ),
+        ("axis levels trace.csv --design play.npz", "experiment must be a ramp of levels, got one at rest"),
+        ("axis levels trace.csv --design ms.npz", "path must be a file of the schema nlfrf-axis-experiment"),
+    ],
+)
+def test_what_the_commands_of_an_axis_refuse(nlfrf_command, tmp_path, arguments, message):
+    band = "--period 500 --f-min 8 --f-max 100 --seed 1"
+    (tmp_path / "bad.toml").write_text("mass = 3\n[drive]\nfs = 4000\nkv = 1\nkp = 1\n")
+    for step in (f"axis design belt {band} --rms 30 -o play.csv", "axis play belt play.csv -o trace.csv"):
+        assert nlfrf_command(*step.split())[0] == 0
+    save_multisine(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz")
+    code, _, err = nlfrf_command(*arguments.format(band).split())
+    assert code == 2
+    assert message in err
+    assert err.count("\n") == 1

@@ -13,6 +13,7 @@ PAGES = [
     DOCS / "guide" / "primer.md",
     DOCS / "guide" / "aliases.md",
     DOCS / "guide" / "drive.md",
+    DOCS / "guide" / "axis.md",
     *sorted(path for path in (DOCS / "howto").glob("*.md") if path.stem != "index"),
 ]
 

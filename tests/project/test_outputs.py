@@ -27,6 +27,8 @@ COMMANDS = (
     "nlfrf identify multi.npz -o {}",
     "nlfrf plot bla.npz -o {}",
     "nlfrf reproduce --realizations 10 -o {}",
+    "nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o {}",
+    "nlfrf axis play belt played.csv -o {}",
     "robust model bla.npz --poles 2 -o {}",
     "robust model bla.npz --poles 2 -o other.json --picture {}",
     "robust design model.json --bandwidth 5 -o {}",
@@ -74,6 +76,7 @@ def files(tmp_path_factory):
     robust.save_controller(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
     gains = f'fs = "{record.fs:g} Hz"\nkv = "10 1/s"\nkp = "10 N/(m/s)"\n'
     Path("gains.toml").write_text(gains)
+    assert run("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
     (folder / "sub").mkdir()
     yield folder
     os.chdir(before)
@@ -126,7 +129,7 @@ def test_every_command_that_writes_is_here():
     }
     options = {"out": "-o {}", "picture": "--picture {}"}
     tried = {
-        f"{' '.join(command.split()[: 3 if 'robust drive' in command else 2])} {name}"
+        f"{' '.join(command.split()[: 3 if command.split()[1] in ('axis', 'drive') else 2])} {name}"
         for command in COMMANDS
         for name, option in options.items()
         if option in command
@@ -176,6 +179,7 @@ def test_no_command_replaces_what_none_of_its_kind_made(files, command):
         ("nlfrf identify multi.npz -o G.npz --csv", "G-bla.csv"),
         (DESIGN.format("exc.csv"), "exc.npz"),
         (DESIGN.format("exc.wav"), "exc.npz"),
+        ("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o move.csv", "move.npz"),
         ("robust export Kc.json -o Kc.mat", "load_Kc.m"),
         ("robust check model.json Kc.json K.json -o r.txt", "r-K.txt"),
         ("robust check model.json Kc.json -o r.txt", "r.certificate.json"),

@@ -1,0 +1,271 @@
+"""The design through the loop: spectra against the simulated axis without friction, limits, files."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import nlfrf
+from nlfrf import identify, multisine, run_servo, servo_axis
+from nlfrf.axis import AxisLimits, design_experiment, design_ramp, load_trace, play_experiment
+from nlfrf.axis.loop import plant_frf
+
+N = 2000
+BAND = {"n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}
+PRESETS = ("linear motor", "belt", "ball screw", "joint")
+PORTS = ("position", "velocity", "force")
+
+
+def free(name, **drive):
+    axis = replace(servo_axis(name), motor_friction=None, load_friction=None, resolution=0.0)
+    return replace(axis, drive=replace(axis.drive, **drive))
+
+
+def spectrum(signal, begin, lines):
+    return 2 / N * np.fft.rfft(signal[begin : begin + N])[lines]
+
+
+@pytest.mark.parametrize(
+    ("name", "port"), [*((name, "position") for name in PRESETS), ("belt", "velocity"), ("ball screw", "force")]
+)
+def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
+    axis = free(name)
+    experiment = design_experiment(axis, **BAND, rms=20, amplitude=lambda f: 1 / f, port=port, n_discard=10)
+    trace = run_servo(axis, **experiment.set_points(0), oversampling=4)
+    lines, begin = experiment.ms.lines.excited, experiment.n_discard * N
+    U, Y = (spectrum(one, begin, lines) for one in (trace.force_set, trace.position))
+    asked = 1 / experiment.ms.f
+    asked *= 20 / np.sqrt(np.sum(asked**2) / 2)
+    assert np.allclose(np.abs(U), asked, rtol=1e-4)  # of the integration step
+    assert np.allclose(Y / U, plant_frf(axis, experiment.ms.f), rtol=1e-4)
+    kept = slice(begin, begin + N)
+    assert np.isclose(np.abs(trace.force_set[kept]).max(), experiment.peak_force, rtol=1e-4)
+    assert np.isclose(np.ptp(trace.position[kept]), experiment.travel, rtol=1e-4)
+    assert np.isclose(
+        np.abs(np.gradient(trace.position[kept], 1 / axis.drive.fs)).max(), experiment.peak_velocity, rtol=0.02
+    )
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        {"delay_periods": 0.4, "lag": 0.0},
+        {"delay_periods": 2.7, "velocity_lag": 1e-3, "velocity_feedforward": 0.3, "kp": 10.0, "kv": 10.0},
+        {"filters": [[0.2, 0.3, 0.1, 1.0, -0.6, 0.2]], "tn": np.inf},
+    ],
+)
+def test_every_part_of_the_drive_is_in_the_transfer(drive):
+    axis = free("belt", **drive)
+    experiment = design_experiment(axis, **BAND, rms=20, n_discard=12)
+    trace = run_servo(axis, **experiment.set_points(0), oversampling=4)
+    U = spectrum(trace.force_set, experiment.n_discard * N, experiment.ms.lines.excited)
+    assert np.allclose(np.abs(U), experiment.force_amplitude, rtol=1e-4)
+
+
+def test_a_slower_position_loop_is_taken_as_its_mean():
+    axis = free("belt", position_every=4)
+    experiment = design_experiment(axis, **BAND, rms=20, n_discard=12)
+    trace = run_servo(axis, **experiment.set_points(0))
+    U = spectrum(trace.force_set, experiment.n_discard * N, experiment.ms.lines.excited)
+    assert np.allclose(np.abs(U), experiment.force_amplitude, rtol=0.03)
+
+
+def test_phases_stay_random_on_a_special_odd_grid():
+    experiment = design_experiment(servo_axis("belt"), **BAND, rms=20, n_realizations=200)
+    plain = multisine(fs=4000, **BAND, n_realizations=200)
+    assert experiment.ms.lines.kind == "special-odd"
+    assert np.array_equal(experiment.ms.phase, plain.phase)
+
+
+@pytest.mark.parametrize(
+    ("limits", "which"),
+    [
+        (AxisLimits(force=30), "peak_force"),
+        (AxisLimits(velocity=0.01), "peak_velocity"),
+        (AxisLimits(travel=2e-4), "travel"),
+    ],
+)
+def test_without_a_level_the_limit_is_reached_and_not_passed(limits, which):
+    experiment = design_experiment(servo_axis("belt"), **BAND, limits=limits, n_realizations=3)
+    limit = next(one for one in (limits.force, limits.velocity, limits.travel) if np.isfinite(one))
+    assert np.isclose(getattr(experiment, which), limit)
+
+
+def test_in_motion_the_multisine_never_turns_the_axis_back():
+    axis = servo_axis("belt")
+    experiment = design_experiment(axis, **BAND, base_velocity=0.1, strokes=1, limits=AxisLimits(velocity=1))
+    trace = run_servo(axis, **experiment.set_points(0))
+    forward = slice(experiment.n_discard * N, experiment.block)
+    assert trace.v[0, forward].min() > -1e-3
+    assert np.isclose(np.ptp(experiment.base), 0.1 * experiment.block / 4000, rtol=0.05)
+    assert np.abs(trace.position).max() < experiment.travel
+    assert np.abs(trace.force_set).max() < 1.1 * experiment.peak_force
+
+
+def test_the_base_motion_begins_and_ends_at_rest_without_a_jump():
+    experiment = design_experiment(servo_axis("belt"), **BAND, base_velocity=0.1, strokes=2, rms=20)
+    velocity = np.diff(experiment.base) * 4000
+    played = experiment.set_points(0)["position"]
+    assert np.abs(np.diff(velocity)).max() < 1.01 * 0.2 * np.pi / 2 / (N // 4)  # slope of a cosine from -0.1 to 0.1
+    assert abs(played[0]) < 1e-6
+    assert abs(played[-1] - experiment.base[-1]) < 1e-6
+    assert abs(experiment.base[-1]) < 0.1 * N / 4000
+
+
+def test_a_measured_loop_gives_the_spectrum_too():
+    axis = free("belt")
+    first = design_experiment(replace(axis, motor_inertia=12.0), **BAND, rms=2, n_discard=10)
+    trace = run_servo(axis, **first.set_points(0), oversampling=4)
+    kept = slice(10 * N, 12 * N)
+    u, y = (one[kept].reshape(1, 2, N) for one in (trace.force_set, trace.position))
+    record = nlfrf.Record(u=u, y=y, r=np.tile(first.ms.u[:, None], (1, 2, 1)), fs=4000, lines=first.ms.lines)
+    second = design_experiment(record, n_samples=N, f_min=6, f_max=290, rms=20, rng=2, n_discard=10)
+    trace = run_servo(axis, **second.set_points(0), oversampling=4)
+    U = spectrum(trace.force_set, 10 * N, second.ms.lines.excited)
+    assert np.allclose(np.abs(U), second.force_amplitude, rtol=1e-3)
+    f = first.ms.f
+    bla = nlfrf.bla_from_frf(f, plant_frf(axis, f), std=1e-9, fs=4000, hold="zoh")
+    by_bla = design_experiment(axis, n_samples=N, f_min=6, f_max=290, rms=20, rng=2, plant=bla)
+    assert np.allclose(by_bla.ms.amplitude, second.ms.amplitude, rtol=1e-3)
+    with pytest.raises(ValueError, match="f_min and f_max must lie inside the lines of the record, 6 to 294 Hz"):
+        design_experiment(record, n_samples=N, f_min=2, f_max=290, rms=20)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (
+            {"rms": 500, "limits": AxisLimits(force=100)},
+            "rms must be at most .* N within the limits, got 500 N: force peak",
+        ),
+        ({"rms": 20, "limits": AxisLimits(travel=1e-5)}, "got 20 N: travel peaks at .* of 1e-05 m"),
+        ({}, "rms must be given where there are no limits"),
+        ({"base_velocity": 0.1, "rms": 500}, "velocity peaks at .* of 0.1 m/s beside the base motion"),
+        (
+            {"base_velocity": 0.1, "limits": AxisLimits(travel=0.05)},
+            "base_velocity must be lower, or its strokes shorter, for a travel of at most 0.05 m",
+        ),
+        ({"base_velocity": 0.1, "limits": AxisLimits(force=5)}, "the base motion alone takes .* N"),
+        ({"strokes": 2, "rms": 1}, "base_velocity must not be zero where the axis goes back and forth"),
+        ({"rms": 1, "port": "current"}, "port must be"),
+        ({"rms": 1, "n_discard": 0}, "n_discard must be a whole number of at least 1"),
+    ],
+)
+def test_what_cannot_fit_is_refused_with_its_number(more, message):
+    with pytest.raises(ValueError, match=message):
+        design_experiment(servo_axis("belt"), **BAND, **more)
+
+
+def test_sources_that_do_not_fit():
+    record = nlfrf.Record(
+        u=np.ones((1, 1, 8)) * np.arange(8),
+        y=np.ones((1, 1, 8)) * np.arange(8),
+        fs=1,
+        lines=nlfrf.LineGrid(excited=[1]),
+    )
+    with pytest.raises(ValueError, match="source must be of type ServoAxis or Record, got 1"):
+        design_experiment(1.0, **BAND, rms=1)
+    with pytest.raises(ValueError, match="with its reference r, got one without"):
+        design_experiment(record, n_samples=8, f_min=0.1, f_max=0.2, rms=1)
+    with pytest.raises(ValueError, match="span must be above 1"):
+        design_ramp(servo_axis("belt"), **BAND, rms=1, span=0.5)
+    with pytest.raises(ValueError, match="force must be"):
+        AxisLimits(force=-1)
+
+
+# ---- Files: what is written is what is played, and what is read is what was traced.
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_the_design_survives_its_file(tmp_path, port):
+    experiment = design_experiment(servo_axis("joint"), **BAND, base_velocity=0.5, strokes=1, rms=3, port=port)
+    nlfrf.save(experiment, tmp_path / "play.csv")
+    again = nlfrf.load(tmp_path / "play.npz")
+    for name in ("force_response", "position_response", "gains", "velocities"):
+        assert np.array_equal(getattr(again, name), getattr(experiment, name))
+    assert np.array_equal(again.ms.u, experiment.ms.u)
+    assert (again.port, again.force_unit, again.position_unit) == (port, "Nm", "rad")
+    header = (tmp_path / "play.csv").read_text().split("\n", 1)[0]
+    assert (
+        header
+        == {
+            "position": "t [s],position [rad]",
+            "velocity": "t [s],position [rad],velocity [rad/s]",
+            "force": "t [s],position [rad],force [Nm]",
+        }[port]
+    )
+    assert str(experiment) in str(nlfrf.inspect_file(tmp_path / "play.npz"))
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_from_the_design_to_the_frf_of_either_direction(tmp_path, name):
+    """In motion the friction is a constant and a damping: the FRF is that of the machine without friction."""
+    axis = servo_axis(name)
+    velocity, rms = {"joint": (0.5, 5), "ball screw": (0.05, 300)}.get(name, (0.15, 30))
+    experiment = design_experiment(
+        free(name), n_samples=N, f_min=10, f_max=300, rms=rms, base_velocity=velocity, strokes=1, rng=1
+    )
+    nlfrf.save(experiment, tmp_path / "play.csv")
+    play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv")
+    records = load_trace(tmp_path / "trace.csv", tmp_path / "play.npz")
+    assert experiment.labels == ("forward", "backward")
+    means = [record.u.mean() for record in records]
+    assert means[0] > 0 > means[1]  # friction
+    for record in records:
+        U = 2 / N * np.abs(np.fft.rfft(record.u.mean(axis=(0, 1))))[record.lines.excited]
+        assert np.allclose(U, experiment.force_amplitude, rtol=0.02)
+        G = np.fft.rfft(record.y.mean(axis=(0, 1)))[record.lines.excited]
+        G = G / np.fft.rfft(record.u.mean(axis=(0, 1)))[record.lines.excited]
+        assert np.allclose(G, plant_frf(free(name), experiment.ms.f), rtol=0.03, atol=0.003 * np.abs(G).max())
+        assert (record.hold, record.u_name, record.y_name) == ("zoh", "force set point", "position")
+        assert (record.y_unit, record.u_unit) == axis.units
+
+
+def test_realisations_are_files_and_are_found_in_any_order(tmp_path):
+    axis = free("linear motor")
+    experiment = design_experiment(
+        axis, n_samples=1000, f_min=10, f_max=200, rms=10, n_realizations=3, rng=1, n_discard=6
+    )
+    nlfrf.save(experiment, tmp_path / "play.csv")
+    for m in (1, 2, 3):
+        play_experiment(axis, tmp_path / f"play-{m}.csv", tmp_path / f"trace-{m}.csv")
+    (record,) = load_trace([tmp_path / f"trace-{m}.csv" for m in (3, 1, 2)], experiment)
+    assert record.u.shape == (3, 2, 1000)
+    assert np.allclose(record.r[:, 0], experiment.ms.u)
+    assert np.allclose(identify(record).G, plant_frf(axis, experiment.ms.f), rtol=1e-4)
+    with pytest.raises(ValueError, match="path must be one trace a realisation, 3, got 1"):
+        load_trace(tmp_path / "trace-1.csv", experiment)
+    with pytest.raises(ValueError, match="follows realisation"):
+        load_trace([tmp_path / f"trace-{m}.csv" for m in (1, 1, 2)], experiment)
+
+
+def test_what_the_simulated_axis_does_not_play(tmp_path):
+    axis, play, out = servo_axis("belt"), tmp_path / "play.csv", tmp_path / "trace.csv"
+    t = np.arange(8) / 4000
+
+    def table(*columns):
+        names = ",".join(["t [s]", *columns])
+        play.write_text("\n".join([names, *(",".join(map(str, [one] + [0.0] * len(columns))) for one in t)]))
+
+    table("speed")
+    with pytest.raises(ValueError, match="path must hold set points called force, velocity, position, got none"):
+        play_experiment(axis, play, out)
+    table("position [mm]")
+    with pytest.raises(ValueError, match="path must have its position in m, as the axis has it"):
+        play_experiment(axis, play, out)
+    table("position [m]")
+    with pytest.raises(ValueError, match=r"out must end in \.csv"):
+        play_experiment(axis, play, tmp_path / "trace.mat")
+    slow = replace(axis, drive=replace(axis.drive, fs=1000))
+    with pytest.raises(ValueError, match="path must be sampled as the drive is, at 1000 Hz, got 4000 Hz"):
+        play_experiment(slow, play, out)
+
+
+def test_a_trace_ends_where_a_limit_is_passed(tmp_path):
+    axis = servo_axis("linear motor")
+    ramp = design_ramp(free("linear motor"), n_samples=1000, f_min=8, f_max=200, rms=100, n_levels=8, rng=1)
+    nlfrf.save(ramp, tmp_path / "play.csv")
+    play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv", limits=AxisLimits(travel=1e-4))
+    records = load_trace(tmp_path / "trace.csv", ramp)
+    assert 3 <= len(records) < 8
+    assert all(np.ptp(record.y) <= 1e-4 for record in records)

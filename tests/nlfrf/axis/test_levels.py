@@ -1,0 +1,147 @@
+"""The level pre-test: against what the simulated axes do at its levels, and on machines it must not read."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import nlfrf
+from nlfrf import DataWarning, run_servo, servo_axis
+from nlfrf._base.files import write_table
+from nlfrf.axis import LevelState, design_experiment, design_ramp, find_levels, load_trace, play_experiment
+from tests.support.backlash import play_backlash
+
+N = 1000
+BAND = {"n_samples": N, "f_min": 4, "f_max": 100, "rng": 1}
+TOP = {"linear motor": 120, "belt": 150, "ball screw": 2500, "joint": 25}
+
+
+def without_friction(axis):
+    return replace(axis, motor_friction=None, load_friction=None)
+
+
+def slipping(axis, x):
+    """Peak of each mass over the displacement at which its first, and its last, element slips."""
+    laws = [law for law in (axis.motor_friction, axis.load_friction) if law is not None]
+    peak = np.abs(x - x.mean(axis=1, keepdims=True)).max(axis=1)
+    return np.array(
+        [
+            [one * k / s for k, s in zip(law.stiffness, law.strength, strict=True)]
+            for one, law in zip(peak, laws, strict=True)
+        ]
+    )
+
+
+@pytest.mark.filterwarnings("ignore:the force is .* as designed")
+@pytest.mark.parametrize("name", TOP)
+def test_the_levels_are_those_at_which_the_axis_sticks_bends_and_slides(tmp_path, name):
+    """Truth: no element slips, some do, all do. The first one may slip by a sixth at the highest peak."""
+    axis = servo_axis(name)
+    ramp = design_ramp(without_friction(axis), **BAND, rms=TOP[name], n_levels=18)
+    nlfrf.save(ramp, tmp_path / "ramp.csv")
+    play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
+    levels = find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
+    assert levels.reason == ""
+    found = []
+    for rms, record in zip(levels.rms, levels.records, strict=True):
+        experiment = design_experiment(record, n_samples=N, f_min=8, f_max=90, rms=rms, n_discard=4, rng=2)
+        trace = run_servo(axis, **experiment.set_points(0))
+        found.append(slipping(axis, trace.x[:, 4 * N : 6 * N]))
+    sticks, bends, slides = found
+    assert 0.15 < sticks.max() < 1.17
+    assert bends.max() > 1.5
+    assert bends[:, -1].max() < 2.5  # the last element slips at the peaks at most
+    assert slides.min() > 1.5
+
+
+def test_the_stiffness_of_the_plateau_is_the_presliding_stiffness(tmp_path):
+    axis = servo_axis("linear motor")
+    ramp = design_ramp(without_friction(axis), **BAND, rms=120, n_levels=18)
+    nlfrf.save(ramp, tmp_path / "ramp.csv")
+    play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
+    levels = find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
+    plateau = levels.stiffness[[state is LevelState.STICKS for state in levels.states]]
+    assert np.allclose(plateau, axis.motor_friction.stiffness.sum(), rtol=0.05)
+    assert str(levels).endswith("(slides)")
+
+
+def judged(tmp_path, axis, **how):
+    ramp = design_ramp(without_friction(axis), **{**BAND, "n_levels": 10} | how)
+    nlfrf.save(ramp, tmp_path / "ramp.csv")
+    play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
+    return find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
+
+
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        ({"rms": 1.2, "span": 60}, "the axis does not break away: its stiffness stays at .* N/m at .* N rms"),
+        ({"rms": 15, "span": 1000}, "the axis does not slide yet: its stiffness still changes from .* to .* N/m"),
+        ({"rms": 150, "span": 10}, "no level sticks: .* raise span|friction holds the axis at no level"),
+        (
+            {"rms": 0.2, "span": 1000},
+            "of [0-9]* levels can be read, 4 are needed: . move less than 2 steps of the encoder",
+        ),
+    ],
+)
+def test_a_ramp_that_does_not_show_all_three_says_why(tmp_path, how, reason):
+    levels = judged(tmp_path, servo_axis("belt"), **how)
+    assert levels.rms.size == len(levels.records) == 0
+    assert re.search(reason, levels.reason), str(levels)
+
+
+def test_levels_at_the_limit_of_the_current_are_not_read(tmp_path):
+    axis = servo_axis("belt")
+    tight = replace(axis, drive=replace(axis.drive, max_current=200 / axis.force_constant))
+    ramp = design_ramp(without_friction(axis), **BAND, rms=150, n_levels=10)
+    nlfrf.save(ramp, tmp_path / "ramp.csv")
+    play_experiment(tight, tmp_path / "ramp.csv", tmp_path / "trace.csv")
+    with pytest.warns(DataWarning, match="u seems clipped"):
+        records = load_trace(tmp_path / "trace.csv", ramp)
+    levels = find_levels(records, ramp)
+    assert levels.states[-1] is LevelState.UNREADABLE
+
+
+def test_an_axis_without_friction_has_no_levels(tmp_path):
+    levels = judged(tmp_path, without_friction(servo_axis("belt")), rms=100)
+    assert levels.reason.startswith("friction holds the axis at no level")
+
+
+BACKLASH = {"m1": 7.0, "m2": 15.0, "k": 1.3e6, "c": 100.0, "kv": 30.0, "kp": 700.0, "tn": 0.05, "lag": 0.5e-3}
+FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
+
+
+def levels_with_play(tmp_path, **machine):
+    drive = nlfrf.ServoDrive(fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3)
+    rough = nlfrf.ServoAxis(
+        motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, force_constant=1.0, drive=drive
+    )
+    band = {"n_samples": 1000, "f_min": 4, "f_max": 100, "rng": 1}
+    ramp = design_ramp(rough, **band, rms=200, n_levels=14, span=3e3)
+    u, y = play_backlash(ramp, **BACKLASH, **FRICTION, **machine)
+    table = np.column_stack([np.arange(u.size) / 2000, u, np.round(y / 1e-7) * 1e-7])
+    write_table(tmp_path / "trace.csv", table, ["t [s]", "force set point [N]", "position [m]"])
+    return find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
+
+
+def test_play_in_front_of_a_load_with_friction_is_seen(tmp_path):
+    levels = levels_with_play(tmp_path, play=1e-4, motor_Fs=0.0)
+    assert levels.reason.startswith("the stiffness rises with the level, from ")
+    assert "backlash" in levels.reason
+    assert levels_with_play(tmp_path, play=0.0, motor_Fs=0.0).reason == ""
+
+
+def test_play_behind_the_friction_of_the_motor_is_not_seen(tmp_path):
+    """What the guide names as silent: the motor sticks first, so the stiffness falls as friction makes it fall."""
+    assert levels_with_play(tmp_path, play=1e-4, motor_Fs=10.0).reason == ""
+
+
+def test_what_is_no_ramp_is_refused(tmp_path):
+    axis = without_friction(servo_axis("belt"))
+    still = design_experiment(axis, **BAND, rms=20)
+    with pytest.raises(ValueError, match="experiment must be a ramp of levels, got one at rest"):
+        find_levels([], still)
+    ramp = design_ramp(axis, **BAND, rms=20)
+    with pytest.raises(ValueError, match="records must be those of a ramp"):
+        find_levels([], ramp)

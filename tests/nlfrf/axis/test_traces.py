@@ -1,0 +1,263 @@
+"""The most likely mistakes between the drive and the record: the table of docs/guide/axis.md, a row a test."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nlfrf
+from nlfrf import DataWarning, servo_axis
+from nlfrf._base.files import write_table
+from nlfrf.axis import design_experiment, load_trace, play_experiment
+from tests.nlfrf.axis import test_levels
+
+ROOT = Path(__file__).parents[3]
+N = 2000
+AXIS = servo_axis("belt")
+ROUGH = replace(AXIS, motor_friction=None, load_friction=None)
+FORCE, POSITION = "force set point [N]", "position [m]"
+
+
+#: Row of the table in the guide -> the tests that show it.
+ROWS = {
+    "a set point of motion as u, with its unit": "test_a_set_point_of_motion_in_place_of_the_force",
+    "the position set point as u, without a unit": "test_the_position_set_point_in_place_of_the_force_without_units",
+    "the velocity set point as u, without a unit": "test_the_velocity_set_point_in_place_of_the_force_without_units",
+    "the position set point as y": "test_the_position_set_point_in_place_of_the_position",
+    "the velocity as y": "test_the_velocity_in_place_of_the_position",
+    "wrong sign of the force": "test_a_wrong_sign",
+    "wrong sign of the position": "test_a_wrong_sign_of_the_position",
+    "a wrong unit factor of 5 or more": "test_a_wrong_unit_factor",
+    "another file, or another period": "test_a_wrong_period_or_another_file",
+    "a wrong sampling frequency": "test_a_wrong_clock",
+    "a decimated trace": "test_a_decimated_trace",
+    "lost rows, by the time column": "test_lost_rows",
+    "a trace that is too short": "test_a_trace_that_ends_too_early",
+    "a trace that begins somewhere else": "test_a_trace_that_begins_somewhere_else",
+    "current at its limit": "test_a_saturated_current",
+    "a level at which friction changes the loop": "test_a_level_so_low_that_friction_changes_the_loop",
+    "an axis that turns back": "test_an_axis_that_turns_back_in_motion",
+    "play in front of a load with friction": "test_play_in_front_of_a_load_with_friction_is_seen",
+}
+
+
+def test_every_row_of_the_guide_is_tested():
+    guide = (ROOT / "docs" / "guide" / "axis.md").read_text(encoding="utf-8")
+    table = guide[guide.index("| mistake |") :].split("\n\n")[0]
+    rows = [row.split("|")[1].strip() for row in table.splitlines()[2:]]
+    assert rows == list(ROWS)
+    assert set(ROWS.values()) <= set(dir(test_levels)) | set(globals())
+
+
+class Run:
+    """An experiment, its trace as a table, and what is read of a changed one."""
+
+    def __init__(self, folder, **how):
+        self.folder = folder
+        band = {"n_samples": N, "f_min": 10, "f_max": 250, "rms": 30, "rng": 1}
+        self.experiment = design_experiment(ROUGH, **band, **how)
+        nlfrf.save(self.experiment, folder / "play.csv")
+        play_experiment(AXIS, folder / "play.csv", folder / "trace.csv")
+        self.names, *rows = (folder / "trace.csv").read_text().splitlines()
+        self.names = self.names.split(",")
+        self.table = np.array([row.split(",") for row in rows], dtype=float)
+
+    def read(self, *, change=None, names=None, rows=slice(None), **how):
+        table, experiment = self.table.copy(), how.pop("experiment", self.experiment)
+        if change:
+            for name, factor in change.items():
+                table[:, self.names.index(name)] *= factor
+        write_table(self.folder / "changed.csv", table[rows], [(names or {}).get(one, one) for one in self.names])
+        return load_trace(self.folder / "changed.csv", experiment, **how)
+
+
+@pytest.fixture(scope="module")
+def at_rest(tmp_path_factory):
+    return Run(tmp_path_factory.mktemp("rest"))
+
+
+@pytest.fixture(scope="module")
+def in_motion(tmp_path_factory):
+    return Run(tmp_path_factory.mktemp("motion"), base_velocity=0.15, strokes=1)
+
+
+def without_units(run):
+    return {name: name.split(" [")[0] for name in run.names if name != "t [s]"}
+
+
+@pytest.fixture(params=["at_rest", "in_motion"])
+def run(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_what_was_traced_right_is_read_without_a_word(run):
+    records = run.read()
+    assert [record.u_unit for record in records] == ["N"] * len(run.experiment.labels)
+    assert np.allclose(records[0].r[0, 0], run.experiment.ms.u[0])
+
+
+def test_another_unit_that_the_file_names_is_no_fault(run):
+    (meant, *_), (found, *_) = (
+        run.read(),
+        run.read(change={POSITION: 1e3}, names={POSITION: "position [mm]"}),
+    )
+    assert found.y_unit == "mm"
+    assert np.allclose(found.y, 1e3 * meant.y, atol=1e-9)
+    assert run.read(u="current set point")[0].u_unit == "A"
+
+
+@pytest.mark.parametrize("u", ["position set point", "velocity set point", "velocity"])
+def test_a_set_point_of_motion_in_place_of_the_force(run, u):
+    with pytest.raises(ValueError, match=f"u must be the force, torque or current set point .*, got '{u}' in m"):
+        run.read(u=u)
+
+
+def test_the_position_set_point_in_place_of_the_force_without_units(at_rest, in_motion):
+    with pytest.raises(ValueError, match="u must be measured in the loop, got the multisine that was played"):
+        at_rest.read(u="position set point", names=without_units(at_rest))
+    with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
+        in_motion.read(u="position set point", names=without_units(in_motion))
+
+
+def test_the_velocity_set_point_in_place_of_the_force_without_units(run):
+    with pytest.warns(DataWarning, match="u is .* times what the design expects, .* is it another signal"):
+        run.read(u="velocity set point", names=without_units(run))
+
+
+def test_the_position_set_point_in_place_of_the_position(run):
+    with pytest.raises(ValueError, match="y must be measured in the loop, got the multisine that was played"):
+        run.read(y="position set point")
+
+
+def test_the_velocity_in_place_of_the_position(at_rest, in_motion):
+    with pytest.warns(DataWarning, match="y is .* times what the design expects, turned by [78]. deg"):
+        at_rest.read(y="velocity")
+    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got .*e-"):
+        in_motion.read(y="velocity")
+
+
+def test_a_wrong_sign(run):
+    with pytest.warns(DataWarning, match="u has the other sign than the design expects"):
+        run.read(change={FORCE: -1})
+
+
+def test_a_wrong_sign_of_the_position(at_rest, in_motion):
+    with pytest.warns(DataWarning, match="y has the other sign than the design expects"):
+        at_rest.read(change={POSITION: -1})
+    with pytest.raises(
+        ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got -0\.15: turn its sign"
+    ):
+        in_motion.read(change={POSITION: -1})
+
+
+def test_a_wrong_unit_factor(at_rest, in_motion):
+    with pytest.warns(DataWarning, match="u is 0.00[0-9]* times .* in another unit than N"):
+        at_rest.read(u="current set point", names=without_units(at_rest))
+    with pytest.warns(DataWarning, match=r"y is 1.*e\+03 times .* in another unit than m"):
+        at_rest.read(change={POSITION: 1e3})
+    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got 150: is y"):
+        in_motion.read(change={POSITION: 1e3})
+
+
+def test_a_wrong_period_or_another_file(run):
+    band = {"f_min": 10, "f_max": 250, "rms": 30}
+    other = replace(run.experiment, ms=design_experiment(ROUGH, n_samples=N, rng=2, **band).ms)
+    with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
+        run.read(experiment=other)
+    longer = design_experiment(ROUGH, n_samples=N + 200, rng=1, **band)
+    with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
+        run.read(experiment=longer)
+
+
+def test_a_wrong_clock(run):
+    """The time column is doubled: 2 kHz, of which half a period of the drive is one of the record."""
+    with (
+        pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"),
+        pytest.warns(DataWarning, match="the trace is sampled at 2000 Hz"),
+    ):
+        run.read(change={"t [s]": 2})
+
+
+def test_a_decimated_trace(run):
+    with pytest.warns(DataWarning, match="sampled at 1000 Hz and the drive at 4000 Hz: .* above 500 Hz is folded"):
+        records = run.read(rows=slice(None, None, 4))
+    assert records[0].hold == "unknown"
+    with pytest.raises(ValueError, match=r"fs must be above 492 Hz for lines up to 246 Hz, got 400 Hz"):
+        run.read(rows=slice(None, None, 10))
+    with pytest.raises(ValueError, match=r"must hold the whole experiment, .* is fs right"):
+        run.read(rows=slice(None, None, 4), change={"t [s]": 0.25})
+
+
+def test_lost_rows(run):
+    with pytest.raises(ValueError, match="path must be a trace without gaps, got time jumps by two samples"):
+        run.read(rows=np.delete(np.arange(len(run.table)), 5000))
+
+
+def test_a_trace_that_ends_too_early(run):
+    with pytest.raises(ValueError, match="path must hold the whole experiment"):
+        run.read(rows=slice(0, 4500))
+
+
+def test_a_trace_that_begins_somewhere_else(at_rest, in_motion):
+    with pytest.raises(ValueError, match=r"or start say when it begins, got a force that is .* s late"):
+        at_rest.read(rows=slice(700, None))
+    (late,) = at_rest.read(rows=slice(700, None), start=-700 / 4000)
+    (whole,) = at_rest.read()
+    assert np.array_equal(late.u, whole.u)
+    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, .* and start right"):
+        in_motion.read(rows=slice(1500, None))
+
+
+def test_a_trace_that_begins_long_before(at_rest):
+    rows = np.concatenate([np.zeros(3 * N, dtype=int), np.arange(len(at_rest.table))])
+    table = at_rest.table[rows]
+    table[:, 0] = np.arange(rows.size) / 4000
+    write_table(at_rest.folder / "early.csv", table, at_rest.names)
+    with pytest.raises(ValueError, match="path must begin with what was played, or start say when it begins"):
+        load_trace(at_rest.folder / "early.csv", at_rest.experiment)
+    (record,) = load_trace(at_rest.folder / "early.csv", at_rest.experiment, start=3 * N / 4000)
+    assert np.array_equal(record.u, at_rest.read()[0].u)
+
+
+def test_a_saturated_current(run, tmp_path):
+    peak = run.experiment.peak_force
+    tight = replace(AXIS, drive=replace(AXIS.drive, max_current=0.5 * peak / AXIS.force_constant))
+    play_experiment(tight, run.folder / "play.csv", tmp_path / "trace.csv")
+    with pytest.warns(DataWarning, match="u seems clipped: .* lower the level or widen the range"):
+        load_trace(tmp_path / "trace.csv", run.experiment)
+
+
+def test_a_level_so_low_that_friction_changes_the_loop(tmp_path):
+    axis = servo_axis("linear motor")
+    rough = replace(axis, motor_friction=None)
+    experiment = design_experiment(rough, n_samples=4000, f_min=5, f_max=250, rms=1.5, rng=1)
+    nlfrf.save(experiment, tmp_path / "play.csv")
+    play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv")
+    with pytest.warns(DataWarning, match="N rms at rest, not 1.5 as designed: .* this record as source"):
+        (record,) = load_trace(tmp_path / "trace.csv", experiment)
+    again = design_experiment(record, n_samples=4000, f_min=5, f_max=240, rms=1.5, rng=2)
+    nlfrf.save(again, tmp_path / "play2.csv")
+    play_experiment(axis, tmp_path / "play2.csv", tmp_path / "trace.csv")
+    (record,) = load_trace(tmp_path / "trace.csv", again)
+    U = 2 / 4000 * np.abs(np.fft.rfft(record.u.mean(axis=(0, 1))))[record.lines.excited]
+    assert np.isclose(np.sqrt(np.sum(U**2) / 2), 1.5, rtol=0.3)
+
+
+def test_an_axis_that_turns_back_in_motion(tmp_path):
+    slow = design_experiment(ROUGH, n_samples=N, f_min=10, f_max=250, rms=10, base_velocity=0.05, rng=1)
+    fast = replace(slow, ms=replace(slow.ms, amplitude=8 * slow.ms.amplitude))
+    nlfrf.save(fast, tmp_path / "play.csv")
+    play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")
+    with pytest.warns(DataWarning, match="the axis turns back in .* % of the samples forward"):
+        load_trace(tmp_path / "trace.csv", fast)
+
+
+def test_other_designs_are_sent_where_they_belong(at_rest):
+    with pytest.raises(ValueError, match=r"got an experiment on a drive in .*: take load_trace"):
+        nlfrf.load_record(
+            at_rest.folder / "trace.csv", u="force set point", y="position", design=at_rest.folder / "play.npz"
+        )
+    nlfrf.save(at_rest.experiment.ms, at_rest.folder / "ms.npz")
+    with pytest.raises(ValueError, match="path must be a file of the schema nlfrf-axis-experiment"):
+        load_trace(at_rest.folder / "trace.csv", at_rest.folder / "ms.npz")
