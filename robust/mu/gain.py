@@ -27,7 +27,7 @@ __all__ = ["worst_gain"]
 
 
 MAX_STEPS = 60
-GAPS = (1e-3, 1e-5, 1e-7, 1e-9)  # relative distances of the program to its dual at which variables are kept
+GAPS = (1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)  # relative distances of the program to its dual at which variables are kept
 TO_THE_BOUNDARY = 0.95  # share of the largest step that keeps both matrices positive
 N_STARTING_SIZES = 16
 ROUNDING_MARGINS = (1e-9, 1e-7, 1e-5, 1e-3)

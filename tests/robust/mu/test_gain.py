@@ -58,5 +58,5 @@ def test_skewed_mu_is_one_where_the_outputs_are_divided_by_the_gain(blocks):
     gain, rows = worst_gain(N, blocks), size(blocks)[0]
     N[rows:] /= gain
     mu = mu_upper(N, [*blocks, (2, 2)]).value
-    assert np.all(mu >= 1 - 1e-6)
+    assert np.all(mu >= 1 - 1e-5)
     assert "real" in str(blocks) or mu == pytest.approx(1.0, rel=1e-6)
