@@ -19,7 +19,7 @@ from nlfrf._base.values import value
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, conjugate_transpose, optimal_scalings, response_matrices
 
-__all__ = ["align_perturbation", "mu_lower", "search_perturbation"]
+__all__ = ["MOVES", "align_perturbation", "mu_lower", "search_perturbation", "without_real_blocks"]
 
 
 RACE, FINISH = 12, 400  # steps from every start, and from the best of them
