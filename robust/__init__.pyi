@@ -114,6 +114,9 @@ from .models.validation import Validation as Validation
 from .models.validation import validate as validate
 
 # Mu: the structured singular value
+from .mu.bounds import StructuredBounds as StructuredBounds
+from .mu.bounds import mu_bounds as mu_bounds
+from .mu.bounds import worst_gain_bounds as worst_gain_bounds
 from .mu.certify import certify_mu as certify_mu
 from .mu.gain import worst_gain as worst_gain
 from .mu.lmi import mu_upper_lmi as mu_upper_lmi

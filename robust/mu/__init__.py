@@ -1,6 +1,7 @@
 """The structured singular value: upper and lower bounds, certificates, real parameters.
 
 blocks      the structure: which blocks, which scalings commute with it
+bounds      both bounds of mu or of a worst gain in one call, of systems too
 certify     a level of mu proved at every frequency
 gain        the worst gain over a set: its bound, and a perturbation that attains it
 lmi         the upper bound by a convex program, to check against

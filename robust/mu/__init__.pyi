@@ -1,3 +1,6 @@
+from .bounds import StructuredBounds as StructuredBounds
+from .bounds import mu_bounds as mu_bounds
+from .bounds import worst_gain_bounds as worst_gain_bounds
 from .certify import certify_mu as certify_mu
 from .gain import worst_gain as worst_gain
 from .lmi import mu_upper_lmi as mu_upper_lmi

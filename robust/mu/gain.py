@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from robust.mu.blocks import BlockStructure, block_structure
+from robust.mu.lower import MOVES, align_perturbation, search_perturbation, without_real_blocks
 from robust.mu.upper import (
     bound_from_scalings,
     conjugate_transpose,
@@ -23,11 +24,11 @@ from robust.mu.upper import (
     upper_bound,
 )
 
-__all__ = ["worst_gain"]
+__all__ = ["search_worst_case", "worst_gain"]
 
 
 MAX_STEPS = 60
-GAPS = (1e-3, 1e-5, 1e-7, 1e-9)  # relative distances of the program to its dual at which variables are kept
+GAPS = (1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)  # relative distances of the program to its dual at which variables are kept
 TO_THE_BOUNDARY = 0.95  # share of the largest step that keeps both matrices positive
 N_STARTING_SIZES = 16
 ROUNDING_MARGINS = (1e-9, 1e-7, 1e-5, 1e-3)
@@ -36,6 +37,8 @@ MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
 
 def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
     """An upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
+
+    `worst_gain_bounds` takes systems too, and returns the perturbation that attains the gain which was found.
 
     Parameters
     ----------
@@ -281,3 +284,94 @@ def longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray
         low = np.linalg.eigvalsh(np.where(known[:, None, None], turned, 0))[:, 0]
         least = np.where(known, np.minimum(least, low), np.nan)
     return np.minimum(1.0, TO_THE_BOUNDARY / np.maximum(-least, 1e-300))
+
+
+# ---- A perturbation of the set that makes the gain large.
+#
+# The gain of F_u(N, Delta) moves by u* N_21 (I - Delta N_11)^-1 d(Delta) (I - N_11 Delta)^-1 N_12 v with its singular
+# vectors: over the set most towards a corner in closed form. Any Delta on the way there lies in the set too (the method
+# of Frank & Wolfe), so each step takes the largest gain of some.
+
+N_SEARCHES = 12  # random starts beside the perturbation of skewed mu
+MAX_ASCENT = 200
+GROWTH = 1e-7
+
+
+def search_worst_case(
+    M: np.ndarray, blocks: Any, upper: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """(W,) largest gain found over the set and (W, n_in, n_out) the perturbation that has it.
+
+    inf, with a perturbation that makes the loop singular, where one of at most size one was found.
+    """
+    s = block_structure("blocks", blocks)
+    (rows, cols), W = s.shape, len(M)
+    gain, delta = np.zeros(W), np.zeros((W, cols, rows), complex)
+    open_ = np.flatnonzero(np.isinf(upper))
+    if open_.size:
+        smallest = search_perturbation(M[open_, :rows, :cols], s, 6, rng, np.inf)
+        singular = smallest.value >= 1
+        gain[open_[singular]] = np.inf
+        delta[open_[singular]] = np.moveaxis(smallest.delta, 2, 0)[singular]
+    todo = np.flatnonzero(np.isfinite(gain) & (upper > 0))
+    if not todo.size:
+        return gain, delta
+    starts = [np.zeros((todo.size, cols, rows), complex)]
+    starts.append(perturbation_of_skewed_mu(M[todo], s, upper[todo], rng))
+    starts.append(without_real_blocks(starts[1], s))
+    for _ in range(N_SEARCHES):
+        left, right = (rng.standard_normal((2, todo.size, n)) for n in (cols, rows))
+        direction = align_perturbation(left[0] + 1j * left[1], right[0] + 1j * right[1], np.ones(todo.size), s)
+        starts.append(rng.uniform(0, 1, (todo.size, 1, 1)) * direction)
+    reached, found = ascend_gain(np.tile(M[todo], (len(starts), 1, 1)), np.concatenate(starts), s)
+    best = reached.reshape(len(starts), -1).argmax(axis=0) * todo.size + np.arange(todo.size)
+    gain[todo], delta[todo] = reached[best], found[best]
+    return gain, delta
+
+
+def perturbation_of_skewed_mu(M: np.ndarray, s: BlockStructure, gain: np.ndarray, rng: Any) -> np.ndarray:
+    """(W, n_in, n_out) of size at most one, what the blocks do where with the outputs over the gain mu is one."""
+    rows, cols = s.shape
+    level = np.where(np.isfinite(gain), gain, 10 * np.linalg.norm(M[:, rows:, cols:], axis=(1, 2)) + 1e-300)
+    scaled = M.copy()
+    scaled[:, rows:] /= level[:, None, None]
+    sizes = [(r.stop - r.start, c.stop - c.start, kind) for r, c, kind in zip(s.rows, s.cols, s.kinds, strict=True)]
+    whole = block_structure("blocks", [*sizes, (M.shape[1] - rows, M.shape[2] - cols)])
+    found = search_perturbation(scaled, whole, 2, rng, np.inf)
+    delta = np.nan_to_num(np.moveaxis(found.delta, 2, 0)[:, :cols, :rows])
+    size = np.linalg.norm(delta, 2, axis=(1, 2))
+    return delta / np.maximum(size, 1.0)[:, None, None]
+
+
+def ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+    """(W,) gains and perturbations of size at most one, moved until the gain grows no more."""
+    rows, cols = s.shape
+    delta, gain, todo = delta.copy(), np.zeros(len(M)), np.arange(len(M))
+    for _ in range(MAX_ASCENT):
+        N, now = M[todo], delta[todo]
+        with np.errstate(all="ignore"):
+            U, sizes, Vh = np.linalg.svd(np.nan_to_num(closed_gain(N, now)))
+            right = np.linalg.solve(
+                np.eye(rows) - N[:, :rows, :cols] @ now, N[:, :rows, cols:] @ conjugate_transpose(Vh[:, :1])
+            )
+            through = N[:, rows:, :cols] @ np.linalg.inv(np.eye(cols) - now @ N[:, :rows, :cols])
+            drive = (conjugate_transpose(U[:, :, :1]) @ through)[:, 0]
+            corner = np.nan_to_num(align_perturbation(drive.conj(), right[:, :, 0], np.ones(todo.size), s))
+            best, moved = sizes[:, 0].copy(), now.copy()
+            for share in MOVES:
+                candidate = (1 - share) * now + share * corner
+                reached = np.linalg.norm(np.nan_to_num(closed_gain(N, candidate)), 2, axis=(1, 2))
+                better = reached > best
+                best, moved[better] = np.maximum(best, reached), candidate[better]
+        delta[todo], gain[todo] = moved, best
+        todo = todo[best > sizes[:, 0] * (1 + GROWTH)]
+        if not todo.size:
+            break
+    return gain, delta
+
+
+def closed_gain(M: np.ndarray, delta: np.ndarray) -> np.ndarray:
+    """F_u(M, delta) of every matrix."""
+    cols, rows = delta.shape[1:]
+    loop = np.linalg.solve(np.eye(rows) - M[:, :rows, :cols] @ delta, M[:, :rows, cols:])
+    return np.asarray(M[:, rows:, cols:] + M[:, rows:, :cols] @ delta @ loop)

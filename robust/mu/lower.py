@@ -1,29 +1,53 @@
-"""Lower bounds on the structured singular value: a perturbation that does make the loop singular, verified.
+"""Lower bounds on the structured singular value: a perturbation that makes the loop singular, verified.
 
-Complex blocks by ascent on the spectral radius (its fixed points are those of the power iteration of Packard, Fan &
-Doyle 1988); real blocks by a search among perturbations with a real eigenvalue.
+For an eigenvalue lambda = l* N Delta r of the loop, the smallest Delta of the structure with l* N Delta r = 1 is known
+in closed form: it is what moves the eigenvalue along most. Towards it the perturbation is moved as far as the
+eigenvalue grows. With complex blocks alone that is ascent on the spectral radius, with the fixed points of the power
+iteration of Packard, Fan & Doyle 1988. Real blocks may end between their limits, where the power iteration does not
+converge (Young & Doyle 1990; Seiler, Packard & Balas 2010).
 """
 
 from __future__ import annotations
 
 import time
-from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from nlfrf._base.arguments import random_generator, require_integer
+from nlfrf._base.values import value
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, conjugate_transpose, optimal_scalings, response_matrices
 
-__all__ = ["mu_lower", "search_perturbation"]
+__all__ = ["MOVES", "align_perturbation", "mu_lower", "search_perturbation", "without_real_blocks"]
 
 
-RACE, FINISH = 15, 400  # steps from every start, and from the best of them
+RACE, FINISH = 12, 400  # steps from every start, and from the best of them
+N_FINISHERS = 3
+STARTS_OF_REAL = 4  # times as many starts with real blocks, which leave many local maxima
 SINGULARITY_TOLERANCE = 1e-8
 BOUNDS_MEET = 1e-6  # relative distance to the upper bound at which the lower one is as good as it
-REAL_SEARCHES = 3  # searches for a real eigenvalue, complex blocks turned in between
+MOVES = (1.0, 0.5, 0.2, 0.07, 0.02)  # of the way to the smallest perturbation
+GROWTH = 1e-9  # relative growth of the eigenvalue below which no step is worth while
+N_ANGLES = 24
+EIGENVALUE_TURNS = 2.0  # least price of an imaginary part
+
+
+@value(copy=False)
+class Mode:
+    """An eigenvalue of N Delta for every matrix.
+
+    Fields
+    ------
+    value : (W,) ndarray
+        The eigenvalue lambda.
+    drive, right : (W, n_in), (W, n_out) ndarray
+        l* N and r of its vectors, l* r = 1: it moves by drive d(Delta) right.
+    """
+
+    value: np.ndarray
+    drive: np.ndarray
+    right: np.ndarray
 
 
 def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> MuBound:
@@ -36,7 +60,8 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     blocks : list
         As for `mu_upper`.
     n_starts : int
-        Random starts at each frequency, on top of the one from the singular vectors.
+        Random starts at each frequency, on top of the one from the singular vectors; with real blocks four times as
+        many.
     rng : Generator, int or None
         For the starts.
 
@@ -44,7 +69,7 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     -------
     MuBound
         value : 1 over the largest singular value of delta, which has the structure and det(I - N delta) = 0, verified;
-        zero, and delta nan, where none was found. With real blocks it may well stay below mu.
+        zero, and delta nan, where none was found. With real blocks it may stay below mu, and mu well below `mu_upper`.
 
     Raises
     ------
@@ -53,7 +78,7 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
 
     References
     ----------
-    SP 8.8.1; Packard, Fan & Doyle 1988; Young & Doyle 1990 (real blocks).
+    SP 8.8.1; Packard, Fan & Doyle 1988; Young & Doyle 1990, Seiler, Packard & Balas 2010 (real blocks).
 
     Examples
     --------
@@ -72,48 +97,164 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
 
 def search_perturbation(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float) -> MuBound:
     """The largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
+    W = len(M)
     left, right, bound = worst_directions(M, s, deadline)
-    starts = [
-        perturbation_from_directions(left, right, s, rng if k else None, random=k % 3 == 2) for k in range(n_starts + 1)
-    ]
-    raced = [power_ascent(M, start, s, RACE) for start in starts]
-    order = np.argsort([-radius for _, radius in raced], axis=0)
-    found = np.stack([delta for delta, _ in raced])
-    candidates = [found[place, np.arange(M.shape[0])] for place in order[:2]]
-    best, delta = np.zeros(M.shape[0]), np.full((M.shape[0], *s.shape[::-1]), np.nan, complex)
-    if s.skew.size:
-        candidates = starts + candidates
-        if set(s.kinds) != {"real"}:
-            best, delta = complex_lower_bound(M, s, n_starts, rng, deadline)
-            candidates.append(delta * best[:, None, None])
-    for candidate in candidates:
+    count = 1 + n_starts * (STARTS_OF_REAL if s.skew.size else 1)
+    starts = [perturbation_from_directions(left, right, s, rng if k else None, random=k % 3 == 2) for k in range(count)]
+    if s.skew.size and set(s.kinds) != {"real"}:
+        starts.append(without_real_blocks(starts[0], s))
+    best, delta = np.zeros(W), np.full((W, *s.shape[::-1]), np.nan, complex)
+    raced, reached = ascend(np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s, RACE, deadline)
+    raced, reached = raced.reshape(len(starts), W, *raced.shape[1:]), reached.reshape(len(starts), W)
+    order = np.argsort(-reached, axis=0)
+    for place in order[: N_FINISHERS * (STARTS_OF_REAL if s.skew.size else 1)]:
         at = np.flatnonzero(best < (1 - BOUNDS_MEET) * bound)  # elsewhere it is mu
         if not at.size or time.monotonic() > deadline:
             break
+        candidate, _ = ascend(M[at], raced[place[at], at], s, FINISH, deadline)
         if s.skew.size:
-            candidate = np.stack(
-                [real_crossing(M[k], candidate[k], s) if time.monotonic() < deadline else candidate[k] for k in at]
-            )
-        else:
-            candidate, _ = power_ascent(M[at], candidate[at], s, FINISH)
+            candidate = restore_eigenvalue(M[at], candidate, s)
         value, candidate = verified_bound(M[at], candidate, s)
         better = value > best[at]
         best[at[better]], delta[at[better]] = value[better], candidate[better]
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
 
 
-def complex_lower_bound(
-    M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float
+def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """The perturbations with every real block at zero."""
+    out = delta.copy()
+    for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
+        if kind == "real":
+            out[:, col, row] = 0
+    return out
+
+
+def ascend(
+    M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int, deadline: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The lower bound and its perturbation with every real block at zero."""
-    some = [k for k, kind in enumerate(s.kinds) if kind != "real"]
-    rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in some]) for cut in (s.rows, s.cols))
-    blocks = [(s.rows[k].stop - s.rows[k].start, s.cols[k].stop - s.cols[k].start, s.kinds[k]) for k in some]
-    alone = M[:, rows[:, None], cols]
-    bound = search_perturbation(alone, structure_for("blocks", blocks, alone.shape[1:]), n_starts, rng, deadline)
-    delta = np.zeros((M.shape[0], *s.shape[::-1]), complex)
-    delta[:, cols[:, None], rows] = np.nan_to_num(np.moveaxis(bound.delta, 2, 0))
-    return bound.value.copy(), delta
+    """(W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) grows no more.
+
+    With real blocks that is the real part, less a price of the imaginary one which is over its multiplier.
+    """
+    delta, turned = unit_blocks(delta, s), not s.skew.size
+    price = np.full(len(M), 0.0 if turned else EIGENVALUE_TURNS)
+    reached, todo = np.zeros(len(M)), np.arange(len(M))
+    for _ in range(n_steps):
+        if not todo.size or time.monotonic() > deadline:
+            break
+        N, now = M[todo], delta[todo]
+        mode = best_mode(N, now, price[todo])
+        if turned:  # complex blocks alone turn together
+            phase = np.exp(-1j * np.angle(mode.value))
+            now = now * phase[:, None, None]
+            mode = Mode(value=np.abs(mode.value) + 0j, drive=mode.drive * phase[:, None], right=mode.right)
+        smallest, multiplier = smallest_perturbation(mode, s)
+        if not turned:
+            price[todo] = np.maximum(EIGENVALUE_TURNS, 2 * np.minimum(multiplier, 20.0))
+        before = mode.value.real - price[todo] * np.abs(mode.value.imag)
+        best, moved = before.copy(), now.copy()
+        for share in MOVES:
+            candidate = unit_blocks((1 - share) * now + share * smallest, s)
+            values = np.linalg.eigvals(N @ candidate)
+            each = np.abs(values) if turned else values.real - price[todo][:, None] * np.abs(values.imag)
+            better = each.max(axis=1) > best
+            best, moved[better] = np.maximum(best, each.max(axis=1)), candidate[better]
+            if turned and (best > before * (1 + GROWTH)).all():  # the whole way is best as a rule
+                break
+        delta[todo], reached[todo] = moved, best
+        todo = todo[best - before > GROWTH * np.abs(best)]
+    return delta, reached
+
+
+def best_mode(M: np.ndarray, delta: np.ndarray, price: np.ndarray) -> Mode:
+    """The eigenvalue of M delta of largest real part less the price of the imaginary one; of none the largest."""
+    values, vectors = np.linalg.eig(M @ delta)
+    worth = np.where(price[:, None] > 0, values.real - price[:, None] * np.abs(values.imag), np.abs(values))
+    each, k = np.arange(len(M)), worth.argmax(axis=1)
+    duals = np.linalg.inv(vectors + 1e-14 * np.eye(M.shape[1]))
+    return Mode(value=values[each, k], drive=np.einsum("wr,wrc->wc", duals[each, k], M), right=vectors[each, :, k])
+
+
+def smallest_perturbation(mode: Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+    """Delta over its size k (W, n_in, n_out), the smallest with drive Delta right = 1, and |its multiplier| (W,).
+
+    Real blocks add a_j delta_j, complex ones any number of modulus up to b k. By duality
+    1/k = min over theta of (sum |Re a_j exp(-j theta)| + b)/cos(theta); where that has a kink, one real block is
+    between its limits, and takes what the others leave of the imaginary part.
+    """
+    W = len(mode.value)
+    a, b = real_and_complex_effects(mode, s)
+    n_real = a.shape[1]
+    each = np.arange(W)
+    theta, kink = np.zeros(W), np.zeros(W, bool)
+    if n_real:
+        grid = np.linspace(-np.pi / 2, np.pi / 2, N_ANGLES + 2)[1:-1] if b.any() else np.zeros(0)
+        kinks = np.mod(np.angle(a) + np.pi, np.pi) - np.pi / 2  # a_j exp(-j theta) is imaginary there
+        angles = np.concatenate([kinks, np.broadcast_to(grid, (W, grid.size))], axis=1)
+        k = smallest_size(angles, a, b).argmax(axis=1)
+        theta, kink = angles[each, k], k < n_real
+        if grid.size:
+            theta = np.where(kink, theta, refine_angle(theta, np.pi / (N_ANGLES + 1), a, b))
+    turn = np.exp(1j * theta)
+    delta = align_perturbation(mode.drive.conj(), mode.right, turn, s)
+    if n_real:
+        size = smallest_size(theta[:, None], a, b)[:, 0]
+        along = turn.conj()[:, None] * a
+        x = np.where(along.real >= 0, 1.0, -1.0)
+        free = np.where(kink, k, 0)
+        others = (along.imag * x).sum(axis=1) - (along.imag * x)[each, free]
+        with np.errstate(all="ignore"):
+            between = (-np.sin(theta) / size - others) / along.imag[each, free]
+        x[each, free] = np.where(kink & np.isfinite(between), np.clip(between, -1, 1), x[each, free])
+        real = [(row, col) for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True) if kind == "real"]
+        for j, (row, col) in enumerate(real):
+            delta[:, col, row] = x[:, j, None, None] * np.eye(row.stop - row.start)
+    return delta, np.abs(np.tan(theta))
+
+
+def real_and_complex_effects(mode: Mode, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+    """(W, n_real) what one of each real block adds to the eigenvalue, (W,) how much the complex blocks do at most."""
+    a, b = [], np.zeros(len(mode.value))
+    for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
+        drive, right = mode.drive[:, col], mode.right[:, row]
+        if kind == "real":
+            a.append((drive * right).sum(axis=1))
+        elif kind == "repeated":
+            b += np.abs((drive * right).sum(axis=1))
+        else:
+            b += np.linalg.norm(drive, axis=1) * np.linalg.norm(right, axis=1)
+    return np.array(a).T.reshape(b.size, -1), b
+
+
+def smallest_size(theta: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(W, angles) cos(theta)/(sum |Re a_j exp(-j theta)| + b): a lower bound of the size, at its largest the size."""
+    reach = np.abs((np.exp(-1j * theta)[:, :, None] * a[:, None]).real).sum(axis=2) + b[:, None]
+    return np.cos(theta) / np.maximum(reach, 1e-300)
+
+
+def refine_angle(theta: np.ndarray, width: float, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The angles (W,) of largest size within a width, by golden sections."""
+    low, high = theta - width, theta + width
+    for _ in range(12):
+        inner = np.stack([low + 0.382 * (high - low), low + 0.618 * (high - low)], axis=1)
+        size = smallest_size(inner, a, b)
+        up = size[:, 0] < size[:, 1]
+        low, high = np.where(up, inner[:, 0], low), np.where(up, high, inner[:, 1])
+    return (low + high) / 2
+
+
+def unit_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """Perturbations with every complex block of size one, where it moves most; real ones alone with the largest."""
+    delta = delta.copy()
+    if set(s.kinds) == {"real"}:
+        largest = np.abs(delta).max(axis=(1, 2), keepdims=True)
+        return delta / np.where(largest > 0, largest, 1.0)
+    for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
+        block = delta[:, col, row]
+        if kind != "real":
+            size = np.abs(block[:, :1, :1]) if kind == "repeated" else np.linalg.norm(block, axis=(1, 2), keepdims=True)
+            delta[:, col, row] = block / np.where(size > 0, size, 1.0)
+    return delta
 
 
 def verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
@@ -172,29 +313,6 @@ def perturbation_from_directions(
     return align_perturbation(left, right, np.ones(W), s, inside=True)
 
 
-def power_ascent(M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """(W, n_in, n_out) perturbations of size one, turned until the spectral radius (W,) of N delta grows no more."""
-    best, radius = delta.copy(), np.zeros(len(M))
-    todo = np.arange(len(M))
-    for _ in range(n_steps):
-        values, vectors = np.linalg.eig(M[todo] @ delta)
-        each, k = np.arange(todo.size), np.argmax(np.abs(values), axis=1)
-        value, right = values[each, k], vectors[each, :, k]
-        grown = np.abs(value) - radius[todo]
-        best[todo[grown > 0]] = delta[grown > 0]
-        radius[todo] = np.maximum(radius[todo], np.abs(value))
-        # the eigenvalue moves by l* N d(delta) r / (l* r): every block is turned to where that grows most
-        with np.errstate(all="ignore"):
-            duals = np.linalg.inv(vectors + 1e-14 * np.eye(s.shape[0]))
-            left = np.einsum("wr,wrc->wc", duals[each, k], M[todo]).conj()
-        delta = align_perturbation(left, right, np.exp(1j * np.angle(value)), s)
-        keep = (grown > 1e-10 * radius[todo]) & np.isfinite(delta).all(axis=(1, 2))
-        todo, delta = todo[keep], delta[keep]
-        if not todo.size:
-            break
-    return best, radius
-
-
 def align_perturbation(
     left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: BlockStructure, *, inside: bool = False
 ) -> np.ndarray:
@@ -222,82 +340,23 @@ def align_perturbation(
     return delta
 
 
-def real_crossing(N: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """A perturbation of size at most one, near the given one, with a large real eigenvalue of N delta.
-
-    Real blocks move in [-1, 1], complex ones turn their phase: maximise Re lambda with Im lambda = 0. Between two such
-    searches the complex blocks are turned to where the eigenvalue grows most.
-    """
-    real = np.array([kind == "real" for kind in s.kinds])
-    low, high = np.where(real, -1.0, -7.0), np.where(real, 1.0, 7.0)
-    scale = max(float(np.linalg.norm(N)), 1e-300)
-    best, largest = delta, 0.0
-    for _ in range(1 if real.all() else REAL_SEARCHES):
-        # the search asks for the value and the slopes at the same point again and again
-        at = lru_cache(maxsize=4)(partial(eigenvalue_and_slopes, N, delta, s))
-        start = np.array([delta[c, r][0, 0].real for r, c in zip(s.rows, s.cols, strict=True)]) * real
-        value = at(tuple(start))[0]
-        sign = -1.0 if value.real < 0 else 1.0
-        found = minimize(
-            lambda x, at=at, sign=sign: [-sign * part.real / scale for part in at(tuple(x))[:2]],
-            start * 0.999,
-            jac=True,
-            method="SLSQP",
-            bounds=list(zip(low, high, strict=True)),
-            constraints={
-                "type": "eq",
-                "fun": lambda x, at=at: at(tuple(x))[0].imag / scale,
-                "jac": lambda x, at=at: at(tuple(x))[1].imag / scale,
-            },
-            options={"maxiter": 60, "ftol": 1e-10},
-        )
-        x = make_eigenvalue_real(np.clip(found.x, low, high), at, low, high)
-        value, _, left, right = at(tuple(x))
-        crossed = move_perturbation(delta, x, s)
-        if abs(value.imag) <= 1e-9 * abs(value) and abs(value) > largest * (1 + 1e-9):
-            best, largest = crossed, abs(value)
-        turned = align_perturbation(left[None], right[None], np.array([np.sign(value.real) or 1.0]), s)[0]
-        delta = crossed.copy()
-        for kind, r, c in zip(s.kinds, s.rows, s.cols, strict=True):
-            if kind != "real":
-                delta[c, r] = turned[c, r]
-    return best
-
-
-def move_perturbation(delta: np.ndarray, x: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """The perturbation with its real blocks at x and its complex ones turned by x [rad]."""
-    out = np.zeros_like(delta)
-    for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
-        out[col, row] = x[k] * np.eye(row.stop - row.start) if kind == "real" else delta[col, row] * np.exp(1j * x[k])
-    return out
-
-
-def eigenvalue_and_slopes(
-    N: np.ndarray, delta: np.ndarray, s: BlockStructure, x: tuple[float, ...]
-) -> tuple[complex, np.ndarray, np.ndarray, np.ndarray]:
-    """An eigenvalue of N times the moved perturbation, its slopes along x, and N* l and r for its vectors.
-
-    It is the one that is largest for how far it is from the real axis.
-    """
-    point = np.array(x)
-    perturbed = move_perturbation(delta, point, s)
-    values, vectors = np.linalg.eig(N @ perturbed)
-    k = int(np.argmax(np.abs(values) - 2 * np.abs(values.imag)))
-    right = vectors[:, k]
-    drives = np.linalg.inv(vectors + 1e-14 * np.eye(len(values)))[k] @ N
-    slopes = np.zeros(point.size, complex)
-    for j, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
-        slopes[j] = drives[col] @ (right[row] if kind == "real" else 1j * perturbed[col, row] @ right[row])
-    return complex(values[k]), slopes, drives.conj(), right
-
-
-def make_eigenvalue_real(x: np.ndarray, at: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The last digits: Newton steps of least length that bring the eigenvalue onto the real axis, inside the bounds."""
-    for _ in range(12):
-        value, slopes = at(tuple(x))[:2]
-        y, slope = value.imag, slopes.imag.copy()
-        slope[(x <= low) & (slope * y > 0) | (x >= high) & (slope * y < 0)] = 0.0
-        if abs(y) < 1e-14 * abs(value) or not np.isfinite(y) or not slope.any():
-            break
-        x = np.clip(x - y * slope / (slope @ slope), low, high)
-    return x
+def restore_eigenvalue(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """Newton steps of least length that bring the eigenvalue onto the real axis, sizes left free."""
+    delta = delta.copy()
+    for _ in range(8):
+        mode = best_mode(M, delta, np.full(len(M), EIGENVALUE_TURNS))
+        slopes = np.zeros((len(M), len(s.kinds)))
+        for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
+            if kind == "real":
+                slopes[:, k] = (mode.drive[:, col] * mode.right[:, row]).sum(axis=1).imag
+            else:  # turned
+                slopes[:, k] = np.einsum(
+                    "wc,wcr,wr->w", mode.drive[:, col], delta[:, col, row], mode.right[:, row]
+                ).real
+        step = -(mode.value.imag / np.maximum((slopes**2).sum(axis=1), 1e-300))[:, None] * slopes
+        for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
+            if kind == "real":
+                delta[:, col, row] += step[:, k, None, None] * np.eye(row.stop - row.start)
+            else:
+                delta[:, col, row] *= np.exp(1j * step[:, k])[:, None, None]
+    return delta

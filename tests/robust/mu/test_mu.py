@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 from robust import certify_mu, mu_lower, mu_upper
 from robust.lti.connections import lower_lft
@@ -150,6 +151,26 @@ def test_one_real_number_beside_a_full_block_by_a_scan():
         assert below[k] == pytest.approx(mu, rel=1e-3)
         assert upper[k] == pytest.approx(mu, rel=1e-2)
         assert upper[k] >= below[k] * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_real_numbers_of_rank_one_by_a_linear_program(n):
+    """det(I - a b^T D) = 1 - sum a_j b_j d_j: the smallest real d is a linear program."""
+    rng = np.random.default_rng(n)
+    a, b = random_matrix(rng, (n, 8), 1)[..., 0], random_matrix(rng, (n, 8), 1)[..., 0]
+    N = a[:, None] * b[None]
+    bound = mu_lower(N, [(1, 1, "real")] * n)
+    for k in range(8):
+        c = a[:, k] * b[:, k]
+        sizes = np.hstack([np.eye(n), -np.ones((n, 1))]), np.hstack([-np.eye(n), -np.ones((n, 1))])
+        found = linprog(
+            np.eye(n + 1)[-1], A_ub=np.vstack(sizes), b_ub=np.zeros(2 * n),
+            A_eq=[[*c.real, 0], [*c.imag, 0]], b_eq=[1, 0], bounds=[(None, None)] * (n + 1),
+        )  # fmt: skip
+        assert bound.value[k] == pytest.approx(1 / found.fun, rel=1e-6)
+        delta = bound.delta[:, :, k]
+        assert np.array_equal(delta, np.diag(np.diag(delta).real))
+        assert abs(np.linalg.det(np.eye(n) - N[:, :, k] @ delta)) < 1e-6
 
 
 def test_real_beats_complex_where_it_should():
