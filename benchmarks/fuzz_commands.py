@@ -34,8 +34,8 @@ MEASURING = (
     "identify multi.npz {} -o o.npz",
     "plot {} -o o.png",
     "axis design {} --period 500 --f-min 8 --f-max 100 --rms 5 -o o.csv",
-    "axis play {} {} -o o.csv",
-    "axis levels {} --design {}",
+    "axis play belt {} -o o.csv",
+    "axis levels {0} --design {0}",
 )
 CONTROLLING = (
     "model {} --poles 2 -o o.json",

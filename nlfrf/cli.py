@@ -342,15 +342,15 @@ def design_for_drive(
             k = states.index(level)
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
     limits = nlfrf.axis.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel)
-    asked: dict[str, Any] = {"n_samples": period, "f_min": f_min, "f_max": f_max, "rms": rms, "port": port}
-    asked |= {"limits": limits, "n_periods": periods, "n_discard": discard, "rng": seed}
+    options: dict[str, Any] = {"n_samples": period, "f_min": f_min, "f_max": f_max, "rms": rms, "port": port}
+    options |= {"limits": limits, "n_periods": periods, "n_discard": discard, "rng": seed}
     if ramp:
         if velocity or strokes or realizations != 1:
             raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
-        experiment = nlfrf.axis.design_ramp(origin, **asked, n_levels=ramp)
+        experiment = nlfrf.axis.design_ramp(origin, **options, n_levels=ramp)
     else:
-        asked |= {"base_velocity": velocity, "strokes": strokes, "n_realizations": realizations}
-        experiment = nlfrf.axis.design_experiment(origin, **asked)
+        options |= {"base_velocity": velocity, "strokes": strokes, "n_realizations": realizations}
+        experiment = nlfrf.axis.design_experiment(origin, **options)
     nlfrf.save(experiment, out, decimal=decimal)
     print(experiment)
 

@@ -101,7 +101,7 @@ def design_experiment(
     >>> design_experiment(axis, **band, base_velocity=0.1, strokes=1, limits=limits, rms=500, rng=1)
     Traceback (most recent call last):
         ...
-    ValueError: rms must be at most 50.7 N within the limits, got 500 N: velocity peaks at 0.986 of 0.1 m/s beside ...
+    ValueError: rms must be at most 50.7 N within the limits, got 500 N: velocity peaks at 0.986 of 0.1 m/s left ...
     """
     base_velocity = require_real("base_velocity", base_velocity)
     strokes = require_integer("strokes", strokes, least=0)
@@ -275,7 +275,7 @@ def multisine_motion(ms: Multisine, loop: DriveLoop) -> Motion:
 
 
 def level_within(draft: AxisExperiment, base: Motion, one: Motion, limits: AxisLimits, rms: float | None) -> float:
-    """The level of the force set point: as asked, or the largest that the limits allow; `one` is that of a level 1."""
+    """The level of the force set point: as given, or the largest that the limits allow; `one` is that of a level 1."""
     units = Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
     taken, each = base._asdict(), one._asdict()
     left = {}
@@ -298,7 +298,7 @@ def level_within(draft: AxisExperiment, base: Motion, one: Motion, limits: AxisL
         raise ValueError(
             f"rms must be at most {largest:.3g} {draft.force_unit} within the limits, got {level:g} "
             f"{draft.force_unit}: {tightest} peaks at {level * each[tightest]:.3g} of {left[tightest]:.3g} "
-            f"{units[tightest]}" + (" beside the base motion" if base.velocity else "")
+            f"{units[tightest]}" + (" left by the base motion" if base.velocity else "")
         )
     if not level > 0:
         raise ValueError(f"limits must leave something for the multisine, got no {tightest} left for it")

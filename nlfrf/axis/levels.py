@@ -22,16 +22,14 @@ from nlfrf.signals.axis_experiment import AxisExperiment
 
 __all__ = ["AxisLevels", "LevelState", "find_levels"]
 
-LOW_LINES = 6  # lowest lines that the stiffness is read from: two periods of a special-odd grid
+LOW_LINES = 6  # lowest lines that the stiffness is read from: three pairs of a special-odd grid
 STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
 PLATEAU = 0.1  # relative: how far the stiffness of levels that stick may scatter; quantisation makes up to 6 %
 STICKS = 0.97  # of the plateau: with less, elements slip at the peaks of the multisine
 PLATEAU_SPAN = 2.0  # highest over lowest position of the plateau, so that two equal levels are not taken for one
 SLIDES = 0.005  # of the fall of the stiffness: what is left of it where the axis slides
 SETTLED = 0.02  # of the plateau: largest change of the stiffness between the two highest levels where it slides
-HELD = (
-    0.5  # share of the force on the lowest lines that stiffness takes, where it is more than a correction of the mass
-)
+MIN_STIFFNESS_SHARE = 0.5  # of the force on the lowest lines; with less the mass decides, and k is its correction
 RISES = 1.2  # stiffness over its plateau above which it rises with the level
 CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
 
@@ -185,7 +183,7 @@ class Level(NamedTuple):
     force: float
     position: float
     stiffness: float
-    held: float
+    stiffness_share: float
     readable: bool
     limited: bool
 
@@ -204,8 +202,8 @@ def read_level(record: Record) -> Level:
     steps = steps[steps > 1e-9 * np.ptp(record.y)]
     limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
     readable = not limited and position > STEPS * steps.min()
-    held = float(found[0] * np.linalg.norm(Y[low]) / np.linalg.norm(U[low]))
-    return Level(force, position, float(found[0]), held, readable, limited)
+    share = float(found[0] * np.linalg.norm(Y[low]) / np.linalg.norm(U[low]))
+    return Level(force, position, float(found[0]), share, readable, limited)
 
 
 def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelState], str]:
@@ -219,8 +217,9 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelS
             f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
             f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
         )
-    k, position, held = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position", "held"))
-    if not np.any(held > HELD):
+    names = ("stiffness", "position", "stiffness_share")
+    k, position, stiffness_share = (np.array([getattr(read[i], name) for i in good]) for name in names)
+    if not np.any(stiffness_share > MIN_STIFFNESS_SHARE):
         return states, (
             f"friction holds the axis at no level, from {read[good[0]].force:.3g} {force} rms on: the force goes into "
             "its mass. Begin the ramp lower: raise span"
@@ -283,7 +282,7 @@ def choose_levels(states: list[LevelState], stiffness: np.ndarray) -> list[int]:
         for wanted in (LevelState.STICKS, LevelState.BENDS, LevelState.SLIDES)
     )
     half = (stiffness[sticks].mean() + stiffness[slides].mean()) / 2
-    return [sticks[-2], min(bends, key=lambda k: float(abs(stiffness[k] - half))), slides[0]]
+    return [sticks[max(len(sticks) - 2, 0)], min(bends, key=lambda k: float(abs(stiffness[k] - half))), slides[0]]
 
 
 def level_of_spectrum(record: Record, shape: np.ndarray) -> float:

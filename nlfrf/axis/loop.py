@@ -53,7 +53,7 @@ def drive_loop(source: Any, port: str, f: np.ndarray, plant: Bla | None) -> Driv
     if not isinstance(source, Record):
         raise ValueError(f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}")
     if plant is not None:
-        raise ValueError("plant must be left out where the loop was measured, got one beside a record")
+        raise ValueError("plant must be left out where the loop was measured, got one with a record")
     U, Y, R = record_spectra(source)
     f_record = source.lines.excited * source.f0
     force, position = (
@@ -101,12 +101,12 @@ def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
         B[n : 2 * n] = push
     C[:n] = np.asarray(rig.sensors)[0]
 
-    def held(T: float) -> tuple[np.ndarray, np.ndarray]:
+    def sampled(T: float) -> tuple[np.ndarray, np.ndarray]:
         whole = expm(T * np.block([[A, B[:, None]], [np.zeros((1, order + 1))]]))
         return whole[:order, :order], whole[:order, -1]
 
     whole, part = divmod(drive.delay_periods, 1.0)
-    (Phi, _), (_, early), (late_Phi, late) = held(Ts), held(part * Ts), held((1 - part) * Ts)
+    (Phi, _), (_, early), (late_Phi, late) = sampled(Ts), sampled(part * Ts), sampled((1 - part) * Ts)
     z = np.exp(2j * np.pi * f * Ts)
     inputs = np.outer(z ** -(whole + 1), late_Phi @ early) + np.outer(z**-whole, late)
     return np.array([C @ np.linalg.solve(one * np.eye(order) - Phi, b) for one, b in zip(z, inputs, strict=True)])

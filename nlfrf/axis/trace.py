@@ -1,7 +1,7 @@
 """The trace of a drive that played an experiment, read into records: cut, base motion taken off, its faults named.
 
-What was played is known to the last sample. So every record has its reference, and what a trace holds is held against
-what the design expects of it.
+What was played is known to the last sample. So every record has its reference, and what a trace holds is compared
+with what the design expects of it.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expecte
 MIN_LIKENESS = 0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
 PERIODIC = 0.01  # share of the power of u that stands on the excited lines at least, encoder noise and all
 UNIT_FACTOR = 5.0  # against the design on the upper lines: N for A, m for mm, Nm for kgf m; not a stuck axis
-FACTOR = 2.0  # between force reached and force asked for, and between the periods of a record, without a word
+FACTOR = 2.0  # largest between force reached and designed, and between periods, that is not warned of
 START = 0.1  # of a period by which phases may look late: sticking friction that the design does not know does that
 AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
 TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
 UPPER_SHARE = 1 / 3  # of the lines that count as upper
 OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
-TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back without a word
+TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
 
 
 def load_trace(
@@ -73,7 +73,7 @@ def load_trace(
     path : path, or a list of them
         The trace, in any format of `load_record`; a list has one file a realisation, in any order.
     experiment : AxisExperiment or path
-        What was played, or the ``.npz`` that `nlfrf.save` wrote beside the file to play.
+        What was played, or the ``.npz`` that `nlfrf.save` wrote with the file to play.
     u : str
         Name of the force, torque or current set point behind the loops.
     y : str
@@ -348,7 +348,7 @@ def require_start(ratio: np.ndarray, record: Record) -> None:
 
 
 def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) -> None:
-    """Warn of a force far from what was asked for: the loop is not the one that the design took."""
+    """Warn of a force far from the designed one: the loop is not the one that the design took."""
     if record.u_unit not in ("", experiment.force_unit):
         return
     U = rfft_at(record.u.mean(axis=1), record.lines.excited) * 2 / record.n_samples

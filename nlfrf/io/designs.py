@@ -119,7 +119,7 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
 
 
 def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write an experiment: ``.npz`` or ``.h5``, or a ``.csv`` of set points to play with its ``.npz`` beside it.
+    """Write an experiment: ``.npz`` or ``.h5``, or a ``.csv`` of set points to play and its design as ``.npz``.
 
     Of several realisations play.csv becomes play-1.csv, play-2.csv, ...
     """

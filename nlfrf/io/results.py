@@ -178,7 +178,7 @@ def save(thing: StoredValue, path: str | os.PathLike[str], *, decimal: str = "."
         What to write.
     path : path
         File to write; its suffix says how. All of it is kept by ``.npz`` and ``.h5``. An experiment as ``.csv`` is the
-        set points to play, one file a realisation, with its ``.npz`` beside them.
+        set points to play, one file a realisation, with its design as ``.npz``.
     decimal : str
         Decimal mark of a table, "." or ",".
 

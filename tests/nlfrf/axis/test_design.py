@@ -140,7 +140,7 @@ def test_a_measured_loop_gives_the_spectrum_too():
         ),
         ({"rms": 20, "limits": AxisLimits(travel=1e-5)}, "got 20 N: travel peaks at .* of 1e-05 m"),
         ({}, "rms must be given where there are no limits"),
-        ({"base_velocity": 0.1, "rms": 500}, "velocity peaks at .* of 0.1 m/s beside the base motion"),
+        ({"base_velocity": 0.1, "rms": 500}, "velocity peaks at .* of 0.1 m/s left by the base motion"),
         (
             {"base_velocity": 0.1, "limits": AxisLimits(travel=0.05)},
             "base_velocity must be lower, or its strokes shorter, for a travel of at most 0.05 m",
