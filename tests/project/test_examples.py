@@ -145,6 +145,16 @@ PRINTED = {
         r"skipped|breaking perturbation: 0\.99\d+ and 1\.00\d+",
     ],
     "13_motor_bench": [r"skipped: there is no|(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
+    "21_servo_axis_in_an_afternoon": [
+        r"take, as rms of the force set point: .*\(sticks\), .*\(bends\), .*\(slides\)",
+        r"--- the gains of the autotuner ---",
+        r"\|S\| at most [56]\.\d+ over the set",
+        r"--- gains with more margin ---",
+        r"\|S\| at most 1\.[78]\d* over the set",
+        r"proved: Comes to rest from every state",
+        r"in motion, after the friction doubled ---\nvalidation: 0 of",
+        r"at rest, bending, after .*\n.*\n.*\n +level: the rest is [12]\.\d times what both records scatter, p = \d\.\d?e?-?",
+    ],
 }
 
 
