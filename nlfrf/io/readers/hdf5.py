@@ -112,7 +112,7 @@ class LazyStream:
         field: str | None = None,
         column: int | None = None,
         axis: int = 1,
-        scaling: tuple[float, float, Any] | None = None,
+        scaling: tuple[float, float, float | None] | None = None,
     ) -> None:
         self.source, self.column, self.axis = node if field is None else node.fields(field), column, axis
         kind = node.dtype if field is None else node.dtype[field]  # which may be of several numbers
@@ -132,7 +132,9 @@ class LazyStream:
         return scaled if missing is None else np.where(part == missing, np.nan, scaled)
 
 
-def find_scaling(node: h5py.Dataset | h5py.Group, attributes: dict[str, Any]) -> tuple[float, float, Any] | None:
+def find_scaling(
+    node: h5py.Dataset | h5py.Group, attributes: dict[str, Any]
+) -> tuple[float, float, float | None] | None:
     """Find scale, offset and missing value of a dataset; None where its numbers stay as they are."""
     scale, offset = 1.0, 0.0
     for scale_key, offset_key in reversed(SCALING_ATTRIBUTES if node.dtype.kind in "iu" else SCALING_ATTRIBUTES[:1]):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
@@ -42,7 +44,7 @@ def contents(path: Path) -> Contents:
     return found
 
 
-def add_signals(name: str, held: Any, found: Contents, depth: int) -> None:
+def add_signals(name: str, held: object, found: Contents, depth: int) -> None:
     """Add the signals in a variable: series and tables are read, objects, structs and cells searched."""
     if depth > MAX_DEPTH:
         return
@@ -62,7 +64,7 @@ def add_signals(name: str, held: Any, found: Contents, depth: int) -> None:
             add_signals(label or (name if held.size == 1 else f"{name}.{i + 1}"), element, found, depth + 1)
 
 
-def object_members(held: Any) -> dict[str, Any]:
+def object_members(held: object) -> dict[str, object]:
     """Return the properties of an object, or the fields of a struct."""
     properties = getattr(held, "properties", None)
     if isinstance(properties, dict):
@@ -76,7 +78,7 @@ def object_members(held: Any) -> dict[str, Any]:
     return {}
 
 
-def add_time_series(name: str, members: dict[str, Any], found: Contents) -> bool:
+def add_time_series(name: str, members: dict[str, object], found: Contents) -> bool:
     """Add a time series: Data and Time, or Data and the start, step and length in its TimeInfo."""
     data = first_numbers(members, "Data_", "Data")
     if data is None or data.size < 2:
@@ -108,7 +110,7 @@ def add_time_series(name: str, members: dict[str, Any], found: Contents) -> bool
     return True
 
 
-def add_table(name: str, frame: Any, found: Contents) -> None:
+def add_table(name: str, frame: pd.DataFrame, found: Contents) -> None:
     """Add a table or timetable: its columns by name, its row times."""
     arrays, units, clocks, _ = found
     column_units = frame.attrs.get("varUnits") or frame.attrs.get("VariableUnits") or []
@@ -131,7 +133,7 @@ def add_table(name: str, frame: Any, found: Contents) -> None:
             units[full] = str(column_units[i])
 
 
-def first_numbers(members: dict[str, Any], *keys: str) -> np.ndarray | None:
+def first_numbers(members: dict[str, object], *keys: str) -> np.ndarray | None:
     """Return the first of these members that is an array of numbers and not empty."""
     for key in keys:
         array = np.asarray(members.get(key, ()))
@@ -140,7 +142,7 @@ def first_numbers(members: dict[str, Any], *keys: str) -> np.ndarray | None:
     return None
 
 
-def single_text(held: Any) -> str:
+def single_text(held: object) -> str:
     """Return a text, empty where it is none."""
     array = np.asarray(held)
     return str(array.ravel()[0]) if array.dtype.kind in "UT" and array.size == 1 else ""

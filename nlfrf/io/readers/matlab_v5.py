@@ -8,11 +8,13 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from scipy.io.matlab import mat_struct
+
     from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
@@ -48,7 +50,7 @@ def rename_by_labels(found: Contents) -> Contents:
     return arrays, units, clocks, {}
 
 
-def add_variable(name: str, content: Any, found: Contents) -> None:
+def add_variable(name: str, content: object, found: Contents) -> None:
     """Add a MATLAB variable: numbers and texts as they are, structs member by member, scopes and dSPACE by name."""
     members = getattr(content, "_fieldnames", None)
     if members is not None:
@@ -69,7 +71,7 @@ def add_variable(name: str, content: Any, found: Contents) -> None:
                 add_variable(f"{name}.{i + 1}", element, found)
 
 
-def add_dspace_recording(recording: Any, found: Contents) -> None:
+def add_dspace_recording(recording: mat_struct, found: Contents) -> None:
     """Add a dSPACE ControlDesk recording: X are times, one a raster, Y channels with Name, Data, Unit and raster."""
     arrays, units, clocks, _ = found
     times = {}
@@ -91,7 +93,7 @@ def add_dspace_recording(recording: Any, found: Contents) -> None:
             clocks[name] = as_long[0]
 
 
-def add_scope(name: str, scope: Any, found: Contents) -> None:
+def add_scope(name: str, scope: mat_struct, found: Contents) -> None:
     """Add a Simulink scope or "structure with time": signals with its times; their labels go to the notes."""
     arrays, _, clocks, labels = found
     time = np.ravel(getattr(scope, "time", np.empty(0)))

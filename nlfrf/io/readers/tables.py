@@ -6,7 +6,7 @@ import io
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -
     import pandas as pd
 
     wanted = [i for i, numeric in enumerate(layout.numeric) if numeric or layout.moments[i]]
-    options: dict[str, Any] = {
+    options: dict[str, object] = {
         "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
         "header": None,
         "names": list(range(len(layout.names))),
@@ -128,8 +128,8 @@ def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -
     if layout.has_padding:
         options["skipinitialspace"] = True
     newer = tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
-    exact: Any = {} if newer else {"float_precision": "round_trip"}  # newer ones always are
-    kinds: Any = {i: float if layout.numeric[i] else str for i in wanted}
+    exact: dict[str, object] = {} if newer else {"float_precision": "round_trip"}  # newer ones always are
+    kinds: dict[int, type] = {i: float if layout.numeric[i] else str for i in wanted}
     empty = {"na_values": sorted(EMPTY_CELLS - {""})}
     # pandas knows the usual words for an empty cell itself, and is a quarter slower with more of them
     for more_empty in ({}, empty) if layout.decimal != layout.delimiter else ():

@@ -64,7 +64,7 @@ def check_axes(given: dict[str, Any]) -> dict[str, Any]:
     return found | {"friction": check_laws(given["friction"], n)}
 
 
-def check_single_axis(given: dict[str, Any]) -> dict[str, Any]:
+def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
     """Return the channel names of a machine of one axis; refuse fields that only several axes have."""
     for name in ("cubic", "actuators", "sensors"):
         if given[name] is not None:

@@ -16,9 +16,11 @@ import warnings
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property
+from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import (
     DataWarning,
@@ -30,7 +32,7 @@ from nlfrf._base.arguments import (
     require_real,
     require_real_array,
 )
-from nlfrf._base.values import freeze_array, value
+from nlfrf._base.values import ArrayField, freeze_array, value
 from nlfrf.records.record import Record
 from nlfrf.rig.bench import machine as axes
 from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, samples_or_zeros, steps_per_sample
@@ -38,7 +40,7 @@ from nlfrf.rig.bench.rig import Rig, initial_memory
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
-from nlfrf.rig.laws.laws import VaryingSliders, pack_law
+from nlfrf.rig.laws.laws import Friction, VaryingSliders, pack_law
 from nlfrf.signals.axis_experiment import PORTS, stepped_profile
 from nlfrf.signals.multisine import Multisine
 
@@ -109,7 +111,7 @@ class ServoDrive:
     velocity_lag: float = 0.0
     velocity_feedforward: float = 1.0
     position_every: int = 1
-    filters: Any = None
+    filters: ArrayField = None
 
     def __post_init__(self) -> None:
         require_positive("fs", self.fs)
@@ -178,10 +180,10 @@ class ServoAxis:
     motor_inertia: float
     force_constant: float
     drive: ServoDrive
-    motor_friction: Any = None
+    motor_friction: Friction | None = None
     motor_damping: float = 0.0
     load_inertia: float = 0.0
-    load_friction: Any = None
+    load_friction: Friction | None = None
     load_damping: float = 0.0
     stiffness: float = 0.0
     damping: float = 0.0
@@ -312,12 +314,12 @@ class ServoTrace:
 def run_servo(
     axis: ServoAxis,
     *,
-    position: Any = None,
-    velocity: Any = None,
-    force: Any = None,
+    position: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    force: ArrayLike | None = None,
     closed: bool = True,
-    noise: Any = None,
-    initial: Any = (0.0, 0.0),
+    noise: ArrayLike | None = None,
+    initial: ArrayLike = (0.0, 0.0),
     oversampling: int = 1,
 ) -> ServoTrace:
     """Run an axis under its drive, from a given state, through set points and excitations of any form.
@@ -482,7 +484,7 @@ def simulate_servo(
     oversampling: int = 1,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    resume: Any = None,
+    resume: str | PathLike[str] | None = None,
 ) -> Record:
     """Run every realisation of a multisine on an axis under its drive: force set point in, encoder position out.
 
@@ -611,7 +613,7 @@ def run_experiment(experiment: ServoExperiment) -> Arrays:
         "limited": np.array(np.mean(kept(trace.limited))),
         "turned": np.array(np.mean(back)),
         "change": np.array(change),
-        "lost": np.array(0.0),  # said by the run itself
+        "lost": np.array(0.0),  # warned of by the run itself
     }
 
 
@@ -625,24 +627,24 @@ def base_position(experiment: ServoExperiment) -> np.ndarray:
 
 def warn_of(experiment: ServoExperiment, worst: dict[str, float]) -> None:
     """Warn of what makes a record another one than was asked for."""
-    said = []
+    texts = []
     if worst["limited"] > SELDOM:
         limit = experiment.axis.drive.max_current
-        said.append(
+        texts.append(
             f"the current was at its limit of {limit:g} A in {100 * worst['limited']:.2g} % of the samples: "
             "the FRF is that of the limit too. Lower the level"
         )
     if worst["turned"] > SELDOM:
-        said.append(
+        texts.append(
             f"the axis turned back in {100 * worst['turned']:.2g} % of the samples: it does not slide all the time. "
             f"Raise base_velocity above {abs(experiment.base_velocity):g}, or lower the level"
         )
     if worst["change"] > UNSETTLED:
-        said.append(
+        texts.append(
             f"steady state was not reached: the last two periods differ by {worst['change']:.1e} of the rms. "
             f"Raise n_discard above {experiment.n_discard}"
         )
-    for text in said:
+    for text in texts:
         warnings.warn(text, DataWarning, stacklevel=3)
 
 

@@ -53,7 +53,7 @@ class Finding:
     ours : dict
         Ours, each under its own name, with the unit in it.
     criterion : str
-        When it is said to hold.
+        Condition under which it holds.
     holds : bool
         Whether it does.
     remark : str
@@ -70,14 +70,14 @@ class Finding:
 
     def __str__(self) -> str:
         ours = "; ".join(f"{name} {number:.3g}" for name, number in self.ours.items())
-        said = {
+        entries = {
             "claim": self.claim,
             "paper": self.paper,
             "ours": ours,
             "holds if": self.criterion,
             "remark": self.remark,
         }
-        rows = [row for label, text in said.items() for row in format_paragraph(label, text)]
+        rows = [row for label, text in entries.items() for row in format_paragraph(label, text)]
         return "\n".join([f"{self.name} {'holds' if self.holds else 'DOES NOT HOLD'}", *rows])
 
 

@@ -105,7 +105,7 @@ def test_an_export_with_names_that_cannot_be_told_apart_says_how_to_export(tmp_p
     pytest.importorskip("pytcs")
     path = tmp_path / "axis.csv"
     path.write_text(export(" ", ".", names=("motor torque", "speed", "way"), quote='"'))
-    with pytest.raises(ValueError, match="cannot be told apart: export it with tabs or semicolons"):
+    with pytest.raises(ValueError, match="cannot be separated: export it with tabs or semicolons"):
         read_channels(path)
 
 
