@@ -30,6 +30,7 @@ COMMANDS = (
     "bench_friction_proof --bursts 2",
     "bench_friction_attack --loops 100",
     "read_class --machines 60",
+    "read_machine --runs 4",
     "bench_saturation --every 24",
     "bench_quasi_linear --loops 60 --kicks 5",
     "bench_verification 200",

@@ -83,7 +83,7 @@ def random_family(blocks, W, performance=0):
 
 
 def random_blocks():
-    """Time and agreement of both bounds on random problems, the lower one also beside one of 25 times as many starts."""
+    """Time and agreement of both bounds on random problems, the lower one also with 25 times as many starts."""
     for blocks in (
         [(1, 1)] * 3,
         [(2, 1), (1, 2), (2, 2)],
@@ -128,7 +128,7 @@ def worst_gains():
         both = time.process_time() - begin
         ratio = found.lower / found.upper
         print(
-            f"worst_gain, {blocks}: 400 frequencies in {seconds:.2f} s; with a worst case {1e3 * both / 40:.1f} ms each, "
+            f"worst_gain, {blocks}: 400 frequencies in {seconds:.2f} s; worst cases {1e3 * both / 40:.1f} ms each, "
             f"which has {ratio.min():.3f} of the bound at least, {np.median(ratio):.4f} in the middle"
         )
 

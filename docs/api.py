@@ -16,7 +16,10 @@ from docs.beside import beside
 PUBLIC: dict[str, tuple[str, ...]] = {
     "nlfrf": nlfrf._public_names,
     "nlfrf.axis": tuple(import_module("nlfrf.axis").__all__),
-    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders", "OwnFriction"),
+    "nlfrf.friction": (
+        *("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders", "OwnFriction"),
+        "element_forces",
+    ),
     "nlfrf.hysteresis": (
         *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
         *("hysteresis_force", "fit_maxwell_slip"),

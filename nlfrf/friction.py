@@ -11,6 +11,7 @@ from nlfrf.rig.laws.laws import (
     LuGre,
     OwnFriction,
     VaryingSliders,
+    element_forces,
     stribeck,
 )
 
@@ -22,5 +23,6 @@ __all__ = [
     "LuGre",
     "OwnFriction",
     "VaryingSliders",
+    "element_forces",
     "stribeck",
 ]

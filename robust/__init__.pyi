@@ -60,6 +60,13 @@ from .friction.classes import any_passive as any_passive
 # Friction: how a loop moves, a proof for a class of friction
 from .friction.describing_function import QuasiLinear as QuasiLinear
 from .friction.describing_function import quasi_linear as quasi_linear
+from .friction.identification import FrictionFit as FrictionFit
+from .friction.identification import Gap as Gap
+from .friction.identification import LevelBalance as LevelBalance
+from .friction.identification import OpenQuestion as OpenQuestion
+from .friction.identification import identify_friction as identify_friction
+from .friction.in_motion import SlidingFit as SlidingFit
+from .friction.in_motion import identify_sliding as identify_sliding
 from .friction.levels import FrictionClass as FrictionClass
 from .friction.levels import friction_class as friction_class
 from .friction.linear_uncertainty import FrequencyTest as FrequencyTest

@@ -1,14 +1,16 @@
 """Loops with friction: the plant, classes of friction, proofs for a class, saturation, describing function.
 
+balance              forces along measured motions, and the search for a machine that balances them
 classes              classes of friction laws, without their parameters
 describing_function  the door: amplitude, kick and outcome of a loop around friction of a given amplitude
 dissipation          the inequality they give, in states that come to rest
 exact                verification of friction proofs in exact arithmetic
+identification       the door: machine and friction with intervals, from records at several levels
+in_motion            mass, viscous and Coulomb friction of an axis in motion
 levels               machine and class read from measured levels, and what of it is refused
 linear_uncertainty   the class beside an LTI error of the linear part: a test at frequencies, no proof
 multipliers          weights of filters on the friction, by a linear program
 passivity            every passive friction: what damping a loop leaves at its port
-presliding_fit       mass, stiffness and virgin curve from all levels at once, by simulating candidates
 plant                a machine with friction and its sampled loop; bounded motion
 prove                a proof for every friction of a class
 saturation           a machine with friction whose actuator saturates

@@ -4,6 +4,13 @@ from .classes import any_maxwell_slip as any_maxwell_slip
 from .classes import any_passive as any_passive
 from .describing_function import QuasiLinear as QuasiLinear
 from .describing_function import quasi_linear as quasi_linear
+from .identification import FrictionFit as FrictionFit
+from .identification import Gap as Gap
+from .identification import LevelBalance as LevelBalance
+from .identification import OpenQuestion as OpenQuestion
+from .identification import identify_friction as identify_friction
+from .in_motion import SlidingFit as SlidingFit
+from .in_motion import identify_sliding as identify_sliding
 from .levels import FrictionClass as FrictionClass
 from .levels import friction_class as friction_class
 from .linear_uncertainty import FrequencyTest as FrequencyTest

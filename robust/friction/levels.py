@@ -29,6 +29,7 @@ __all__ = [
     "nominal_reaction",
     "one_mass_reaction",
     "require_si",
+    "weighted_mean",
 ]
 
 

@@ -20,6 +20,7 @@ __all__ = [
     "commit_elements",
     "commit_sliders",
     "elements_force",
+    "follow_sliders",
     "sliders_force",
     "stribeck_force",
 ]
@@ -348,6 +349,17 @@ def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v
             most = slider_force(law, grid, stack, i, stack[SLIP, i], x, v)
             force = stack[SLIP, i] * min(abs(force), most)
         stack[ELEMENT_FORCE, i] = force
+
+
+@compiled
+def follow_sliders(law: Law, grid: Array, stack: Array, x: Array, v: Array, h: float, out: Array) -> None:
+    """Force of each element along a prescribed motion x (n,), v (n,), from rest at x[0]; out (E, n)."""
+    last = x[0]
+    for j in range(x.size):
+        commit_sliders(law, grid, stack, x[j] - last, x[j], v[j], h)
+        last = x[j]
+        for i in range(grid.shape[1]):
+            out[i, j] = stack[ELEMENT_FORCE, i]
 
 
 @compiled

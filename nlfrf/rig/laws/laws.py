@@ -36,6 +36,7 @@ __all__ = [
     "OwnFriction",
     "UserLawData",
     "VaryingSliders",
+    "element_forces",
     "pack_law",
     "pack_sliders",
     "pack_user_law",
@@ -223,6 +224,54 @@ def pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid
     return kernel_data.Law(
         kernel_data.SLIDERS, strength, strength / law.stiction, vs, 2.0, 0.0, 0.0, float(law.stiction), curve
     ), grid
+
+
+def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: float) -> np.ndarray:
+    """Return the force of each element along a prescribed motion, from rest at its first sample.
+
+    For a motion that repeats, give it twice: from the second period on the forces repeat too.
+
+    Parameters
+    ----------
+    sliders : VaryingSliders
+        E elements.
+    x, v : (n,) ndarray
+        Displacement [m] and velocity [m/s]; between two samples the motion goes one way.
+    fs : float
+        Sampling frequency [Hz].
+
+    Returns
+    -------
+    (E, n) ndarray
+        Forces [N].
+
+    Raises
+    ------
+    ValueError
+        Displacements and velocities that are not two finite arrays of the same length.
+
+    References
+    ----------
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements).
+
+    Examples
+    --------
+    Two elements that slip at 1 and at 3 m.
+
+    >>> sliders = VaryingSliders(stiffness=[1.0, 1.0], strength=[1.0, 3.0])
+    >>> element_forces(sliders, [0.0, 2.0, 4.0, 3.5], np.ones(4), fs=1.0).tolist()
+    [[0.0, 1.0, 1.0, 0.5], [0.0, 2.0, 3.0, 2.5]]
+    """
+    from nlfrf.rig.kernels.slip import follow_sliders
+
+    path, speed = (np.ascontiguousarray(require_real_array(name, one, ndim=1)) for name, one in (("x", x), ("v", v)))
+    if path.size != speed.size or not path.size:
+        raise ValueError(f"x and v must have the same number of samples, at least one, got {path.size}, {speed.size}")
+    law, grid = pack_sliders(sliders)
+    memory = kernel_data.initial_memory(law.curve, grid)
+    forces = np.empty((grid.shape[1], path.size))
+    follow_sliders(law, grid, memory.stack, path, speed, 1 / require_positive("fs", fs), forces)
+    return forces
 
 
 @value

@@ -1,0 +1,565 @@
+"""The balance of forces of a machine with friction along measured motions, and the search for what balances it.
+
+The motion of every level is measured, and the force of a Maxwell element along a known motion is known but for its
+stiffness. So no candidate is simulated. At every line the balance of forces
+
+    E U = (k - m w^2 + j c w) Y + sum_i k_i F_i,      E = exp(-j w tau) / (1 + j w T)
+
+is linear in m, c, k and the stiffnesses k_i. F_i is the spectrum of the force of an element of unit stiffness that
+breaks away at D_i, along the measured motion, with all harmonics of it. The break-away displacements, the stiction, the
+velocity of Stribeck, the delay tau and the lag T come from Gauss-Newton steps. Excited and detection lines count alike.
+
+Distortion is no noise here: the elements distort along the measured motion as the friction of the machine did, so that
+no average over realisations has to remove it. What is left are noise and errors of the model, and the residual shows
+both. The covariance is the sandwich of White (1980), over blocks of neighbouring lines, where errors of the model are
+alike.
+
+The loop may be closed: U is the force that was asked for, whoever asked. Noise of the position enters by the
+regressors; lines are weighted by their residual, and the motion is shrunk by what the periods disagree by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares, nnls
+
+import nlfrf
+from nlfrf._base.values import value
+from robust.lti.sampling import hold_correction
+
+__all__ = [
+    "COARSE",
+    "FINE",
+    "FORCE_ERROR",
+    "HALF_WIDTH",
+    "MODEL_ERROR",
+    "N_PASSES",
+    "WORTH",
+    "Candidate",
+    "Motion",
+    "Terms",
+    "as_real",
+    "covariance_of",
+    "derived_numbers",
+    "deviations",
+    "element_spectra",
+    "extend",
+    "gain_of",
+    "mode_error",
+    "mode_term",
+    "motion_of_record",
+    "pack",
+    "refine",
+    "residual_of",
+    "reweight",
+    "search",
+    "slopes_of",
+]
+
+#: Steps of the motion per sample of the record, as it turns and slips between samples: while elements are looked for,
+#: and for the numbers that count. From 4 to 8 the damping of the linear motor preset moves by up to 7 %, within its
+#: interval, everything else by less than 0.3 %.
+COARSE, FINE = 2, 8
+#: Lines of a window over which a variance is smoothed, and of a block whose residuals may be alike.
+WINDOW, BLOCK = 31, 8
+#: Error of the model relative to the rms of the force on the lines of a level, as a floor of every weight.
+MODEL_ERROR = 0.002
+#: Error of every force along a motion that is known at samples only, relative: what is left without noise is 0.01 %
+#: of the force, and moved the Coulomb friction by 0.03 % and the damping by 0.02 % of it over the velocity.
+FORCE_ERROR = 3e-4
+#: Break-away displacements that are tried, per search for one more element.
+N_TRIED = 20
+#: Elements at most, and the F ratio that one more has to bring: chance brings over 20 in one search of a thousand
+#: (chi-square with two degrees of freedom, twenty trials).
+MOST_ELEMENTS, WORTH = 8, 20.0
+#: Passes in which the weights follow the residual.
+N_PASSES = 3
+#: Half-width of a 95 % interval in standard deviations.
+HALF_WIDTH = 1.96
+
+
+@value
+class Motion:
+    """What was measured at one level: the force and the position on the lines, and the motion in time.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Lines [rad/s].
+    U, Y : (M, W) complex ndarray
+        Force, its hold included, and position.
+    noise : (M, W) ndarray
+        Variance of Y by noise.
+    excited : (W,) ndarray of bool
+        Which of the lines are excited.
+    x, v : (M, n) ndarray
+        One period of the motion [m], [m/s].
+    fs : float
+        Its sampling frequency [Hz].
+    lines : (W,) int ndarray
+        Numbers of the lines.
+    """
+
+    omega: np.ndarray
+    U: np.ndarray
+    Y: np.ndarray
+    noise: np.ndarray
+    excited: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    fs: float
+    lines: np.ndarray
+
+    @property
+    def force(self) -> float:
+        """Rms of the force on the lines [N]."""
+        return float(np.sqrt((np.abs(self.U) ** 2).sum(axis=1).mean() / 2))
+
+    @property
+    def half_swing(self) -> float:
+        """Half of the way between the turns farthest apart [m]."""
+        return float(np.ptp(self.x, axis=1).max() / 2)
+
+
+@value
+class Terms:
+    """Which terms the balance has besides mass, damping and elements: spring, softening (w^4), lag, stiction."""
+
+    spring: bool
+    softening: bool = False
+    lag: bool = False
+    stiction: bool = False
+
+    @property
+    def linear(self) -> tuple[str, ...]:
+        """Names of the terms of the motion."""
+        return ("mass", "damping", *["stiffness"] * self.spring, *["softening"] * self.softening)
+
+    @property
+    def nonlinear(self) -> tuple[str, ...]:
+        """Names of the others, the elements left out."""
+        return ("delay", *["lag_squared"] * self.lag, *["log_excess", "log_vs"] * self.stiction)
+
+
+@value
+class Candidate:
+    """A machine: numbers of the terms by name, and stiffness and break-away displacement of its elements."""
+
+    terms: Terms
+    numbers: dict[str, float]
+    stiffness: np.ndarray
+    breakaway: np.ndarray
+
+    @property
+    def stiction(self) -> float:
+        """Largest over smallest force of a slider."""
+        return 1 + float(np.exp(self.numbers["log_excess"])) if self.terms.stiction else 1.0
+
+    @property
+    def vs(self) -> float:
+        """Velocity of Stribeck [m/s]."""
+        return float(np.exp(self.numbers["log_vs"])) if self.terms.stiction else np.inf
+
+
+def motion_of_record(record: Any, upsampling: int, shrinkage: float = 2.0) -> Motion:
+    """Mean period of a record: spectra on the lines of the band, and the motion between the samples."""
+    u, y = np.asarray(record.u), np.asarray(record.y)
+    M, P, N = u.shape
+    f0 = record.fs / N
+    U, Y = (2 / N * np.fft.rfft(one, axis=-1) for one in (u, y))
+    mean = Y.mean(axis=1)
+    noise = np.zeros(mean.shape)
+    if P > 1:
+        spread = (np.abs(Y - mean[:, np.newaxis]) ** 2).sum(axis=1) / (P - 1) / P
+        noise = np.stack([smoothed(one) for one in spread])
+    gain = np.clip(1 - shrinkage * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny), 0.0, 1.0)
+    shrunk = mean * gain
+    shrunk[:, 0] = 0.0  # where the axis stands is not known to the elements
+    shrunk[:, -1] = 0.0
+    n = upsampling * N
+    padded = np.zeros((M, n // 2 + 1), dtype=complex)
+    padded[:, : shrunk.shape[1]] = shrunk * n / 2
+    grid = 2j * np.pi * f0 * np.arange(padded.shape[1])
+    excited = np.asarray(record.lines.excited)
+    lines = np.arange(excited[0], excited[-1] + 1)
+    if np.all(excited % 2 == 1):  # even lines hold noise alone
+        lines = lines[lines % 2 == 1]
+    omega = 2 * np.pi * f0 * lines
+    hold = hold_correction(omega, record.hold, record.fs, 0.0)
+    return Motion(
+        omega=omega,
+        U=U.mean(axis=1)[:, lines] / hold,
+        Y=mean[:, lines],
+        noise=noise[:, lines],
+        excited=np.isin(lines, excited),
+        x=np.fft.irfft(padded, axis=-1),
+        v=np.fft.irfft(grid * padded, axis=-1),
+        fs=record.fs * upsampling,
+        lines=lines,
+    )
+
+
+def smoothed(values: np.ndarray) -> np.ndarray:
+    """Mean over a window of lines."""
+    half = min(WINDOW // 2, values.size - 1)
+    return np.convolve(np.pad(values, half, mode="reflect"), np.full(2 * half + 1, 1 / (2 * half + 1)), "valid")
+
+
+def element_spectra(motion: Motion, breakaway: np.ndarray, stiction: float, vs: float) -> np.ndarray:
+    """(E, M, W) spectra of the forces of elements of unit stiffness along a motion."""
+    if not breakaway.size:
+        return np.zeros((0, *motion.U.shape), dtype=complex)
+    sliders = nlfrf.friction.VaryingSliders(
+        stiffness=np.ones(breakaway.size), strength=breakaway, stiction=stiction, vs=vs
+    )
+    n = motion.x.shape[1]
+    found = np.empty((breakaway.size, *motion.U.shape), dtype=complex)
+    for m, (x, v) in enumerate(zip(motion.x, motion.v, strict=True)):
+        forces = nlfrf.friction.element_forces(sliders, np.tile(x, 2), np.tile(v, 2), fs=motion.fs)
+        found[:, m] = 2 / n * np.fft.rfft(forces[:, n:], axis=-1)[:, motion.lines]
+    return found
+
+
+def linear_columns(motion: Motion, terms: Terms) -> list[np.ndarray]:
+    """(M, W) column of each linear term of the motion."""
+    omega, Y = motion.omega, motion.Y
+    columns = {"mass": -(omega**2) * Y, "damping": 1j * omega * Y, "stiffness": Y, "softening": -(omega**4) * Y}
+    return [columns[name] for name in terms.linear]
+
+
+def actuated_force(motion: Motion, numbers: dict[str, float]) -> np.ndarray:
+    """(M, W) force behind its delay and lag."""
+    s = 1j * motion.omega
+    lag = np.sqrt(max(0.0, numbers.get("lag_squared", 0.0)))
+    # the delay is counted with the lag in it: the two are hard to tell apart, their sum is not
+    return np.asarray(motion.U * np.exp(-s * (numbers["delay"] - lag)) / (1 + s * lag))
+
+
+# ---- The search: start on a grid of elements, Gauss-Newton steps, one more element where it is worth it.
+
+
+def pack(candidate: Candidate) -> np.ndarray:
+    """The parameters as one vector; elements by their logarithms."""
+    names = (*candidate.terms.linear, *candidate.terms.nonlinear)
+    return np.concatenate(
+        [[candidate.numbers[name] for name in names], np.log(candidate.stiffness), np.log(candidate.breakaway)]
+    )
+
+
+def unpack(x: np.ndarray, terms: Terms) -> Candidate:
+    """The candidate of a vector."""
+    names = (*terms.linear, *terms.nonlinear)
+    stiffness, breakaway = np.split(np.exp(x[len(names) :]), 2)
+    numbers = dict(zip(names, x[: len(names)].tolist(), strict=True))
+    return Candidate(terms=terms, numbers=numbers, stiffness=stiffness, breakaway=breakaway)
+
+
+def residual_of(motion: Motion, candidate: Candidate) -> np.ndarray:
+    """(M, W) what the candidate leaves of the force."""
+    left = actuated_force(motion, candidate.numbers)
+    for name, column in zip(candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True):
+        left = left - candidate.numbers[name] * column
+    spectra = element_spectra(motion, candidate.breakaway, candidate.stiction, candidate.vs)
+    return np.asarray(left - np.tensordot(candidate.stiffness, spectra, axes=1))
+
+
+#: Steps of the derivatives, relative; elements that slip or not make the force rough on a finer scale.
+STEP = 0.02
+
+
+def slopes_of(motion: Motion, candidate: Candidate) -> np.ndarray:
+    """(M, W, p) derivatives of the residual by the parameters."""
+    omega, terms, numbers, D = motion.omega, candidate.terms, candidate.numbers, candidate.breakaway
+    columns = [-one for one in linear_columns(motion, terms)]
+    force = actuated_force(motion, numbers)
+    columns.append(-1j * omega * force)
+    if terms.lag:
+        columns.append(-(omega**2) / 2 * force)  # to first order in T^2
+    base = element_spectra(motion, D, candidate.stiction, candidate.vs)
+    if terms.stiction:
+        ahead = np.exp(STEP)
+        for stiction, vs in (
+            (1 + (candidate.stiction - 1) * ahead, candidate.vs),
+            (candidate.stiction, candidate.vs * ahead),
+        ):
+            moved = element_spectra(motion, D, stiction, vs)
+            columns.append(-np.tensordot(candidate.stiffness, moved - base, axes=1) / STEP)
+    wider = element_spectra(motion, D * np.exp(STEP), candidate.stiction, candidate.vs)
+    narrower = element_spectra(motion, D * np.exp(-STEP), candidate.stiction, candidate.vs)
+    weight = candidate.stiffness[:, np.newaxis, np.newaxis]
+    columns += [*(-weight * base), *(-weight * (wider - narrower) / (2 * STEP))]
+    return np.stack(columns, axis=-1)
+
+
+def as_real(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Real and imaginary parts of several levels as one array; the last axis is kept where there are three."""
+    flat = [part.reshape(-1, *part.shape[2:]) for part in parts]
+    stacked = np.concatenate(flat)
+    return np.concatenate([stacked.real, stacked.imag])
+
+
+def refine(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]) -> Candidate:
+    """Gauss-Newton steps from a candidate, the weights held."""
+    terms = candidate.terms
+    names, n = (*terms.linear, *terms.nonlinear), candidate.stiffness.size
+    stiffest = float(np.log(candidate.stiffness.max(initial=1e-300)))
+    free = np.full(len(names), np.inf)
+    low = np.concatenate([-free, np.full(n, stiffest - 25), np.full(n, np.log(span[0]))])
+    high = np.concatenate([free, np.full(n, stiffest + 5), np.full(n, np.log(span[1]))])
+    for name, least, most in (("lag_squared", 0.0, np.inf), ("log_excess", -4.0, 1.0), ("log_vs", -14.0, 2.0)):
+        if name in names:
+            low[names.index(name)], high[names.index(name)] = least, most
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        one = unpack(x, terms)
+        return as_real([residual_of(level, one) / std for level, std in zip(levels, stds, strict=True)])
+
+    def slopes(x: np.ndarray) -> np.ndarray:
+        one = unpack(x, terms)
+        return as_real([slopes_of(level, one) / std[..., np.newaxis] for level, std in zip(levels, stds, strict=True)])
+
+    start = np.clip(pack(candidate), low + 1e-9, high - 1e-9)
+    found = least_squares(
+        residual, start, jac=slopes, bounds=(low, high), x_scale="jac", ftol=1e-4, xtol=1e-5, max_nfev=30
+    )
+    return without_faint(unpack(found.x, terms))
+
+
+#: Ratio of break-away displacements below which two elements are one.
+CLOSE = 1.1
+
+
+def without_faint(candidate: Candidate) -> Candidate:
+    """The candidate without elements that hold next to nothing, and with those joined that break away together."""
+    k, D = candidate.stiffness, candidate.breakaway
+    order = np.argsort(D)
+    k, D = k[order], D[order]
+    keep = (k > 1e-3 * k.sum()) | (k * D > 1e-3 * (k @ D))
+    found: list[tuple[float, float]] = []
+    for stiffness, breakaway in zip(k[keep].tolist(), D[keep].tolist(), strict=True):
+        if found and breakaway < CLOSE * found[-1][1]:
+            before, at = found.pop()
+            both = before + stiffness
+            found.append((both, (before * at + stiffness * breakaway) / both))
+        else:
+            found.append((stiffness, breakaway))
+    stiffnesses, breakaways = np.array(found).reshape(-1, 2).T
+    return replace(candidate, stiffness=stiffnesses, breakaway=breakaways)
+
+
+def reweight(levels: list[Motion], candidate: Candidate) -> list[np.ndarray]:
+    """(M, W) standard deviation of every line, from the residual around it."""
+    found = []
+    for level in levels:
+        power = smoothed((np.abs(residual_of(level, candidate)) ** 2).mean(axis=0))
+        floor = MODEL_ERROR**2 * float((np.abs(level.U) ** 2).mean())
+        found.append(np.tile(np.sqrt(power + floor), (level.U.shape[0], 1)))
+    return found
+
+
+def start_candidate(levels: list[Motion], span: tuple[float, float], *, spring: bool) -> Candidate:
+    """Non-negative least squares on a grid of elements, for several delays and strengths of stiction."""
+    terms = Terms(spring=spring)
+    tried = np.geomspace(*span, N_TRIED // 2 + 2)
+    scales = [np.sqrt((np.abs(level.U) ** 2).mean()) for level in levels]
+    speeds = [float(np.std(level.v)) for level in levels]
+    # a column and its negative where the sign is free
+    signed = [
+        np.stack([sign * one for one in linear_columns(level, terms) for sign in (1, -1)], axis=-1) / scale
+        for level, scale in zip(levels, scales, strict=True)
+    ]
+    top = float(max(level.omega[-1] for level in levels))
+    best: tuple[float, Candidate] | None = None
+    choices = [(1.0, np.inf), *((1.4, vs) for vs in np.geomspace(min(speeds), 2 * max(speeds), 5))]
+    for stiction, vs in choices:
+        spectra = [np.moveaxis(element_spectra(level, tried, stiction, vs), 0, -1) for level in levels]
+        table = as_real(
+            [
+                np.concatenate([one, part / scale], axis=-1)
+                for one, part, scale in zip(signed, spectra, scales, strict=True)
+            ]
+        )
+        size = np.linalg.norm(table, axis=0)
+        Q, R = np.linalg.qr(table / size)
+        for delay in np.arange(0.0, 8.0) / top:
+            numbers = {"delay": delay}
+            target = as_real([actuated_force(level, numbers) / s for level, s in zip(levels, scales, strict=True)])
+            inside = Q.T @ target
+            found, left = nnls(R, inside)
+            off = float(target @ target - inside @ inside + left**2)
+            if best is None or off < best[0]:
+                scaled = found / size
+                n = len(terms.linear)
+                numbers |= dict(zip(terms.linear, (scaled[: 2 * n : 2] - scaled[1 : 2 * n : 2]).tolist(), strict=True))
+                if stiction > 1:
+                    numbers |= {"log_excess": float(np.log(stiction - 1)), "log_vs": float(np.log(vs))}
+                k = np.maximum(scaled[2 * n :], 0.0)
+                chosen = replace(terms, stiction=stiction > 1)
+                best = off, Candidate(terms=chosen, numbers=numbers, stiffness=k, breakaway=tried)
+    assert best is not None
+    return joined(best[1])
+
+
+def joined(candidate: Candidate) -> Candidate:
+    """The elements of a grid that hold something, neighbours joined two by two."""
+    k, D = candidate.stiffness, candidate.breakaway
+    some = (k > 1e-3 * k.sum()) | (k * D > 1e-3 * (k @ D))
+    if not some.any():
+        return replace(candidate, stiffness=np.array([1e-6]), breakaway=D[D.size // 2 :][:1])
+    pairs: list[tuple[float, float]] = []
+    i = 0
+    while i < k.size:
+        if some[i] and i + 1 < k.size and some[i + 1]:
+            both = k[i] + k[i + 1]
+            pairs.append((both, (k[i] * D[i] + k[i + 1] * D[i + 1]) / both))
+            i += 2
+        else:
+            if some[i]:
+                pairs.append((k[i], D[i]))
+            i += 1
+    stiffness, breakaway = np.array(sorted(pairs, key=lambda one: -one[0] * one[1])[:MOST_ELEMENTS]).T
+    return replace(candidate, stiffness=stiffness, breakaway=breakaway)
+
+
+def gain_of(column: np.ndarray, Q: np.ndarray, left: np.ndarray) -> tuple[float, float]:
+    """F ratio of one more column, the others adapted: what it takes off the sum of squares over a free one of the rest.
+
+    The weights came from the same residual, so the sum of squares alone says little where they are few.
+    """
+    own = column - Q @ (Q.T @ column)
+    size = float(own @ own)
+    if size <= 1e-12 * float(column @ column):
+        return 0.0, 0.0
+    worth = float(own @ left)
+    rest = float(left @ left) - worth**2 / size
+    free = max(1, left.size - Q.shape[1] - 1)
+    return worth**2 / size * free / max(rest, np.finfo(float).tiny), worth / size
+
+
+def extend(
+    levels: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
+) -> Candidate | None:
+    """The candidate with the term or element that is worth most; None where chance is worth as much."""
+    slopes = as_real(
+        [slopes_of(level, candidate) / std[..., np.newaxis] for level, std in zip(levels, stds, strict=True)]
+    )
+    size = np.linalg.norm(slopes, axis=0)
+    Q = np.linalg.qr(slopes / np.where(size > 0, size, 1.0))[0]
+    left = as_real([residual_of(level, candidate) / std for level, std in zip(levels, stds, strict=True)])
+    options: list[tuple[float, Candidate]] = []
+    terms = candidate.terms
+
+    def offer(parts: list[np.ndarray], made: Any) -> None:
+        column = as_real([part / std for part, std in zip(parts, stds, strict=True)])
+        worth, amount = gain_of(column, Q, left)
+        if worth > WORTH and amount > 0:
+            options.append((worth, made(amount)))
+
+    if not terms.lag:
+        parts = [level.omega**2 / 2 * actuated_force(level, candidate.numbers) for level in levels]
+        later = replace(terms, lag=True)
+        offer(
+            parts, lambda amount: replace(candidate, terms=later, numbers=candidate.numbers | {"lag_squared": amount})
+        )
+    # a lag looks like a mode where no friction tells them apart, and every drive has one: it comes first
+    if not terms.softening and not options:
+        parts = [-(level.omega**4) * level.Y for level in levels]
+        wider = replace(terms, softening=True)
+        offer(parts, lambda amount: replace(candidate, terms=wider, numbers=candidate.numbers | {"softening": amount}))
+    if 0 < candidate.stiffness.size < MOST_ELEMENTS:
+        tried = np.geomspace(*span, N_TRIED)
+        spectra = [element_spectra(level, tried, candidate.stiction, candidate.vs) for level in levels]
+        for i, D in enumerate(tried):
+
+            def with_element(amount: float, D: float = D) -> Candidate:
+                return replace(
+                    candidate,
+                    stiffness=np.append(candidate.stiffness, amount),
+                    breakaway=np.append(candidate.breakaway, D),
+                )
+
+            offer([part[i] for part in spectra], with_element)
+    return max(options, key=lambda one: one[0])[1] if options else None
+
+
+def search(levels: list[Motion], span: tuple[float, float], *, spring: bool) -> Candidate:
+    """Add terms and elements, one at a time, as long as one is worth it."""
+    candidate = start_candidate(levels, span, spring=spring)
+    candidate = refine(levels, reweight(levels, candidate), candidate, span)
+    for _ in range(MOST_ELEMENTS + 4):
+        stds = reweight(levels, candidate)
+        more = extend(levels, stds, candidate, span)
+        if more is None:
+            break
+        candidate = refine(levels, stds, more, span)
+    return candidate
+
+
+# ---- Intervals.
+
+
+def covariance_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> np.ndarray:
+    """Sandwich covariance of the packed parameters, over blocks of neighbouring lines of all realisations."""
+    slopes = [slopes_of(level, candidate) / std[..., np.newaxis] for level, std in zip(levels, stds, strict=True)]
+    residuals = [residual_of(level, candidate) / std for level, std in zip(levels, stds, strict=True)]
+    table = as_real(slopes)
+    size = np.linalg.norm(table, axis=0)
+    size[size == 0] = 1.0
+    bread = np.linalg.pinv((table / size).T @ (table / size), rcond=1e-13)
+    scores: list[np.ndarray] = []
+    for slope, residual in zip(slopes, residuals, strict=True):
+        by_line = (slope.conj() * residual[..., np.newaxis]).real.sum(axis=0) / size
+        blocks = int(np.ceil(by_line.shape[0] / BLOCK))
+        scores += [part.sum(axis=0) for part in np.array_split(by_line, max(2, blocks))]
+    together = np.array(scores)
+    n, p = table.shape
+    few = len(scores) / (len(scores) - 1) * n / max(1, n - p)
+    return np.asarray(few * bread @ (together.T @ together) @ bread / np.outer(size, size))
+
+
+def derived_numbers(x: np.ndarray, terms: Terms) -> dict[str, float]:
+    """What is reported, from the packed parameters."""
+    one = unpack(x, terms)
+    k, D, numbers = one.stiffness, one.breakaway, one.numbers
+    return {
+        "mass": numbers["mass"],
+        "damping": numbers["damping"],
+        "stiffness": numbers.get("stiffness", 0.0),
+        "delay": numbers["delay"],
+        "softening": numbers.get("softening", 0.0),
+        "K0": float(k.sum()),
+        "Fs": float(k @ D),
+        "coulomb": float(k @ D) / one.stiction,
+        "stiction": one.stiction,
+    }
+
+
+def deviations(x: np.ndarray, terms: Terms, covariance: np.ndarray) -> dict[str, float]:
+    """Standard deviation of each derived number."""
+    steps = 1e-6 * np.maximum(np.abs(x), 1e-6)
+    gradients = {name: np.zeros(x.size) for name in derived_numbers(x, terms)}
+    for i, step in enumerate(steps):
+        moved = np.zeros(x.size)
+        moved[i] = step
+        up, down = derived_numbers(x + moved, terms), derived_numbers(x - moved, terms)
+        for name, gradient in gradients.items():
+            gradient[i] = (up[name] - down[name]) / (2 * step)
+    return {name: float(np.sqrt(max(0.0, g @ covariance @ g))) for name, g in gradients.items()}
+
+
+def mode_term(motion: Motion, numbers: dict[str, float], lag_squared: float = 0.0) -> float:
+    """Size of the term w^4 at the highest line, over that of the mass: a mode above the band, or a lag."""
+    top = float(motion.omega[-1]) ** 2
+    return top * max(0.0, numbers["softening"] / numbers["mass"], lag_squared / 2)
+
+
+def mode_error(motion: Motion, numbers: dict[str, float], lag_squared: float = 0.0) -> float:
+    """Error of the mass, relative, that a mode in the place of its first term leaves.
+
+    A sixth of that term: the presets with a load were up to 0.8 % off at a term of 4 % (benchmarks/read_machine.py).
+    """
+    return mode_term(motion, numbers, lag_squared) / 6

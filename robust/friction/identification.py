@@ -1,0 +1,545 @@
+"""Machine and friction identified from records at several levels, sticking to sliding, and what they leave open."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+import nlfrf
+from nlfrf._base.arguments import short_form
+from nlfrf._base.values import value
+from robust.friction.balance import (
+    COARSE,
+    FINE,
+    FORCE_ERROR,
+    HALF_WIDTH,
+    N_PASSES,
+    WORTH,
+    Candidate,
+    Motion,
+    as_real,
+    covariance_of,
+    derived_numbers,
+    deviations,
+    element_spectra,
+    gain_of,
+    mode_error,
+    motion_of_record,
+    pack,
+    refine,
+    residual_of,
+    reweight,
+    search,
+    slopes_of,
+)
+from robust.friction.classes import any_maxwell_slip
+from robust.friction.levels import FEWEST_LINES, FrictionClass, require_si
+from robust.friction.plant import friction_plant
+
+__all__ = ["FrictionFit", "Gap", "LevelBalance", "OpenQuestion", "identify_friction"]
+
+#: (steps per sample, shrinkage by noise) of fits that ought to give the same. The sum of squares is rough where
+#: elements slip or not, and its minimum moves by up to 0.3 % of the Coulomb friction: what they differ by is in every
+#: interval.
+ALTERNATIVES = ((4, 8.0), (6, 1.0))
+#: Share of the force or of Fs that may be left unexplained at a level, noise taken off. The preset of one mass leaves
+#: 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
+MOST_UNEXPLAINED = 0.02
+#: Share of Fs that may break away in the outer part of the largest swing, where that part begins, and the share of K0
+#: that may slip at the lowest level.
+MOST_LATE, OUTER, MOST_EARLY = 0.1, 0.75, 0.2
+#: Levels whose forces differ by less than this factor are one level.
+SAME_LEVEL = 1.3
+
+
+class Gap(enum.Enum):
+    """What the levels can leave open.
+
+    References
+    ----------
+    docs/guide/axis.md: the tests behind each.
+
+    Examples
+    --------
+    >>> Gap.LOWEST_LEVEL_SLIPS.value
+    'K0'
+    """
+
+    HIGHEST_LEVEL_STICKS = "Fs"
+    LOWEST_LEVEL_SLIPS = "K0"
+    EQUAL_LEVELS = "levels"
+    OTHER_MACHINE = "machine"
+    FLEXIBLE = "mode"
+    STICTION = "stiction"
+
+
+@value
+class OpenQuestion:
+    """Something that the levels leave open, with the number that shows it and what to measure.
+
+    Fields
+    ------
+    kind : Gap
+        What is left open.
+    description : str
+        The number that shows it, and what to measure.
+
+    References
+    ----------
+    docs/guide/axis.md: the tests behind each.
+
+    Examples
+    --------
+    >>> question = OpenQuestion(kind=Gap.EQUAL_LEVELS, description="levels of 1, 1, 1 N rms count as 1")
+    >>> print(question)
+    levels of 1, 1, 1 N rms count as 1
+    """
+
+    kind: Gap
+    description: str
+
+    def __str__(self) -> str:
+        return self.description
+
+
+@value
+class LevelBalance:
+    """What the friction of one level looks like as a spring and a damper, measured and fitted.
+
+    Fields
+    ------
+    force, motion : float
+        Rms of the force [N] and of the position [m] on the lines.
+    stiffness, damping : float
+        Spring [N/m] and damper [Ns/m] closest to the force that the machine without friction leaves.
+    stiffness_fit, damping_fit : float
+        Those closest to the force of the fitted elements.
+    unexplained : float
+        What the fit leaves of the force, noise taken off, over the force or Fs, whichever is more (rms).
+    noise : float
+        What noise explains, over the same.
+
+    References
+    ----------
+    A. Gelb, W. E. Vander Velde, *Multiple-Input Describing Functions*, 1968 (statistical linearisation).
+
+    Examples
+    --------
+    >>> numbers = dict(force=1.0, motion=1e-6, stiffness=2e6, damping=0.0, stiffness_fit=2e6, damping_fit=0.0)
+    >>> LevelBalance(**numbers, unexplained=0.001, noise=0.06).noise
+    0.06
+    """
+
+    force: float
+    motion: float
+    stiffness: float
+    damping: float
+    stiffness_fit: float
+    damping_fit: float
+    unexplained: float
+    noise: float
+
+
+#: Numbers with an interval, their units, the factor to them, and what they are called.
+REPORTED = {
+    "mass": ("m", "kg", 1.0),
+    "damping": ("c", "Ns/m", 1.0),
+    "stiffness": ("k", "kN/m", 1e-3),
+    "K0": ("K0", "kN/m", 1e-3),
+    "Fs": ("Fs", "N", 1.0),
+    "coulomb": ("Coulomb friction", "N", 1.0),
+    "stiction": ("stiction over Coulomb friction", "", 1.0),
+    "delay": ("delay with lag", "ms", 1e3),
+}
+
+
+@value
+class FrictionFit:
+    """Machine and friction that all levels say together, given Maxwell slip.
+
+    Fields
+    ------
+    mass, damping, stiffness : float
+        m [kg], viscous c [Ns/m], spring to ground k [N/m] (zero for a free axis).
+    K0, Fs, coulomb, stiction : float
+        Presliding stiffness [N/m] and break-away force [N] of all elements together, the force at speed [N], and the
+        ratio of the two forces.
+    vs : float
+        Velocity of Stribeck [m/s]; infinite where no stiction is seen.
+    delay, lag : float
+        From the command to the force [s]: the whole delay, and the part of it that is a lag of first order.
+    softening : float
+        Coefficient of -w^4 [N s^4/m]: a mode above the band; zero where none is seen.
+    stds : dict of str to float
+        Standard deviation of each of these numbers, infinite where the levels leave it open.
+    element_stiffness, element_strength : (E,) ndarray
+        Stiffness [N/m] and strength [N] of the elements, the one that breaks away first, first.
+    seen_from : float
+        Displacement [m] below which an element would break away without being seen: K0 holds for elements beyond.
+    levels : tuple of LevelBalance
+        The highest first.
+    questions : tuple of OpenQuestion
+        What the levels leave open.
+
+    References
+    ----------
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements).
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> law = nlfrf.friction.VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
+    >>> rig = nlfrf.Rig(1.0, 80e3, law, 10.0)
+    >>> grid = dict(fs=1024, n_samples=2048, f_min=2, f_max=200)
+    >>> played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate((0.1, 0.5, 2, 6))]
+    >>> fit = identify_friction([nlfrf.simulate(rig, ms, n_periods=2, n_discard=3, oversampling=8) for ms in played])
+    >>> round(fit.mass, 2), round(fit.Fs, 2), round(fit.stiffness / 1e3, 1)
+    (1.0, 1.0, 80.0)
+    >>> low, high = fit.interval("K0")
+    >>> bool(low < 64e3 < high)
+    True
+    """
+
+    mass: float
+    damping: float
+    stiffness: float
+    K0: float
+    Fs: float
+    coulomb: float
+    stiction: float
+    vs: float
+    delay: float
+    lag: float
+    softening: float
+    stds: dict[str, float]
+    element_stiffness: np.ndarray
+    element_strength: np.ndarray
+    seen_from: float
+    levels: tuple[LevelBalance, ...]
+    questions: tuple[OpenQuestion, ...]
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval of a number, by its name."""
+        half = HALF_WIDTH * self.stds[name]
+        return getattr(self, name) - half, getattr(self, name) + half
+
+    @property
+    def sliders(self) -> nlfrf.friction.VaryingSliders:
+        """The friction as a law, for simulations and feedforward."""
+        return nlfrf.friction.VaryingSliders(
+            stiffness=self.element_stiffness, strength=self.element_strength, stiction=self.stiction, vs=self.vs
+        )
+
+    def virgin_curve(self, z: Any) -> np.ndarray:
+        """Force [N] over displacement [m] from rest."""
+        stretched = np.multiply.outer(np.asarray(z, dtype=float), self.element_stiffness)
+        return np.asarray(np.minimum(stretched, self.element_strength).sum(axis=-1))
+
+    def assumed_class(self, *, stiction: float = 1.5, margin: float = 1.25) -> FrictionClass:
+        """Return machine and class for `prove_friction`: the least mass-spring-delay machine and every friction around.
+
+        Parameters
+        ----------
+        stiction : float
+            Largest over smallest force of a slider; the upper end of what was identified where that is more.
+        margin : float
+            Times K0: elements that slip below every level are not seen.
+
+        Raises
+        ------
+        ValueError
+            Levels that leave the machine or K0 open, with the first reason.
+        """
+        for question in self.questions:
+            if question.kind is not Gap.STICTION and not (
+                question.kind is Gap.HIGHEST_LEVEL_STICKS and not self.stiffness
+            ):
+                raise ValueError(f"fit must leave neither machine nor K0 open, got: {question}")
+        low = max(0.0, self.interval("stiffness")[0])
+        stiction = max(stiction, self.interval("stiction")[1]) if np.isfinite(self.stds["stiction"]) else stiction
+        friction = any_maxwell_slip(margin * self.interval("K0")[1] + self.stiffness - low, stiction)
+        machine = replace(friction_plant(self.mass, low), delay=max(0.0, self.delay))
+        n = len(self.levels)
+        return FrictionClass(
+            machine=machine,
+            friction=friction,
+            evidence=(
+                f"Assumed, identified from {n} levels: {self.mass:.4g} kg, k = {low / 1e3:.4g} kN/m, "
+                f"{1e3 * machine.delay:.3g} ms of delay (its lag taken for delay), c = 0; K0 = "
+                f"{friction.K0 / 1e3:.4g} kN/m, {margin:g} times the upper end of what was identified, given that no "
+                f"element slips below {1e6 * self.seen_from:.2g} um; stiction {friction.stiction:.3g}."
+            ),
+            mass=np.full(n, self.mass),
+            stiffness=np.array([level.stiffness for level in self.levels]) + self.stiffness,
+            damping=np.array([level.damping for level in self.levels]) + self.damping,
+            mass_std=self.stds["mass"],
+            stiffness_std=self.stds["stiffness"],
+            machines=(machine,),
+            stiffness_low=low,
+            misfit=np.array([level.unexplained for level in self.levels]),
+        )
+
+    def __str__(self) -> str:
+        rows = []
+        for name, (label, unit, factor) in REPORTED.items():
+            std = self.stds[name]
+            if name == "stiffness" and not std:
+                continue
+            if not np.isfinite(std):
+                rows.append(f"{label}: left open")
+                continue
+            half = factor * HALF_WIDTH * std
+            rows.append(f"{label} = {factor * getattr(self, name):.4g} +- {half:.1g} {unit}".rstrip())
+        rows.append(
+            f"95 % intervals, given Maxwell slip of {self.element_stiffness.size} elements none of which slips below "
+            f"{1e6 * self.seen_from:.2g} um"
+        )
+        return "\n".join([*rows, *(f"Open: {question}" for question in self.questions)])
+
+
+def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBalance:
+    """A level as a spring and a damper, measured and fitted."""
+    chosen = level.excited
+    columns = np.stack([level.Y, 1j * level.omega * level.Y], axis=-1)[:, chosen]
+    left = residual_of(level, candidate)
+    spectra = element_spectra(level, candidate.breakaway, candidate.stiction, candidate.vs)
+    fitted = np.tensordot(candidate.stiffness, spectra, axes=1)
+    table = as_real([columns / std[:, chosen, np.newaxis]])
+    k, c = (
+        np.linalg.lstsq(table, as_real([force[:, chosen] / std[:, chosen]]), rcond=None)[0]
+        for force in (fitted + left, fitted)
+    )
+    # noise of an encoder is alike in all periods where the motion is a few of its steps: it counts against Fs there
+    Fs = float(candidate.stiffness @ candidate.breakaway)
+    power = float(max((np.abs(level.U[:, chosen]) ** 2).sum(), 2 * left.shape[0] * Fs**2))
+    gain = np.abs(level.U[:, chosen]) ** 2 / np.maximum(np.abs(level.Y[:, chosen]) ** 2, np.finfo(float).tiny)
+    noise = float((gain * level.noise[:, chosen]).sum()) / power
+    unexplained = float((np.abs(left[:, chosen]) ** 2).sum()) / power
+    return LevelBalance(
+        force=level.force,
+        motion=float(np.sqrt((np.abs(level.Y) ** 2).sum(axis=1).mean() / 2)),
+        stiffness=float(k[0]),
+        damping=float(k[1]),
+        stiffness_fit=float(c[0]),
+        damping_fit=float(c[1]),
+        unexplained=float(np.sqrt(max(0.0, unexplained - noise))),
+        noise=float(np.sqrt(noise)),
+    )
+
+
+def questions_of(
+    levels: list[Motion], stds: list[np.ndarray], candidate: Candidate, balances: list[LevelBalance], *, stuck: float
+) -> list[OpenQuestion]:
+    """What the levels leave open; levels the highest first, stuck: stiffness that never slips [N/m]."""
+    found: list[OpenQuestion] = []
+    k, D = candidate.stiffness, candidate.breakaway
+    Fs, K0 = float(k @ D), float(k.sum())
+    worst = max(balances, key=lambda one: one.unexplained)
+    if worst.unexplained > MOST_UNEXPLAINED:
+        found.append(
+            OpenQuestion(
+                kind=Gap.OTHER_MACHINE,
+                description=(
+                    f"one mass with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or of Fs) at "
+                    f"{worst.force:.3g} N rms unexplained, more than {100 * MOST_UNEXPLAINED:g} % beyond noise. "
+                    "Measure below a third of the first antiresonance and in motion (identify_sliding), or read a "
+                    "machine of two masses by friction_class with a nominal"
+                ),
+            )
+        )
+    if candidate.terms.softening:
+        softening = candidate.numbers["softening"]
+        found.append(
+            OpenQuestion(
+                kind=Gap.FLEXIBLE,
+                description=(
+                    f"the machine is not rigid in the band: {softening:.2g} N s^4/m of a term w^4. The mass is that "
+                    "of all that moves together. For a proof give friction_class a nominal with the mode"
+                ),
+            )
+        )
+    outer = levels[0].half_swing
+    late = float((k * D)[OUTER * outer < D].sum()) / Fs
+    if late > MOST_LATE or stuck:
+        seen = (
+            f"{stuck / 1e3:.3g} kN/m never slip"
+            if stuck
+            else f"{100 * late:.2g} % of Fs breaks away in its outer quarter"
+        )
+        found.append(
+            OpenQuestion(
+                kind=Gap.HIGHEST_LEVEL_STICKS,
+                description=(
+                    f"the highest level still sticks: it swings +-{1e6 * outer:.3g} um, and {seen}. Fs is not known, "
+                    "nor what is spring and what friction. Measure at three times the force"
+                ),
+            )
+        )
+    inner = levels[-1].half_swing
+    early = float(k[inner > D].sum()) / K0
+    if early > MOST_EARLY:
+        found.append(
+            OpenQuestion(
+                kind=Gap.LOWEST_LEVEL_SLIPS,
+                description=(
+                    f"the lowest level does not stick: it swings +-{1e6 * inner:.3g} um, where {100 * early:.2g} % of "
+                    "K0 slips, and what slips earlier is not seen. Measure at a third of the force"
+                ),
+            )
+        )
+    forces = [level.force for level in levels]
+    distinct = 1 + sum(high > SAME_LEVEL * low for high, low in pairwise(forces))
+    if distinct < min(3, len(levels)):
+        listed = ", ".join(f"{force:.3g}" for force in forces)
+        found.append(
+            OpenQuestion(
+                kind=Gap.EQUAL_LEVELS,
+                description=(
+                    f"levels of {listed} N rms count as {distinct}, as neighbours differ by less than {SAME_LEVEL:g} "
+                    "times. Measure at three that differ: sticking, bending, sliding"
+                ),
+            )
+        )
+    if not candidate.terms.stiction:
+        speed = float(np.abs(levels[0].v).max())
+        found.append(
+            OpenQuestion(
+                kind=Gap.STICTION,
+                description=(
+                    f"no stiction above Coulomb friction is seen at speeds up to {speed:.2g} m/s; one that needs more "
+                    "speed to fade is part of Fs"
+                ),
+            )
+        )
+    return found
+
+
+def stuck_stiffness(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> float:
+    """Stiffness [N/m] of a free axis that no element explains; zero where chance is worth as much."""
+    slopes = as_real([slopes_of(one, candidate) / std[..., np.newaxis] for one, std in zip(levels, stds, strict=True)])
+    size = np.linalg.norm(slopes, axis=0)
+    Q = np.linalg.qr(slopes / np.where(size > 0, size, 1.0))[0]
+    left, column = (
+        as_real([part / std for part, std in zip(parts, stds, strict=True)])
+        for parts in ([residual_of(one, candidate) for one in levels], [one.Y for one in levels])
+    )
+    worth, amount = gain_of(column, Q, left)
+    return amount if worth > WORTH and amount > 0 else 0.0
+
+
+def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False) -> FrictionFit:
+    """Identify one mass with its friction from records at several levels, from sticking to sliding.
+
+    Mass, viscous damping, spring, delay and the friction come from one fit over all levels, with 95 % intervals. The
+    loop may be open or closed. The friction is Maxwell slip of any elements, with stiction and a Stribeck curve.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Force [N] in, position [m] out, periodic and settled; at least three levels, one record each. Several periods
+        show the noise.
+    free : bool
+        Whether there is no spring to ground.
+
+    Returns
+    -------
+    FrictionFit
+        Its `questions` say what the levels leave open.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three records; several channels; too few lines; units with a prefix; a turned sign.
+
+    References
+    ----------
+    H. White, *A heteroskedasticity-consistent covariance matrix estimator*, Econometrica 48, 1980; F. Al-Bender, V.
+    Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements).
+
+    Examples
+    --------
+    >>> identify_friction([])
+    Traceback (most recent call last):
+        ...
+    ValueError: records must hold at least three levels, from sticking to sliding, got 0
+    """
+    records = list(records) if isinstance(records, Iterable) else records
+    if not isinstance(records, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in records):
+        raise ValueError(f"records must be a list of Records of one input and output, got {short_form(records)}")
+    if len(records) < 3:
+        raise ValueError(f"records must hold at least three levels, from sticking to sliding, got {len(records)}")
+    for record in records:
+        require_si("records", f"{record.y_unit}/{record.u_unit}")
+        if record.lines.excited.size < FEWEST_LINES:
+            raise ValueError(f"records must have at least {FEWEST_LINES} lines, got {record.lines.excited.size}")
+    coarse = [motion_of_record(record, COARSE) for record in records]
+    order = sorted(range(len(records)), key=lambda i: -coarse[i].force)
+    records, coarse = [records[i] for i in order], [coarse[i] for i in order]
+    span = (min(float(np.std(one.x)) for one in coarse) / 2, 0.9 * max(one.half_swing for one in coarse))
+    candidate = search(coarse, span, spring=not free)
+    fine = [motion_of_record(record, FINE) for record in records]
+    for _ in range(N_PASSES):
+        candidate = refine(fine, reweight(fine, candidate), candidate, span)
+    if not candidate.numbers["mass"] > 0:
+        raise ValueError(
+            f"records must be from force to position, got a mass of {candidate.numbers['mass']:.3g} kg: the output "
+            "falls when the input rises. Turn the sign of the sensor"
+        )
+    stds = reweight(fine, candidate)
+    numbers, spread = numbers_with_spread(records, fine, stds, candidate, span)
+    balances = [balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
+    stuck = stuck_stiffness(fine, stds, candidate) if free else 0.0
+    questions = questions_of(fine, stds, candidate, balances, stuck=stuck)
+    for question in questions:
+        for name in LEFT_OPEN.get(question.kind, ()):
+            spread[name] = np.inf
+    lag = np.sqrt(max(0.0, candidate.numbers.get("lag_squared", 0.0)))
+    return FrictionFit(
+        **numbers,
+        vs=candidate.vs,
+        lag=float(lag),
+        stds=spread,
+        element_stiffness=candidate.stiffness,
+        element_strength=candidate.stiffness * candidate.breakaway,
+        seen_from=span[0],
+        levels=tuple(balances),
+        questions=tuple(questions),
+    )
+
+
+#: Numbers that a question leaves open.
+LEFT_OPEN = {
+    Gap.HIGHEST_LEVEL_STICKS: ("Fs", "coulomb", "stiction"),
+    Gap.LOWEST_LEVEL_SLIPS: ("K0",),
+    Gap.STICTION: ("stiction",),
+}
+
+
+def numbers_with_spread(
+    records: list[Any], fine: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Reported numbers, and their standard deviations: sandwich, and what fits that ought to agree differ by."""
+    x, terms = pack(candidate), candidate.terms
+    numbers = derived_numbers(x, terms)
+    spread = deviations(x, terms, covariance_of(fine, stds, candidate))
+    others = []
+    for steps, shrinkage in ALTERNATIVES:
+        levels = [motion_of_record(record, steps, shrinkage) for record in records]
+        other = refine(levels, stds, candidate, span)
+        others.append(derived_numbers(pack(other), other.terms))
+    top, speed = float(fine[0].omega[-1]), max(float(np.std(level.v)) for level in fine)
+    floors = {
+        "mass": numbers["mass"] * float(np.hypot(FORCE_ERROR, mode_error(fine[0], numbers))),
+        "damping": FORCE_ERROR * numbers["coulomb"] / speed,
+        "stiffness": FORCE_ERROR * (abs(numbers["stiffness"]) + numbers["K0"]) if terms.spring else 0.0,
+        "delay": FORCE_ERROR / top,
+    }
+    for name, std in spread.items():
+        apart = np.mean([(other[name] - numbers[name]) ** 2 for other in others])
+        spread[name] = float(np.sqrt(std**2 + apart + floors.get(name, FORCE_ERROR * numbers[name]) ** 2))
+    return numbers, spread

@@ -1,0 +1,228 @@
+"""Mass, viscous and Coulomb friction of an axis in motion: friction slides, and its mean force is the friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+import nlfrf
+from nlfrf._base.arguments import short_form
+from nlfrf._base.values import value
+from robust.friction.balance import (
+    FORCE_ERROR,
+    HALF_WIDTH,
+    MODEL_ERROR,
+    N_PASSES,
+    Candidate,
+    Motion,
+    Terms,
+    covariance_of,
+    derived_numbers,
+    deviations,
+    extend,
+    mode_error,
+    mode_term,
+    motion_of_record,
+    pack,
+    refine,
+    reweight,
+)
+from robust.friction.levels import require_si, weighted_mean
+
+__all__ = ["SlidingFit", "identify_sliding"]
+
+#: What is printed: label, unit, factor to it.
+REPORTED_IN_MOTION = {
+    "mass": ("m", "kg", 1.0),
+    "damping": ("c", "Ns/m", 1.0),
+    "coulomb": ("Coulomb friction", "N", 1.0),
+    "offset": ("force that does not turn", "N", 1.0),
+    "delay": ("delay with lag", "ms", 1e3),
+}
+
+
+@value
+class SlidingFit:
+    """What an axis in motion tells: mass, viscous and Coulomb friction.
+
+    Fields
+    ------
+    mass, damping, coulomb : float
+        m [kg] of all that moves together, viscous c [Ns/m], Coulomb friction [N].
+    offset : float
+        Force that does not turn with the direction, such as weight [N]; nan where only one direction was measured.
+    delay : float
+        From the command to the force, a lag in it [s]; a mode above the band looks like a lag.
+    stds : dict of str to float
+        Standard deviation of each of these numbers.
+    slopes, slope_stds : (R,) ndarray
+        Damping around the velocity of each record, from its FRF [Ns/m]: viscous, and the slope of the Stribeck curve.
+    forces : (R,) ndarray
+        Mean force of each record [N].
+    velocities : (R,) ndarray
+        [m/s].
+    misfit : float
+        Mean square misfit of forces and slopes over their variance: above about 4 the friction is no Coulomb friction
+        with a viscous part, as where Stribeck friction still falls.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, 1991 (friction from the force at constant velocity).
+
+    Examples
+    --------
+    Of `identify_sliding`, which has an example with numbers.
+
+    >>> sorted(name for name in ("mass", "damping", "coulomb", "offset") if name in SlidingFit.__dataclass_fields__)
+    ['coulomb', 'damping', 'mass', 'offset']
+    """
+
+    mass: float
+    damping: float
+    coulomb: float
+    offset: float
+    delay: float
+    stds: dict[str, float]
+    slopes: np.ndarray
+    slope_stds: np.ndarray
+    forces: np.ndarray
+    velocities: np.ndarray
+    misfit: float
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval of a number, by its name."""
+        half = HALF_WIDTH * self.stds[name]
+        return getattr(self, name) - half, getattr(self, name) + half
+
+    def __str__(self) -> str:
+        rows = []
+        for name, (label, unit, factor) in REPORTED_IN_MOTION.items():
+            if name in self.stds:
+                half = factor * HALF_WIDTH * self.stds[name]
+                rows.append(f"{label} = {factor * getattr(self, name):.4g} +- {half:.1g} {unit}")
+        speeds = ", ".join(f"{v:.3g}" for v in self.velocities)
+        return "\n".join([*rows, f"95 % intervals, in motion at {speeds} m/s; break-away and K0 need levels at rest"])
+
+
+def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float]) -> SlidingFit:
+    """Identify mass, viscous and Coulomb friction of an axis from records in motion.
+
+    While friction slides one way it is a constant force, and the FRF is that of the machine with the slope of the
+    friction as damping. The mean force over the velocity is the friction itself.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Force [N] in, position [m] less the way of the base motion out, at a velocity that never turns. The force must
+        keep its mean.
+    velocities : (R,) sequence of float
+        Base velocity of each record [m/s], with its sign. Two directions show a force that does not turn (weight).
+
+    Returns
+    -------
+    SlidingFit
+
+    Raises
+    ------
+    ValueError
+        No record; a velocity that is zero or missing; several channels; units with a prefix; a turned sign.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, 1991 (friction from the force at constant velocity).
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> axis = nlfrf.servo_axis("linear motor")                  # 12 kg, 20 Ns/m, 20 N of stiction over 1.3
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rms=5.0, rng=1)
+    >>> records = [nlfrf.simulate_servo(axis, ms, base_velocity=v, n_periods=4) for v in (0.1, 0.3)]
+    >>> fit = identify_sliding(records, (0.1, 0.3))
+    >>> round(fit.mass, 1), round(fit.damping), round(fit.coulomb, 1)
+    (12.0, 20, 15.4)
+    """
+    records, speeds = list(records), np.asarray(velocities, dtype=float)
+    if not records or not all(isinstance(one, nlfrf.Record) and one.is_single for one in records):
+        raise ValueError(f"records must be a list of Records of one input and output, got {short_form(records)}")
+    if speeds.shape != (len(records),) or not np.all(np.isfinite(speeds) & (speeds != 0)):
+        raise ValueError(f"velocities must be one for each of the {len(records)} records, none zero, got {speeds}")
+    for record in records:
+        require_si("records", f"{record.y_unit}/{record.u_unit}")
+    motions = [motion_of_record(record, 1) for record in records]
+    fits = [fit_linear(motion) for motion in motions]
+    mass, mass_std = weighted_mean([one[0]["mass"] for one in fits], [one[1]["mass"] for one in fits])
+    if not mass > 0:
+        raise ValueError(
+            f"records must be from force to position, got a mass of {mass:.3g} kg: the output falls when the input "
+            "rises. Turn the sign of the sensor"
+        )
+    slopes, slope_stds = (np.array([one[i]["damping"] for one in fits]) for i in (0, 1))
+    means = [np.asarray(record.u).mean(axis=-1).ravel() for record in records]
+    forces = np.array([one.mean() for one in means])
+    scatter = [one.std(ddof=1) / np.sqrt(one.size) if one.size > 1 else 0.0 for one in means]
+    force_stds = np.hypot(scatter, MODEL_ERROR * np.abs(forces))
+    both = bool(np.any(speeds > 0) and np.any(speeds < 0))
+    # mean force: c v + Fc sgn v + offset; slope: c
+    table = np.column_stack([speeds, np.sign(speeds), *([np.ones(speeds.size)] if both else [])])
+    below = np.column_stack([np.ones(speeds.size), np.zeros((speeds.size, table.shape[1] - 1))])
+    std = np.concatenate([force_stds, slope_stds])
+    A = np.vstack([table, below]) / std[:, np.newaxis]
+    b = np.concatenate([forces, slopes]) / std
+    found = np.linalg.lstsq(A, b, rcond=None)[0]
+    misfit = float(((b - A @ found) ** 2).sum() / max(1, b.size - found.size))
+    spread = np.sqrt(max(1.0, misfit) * np.diag(np.linalg.inv(A.T @ A)))
+    delay, delay_std = weighted_mean([one[0]["delay"] for one in fits], [one[1]["delay"] for one in fits])
+    stds = {
+        # the errors of all records are alike
+        "mass": float(np.hypot(max(mass_std, min(one[1]["mass"] for one in fits)), MODEL_ERROR / 2 * mass)),
+        "damping": float(spread[0]),
+        "coulomb": float(spread[1]),
+        "delay": delay_std,
+    }
+    return SlidingFit(
+        mass=mass,
+        damping=float(found[0]),
+        coulomb=float(found[1]),
+        offset=float(found[2]) if both else np.nan,
+        delay=delay,
+        stds=stds | ({"offset": float(spread[2])} if both else {}),
+        slopes=slopes,
+        slope_stds=slope_stds,
+        forces=forces,
+        velocities=speeds,
+        misfit=misfit,
+    )
+
+
+def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:
+    """Mass, damping, delay and what else is worth it of a linear machine, with standard deviations."""
+    kept = motion.excited  # the others hold noise alone
+    motion = replace(
+        motion,
+        **{name: getattr(motion, name)[..., kept] for name in ("omega", "U", "Y", "noise", "lines")},
+        excited=kept[kept],
+    )
+    size = -(motion.omega**2) * motion.Y
+    mass = float((size.conj() * motion.U).real.sum() / (np.abs(size) ** 2).sum())
+    none, numbers = np.zeros(0), {"mass": mass, "damping": 0.0, "delay": 0.0}
+    candidate = Candidate(terms=Terms(spring=False), numbers=numbers, stiffness=none, breakaway=none)
+    stds = [np.full(motion.U.shape, np.sqrt((np.abs(motion.U) ** 2).mean()))]
+    for _ in range(N_PASSES):
+        candidate = refine([motion], stds, candidate, (1e-9, 1.0))
+        stds = reweight([motion], candidate)
+        if not candidate.terms.lag:  # which stands for a mode above the band, too: only one of them can be told
+            candidate = extend([motion], stds, candidate, (1e-9, 1.0)) or candidate
+    candidate = refine([motion], stds, candidate, (1e-9, 1.0))
+    covariance = covariance_of([motion], reweight([motion], candidate), candidate)
+    x = pack(candidate)
+    found, spread = derived_numbers(x, candidate.terms), deviations(x, candidate.terms, covariance)
+    lag = candidate.numbers.get("lag_squared", 0.0)
+    # a lag in the place of a mode turns the phase a little, which is read as damping
+    errors = {
+        "mass": mode_error(motion, found, lag) * abs(found["mass"]),
+        "damping": mode_term(motion, found, lag) * abs(found["damping"]),
+        "delay": FORCE_ERROR / float(motion.omega[-1]),
+    }
+    return found, spread | {name: float(np.hypot(spread[name], error)) for name, error in errors.items()}

@@ -1,0 +1,179 @@
+"""Machines identified from records at several levels and in motion: against their making, and what is left open."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import nlfrf
+import robust
+from benchmarks.read_machine import AT_REST, IN_MOTION, measure_at_rest, measure_in_motion, pulls_of, truth_of
+from nlfrf.friction import VaryingSliders, element_forces
+
+THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
+
+
+def levels(rms, *, mass=1.0, spring=80e3, damping=5.0, seed=0, law=None, noise=0.002, n_periods=3):
+    """Records of a machine at several levels, with noise on the position."""
+    rng = np.random.default_rng(seed)
+    law = law or VaryingSliders(stiffness=[4e4, 1.6e4, 8e3], strength=[0.4, 0.3, 0.3])
+    rig, records = nlfrf.Rig(mass, spring, law, damping), []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for i, level in enumerate(rms):
+            grid = {"fs": 1024, "n_samples": 2048, "f_min": 2, "f_max": 200, "rng": 10 * seed + i}
+            ms = nlfrf.multisine("special-odd", rms=level, **grid)
+            record = nlfrf.simulate(rig, ms, n_periods=n_periods, n_discard=4, oversampling=8)
+            y = record.y + noise * np.std(record.y) * rng.standard_normal(record.y.shape)
+            records.append(replace(record, y=y))
+    return records
+
+
+GOOD = (0.05, 0.3, 1.0, 5.0)
+
+
+def test_element_forces_are_those_of_elastoplastic_elements():
+    x = np.cumsum(np.random.default_rng(0).standard_normal(300))
+    law = VaryingSliders(stiffness=[2.0, 1.0], strength=[1.0, 4.0])
+    held, expected = np.zeros(2), []
+    for step in np.diff(x, prepend=x[0]):
+        held = np.clip(held + law.stiffness * step, -law.strength, law.strength)
+        expected.append(held)
+    assert np.allclose(element_forces(law, x, np.gradient(x), fs=1.0), np.array(expected).T)
+
+
+def test_a_sliding_element_holds_what_stribeck_leaves():
+    """At a constant velocity: W (1/rho + (1 - 1/rho) exp(-(v/vs)^2))."""
+    law = VaryingSliders(stiffness=[1.0], strength=[2.0], stiction=1.6, vs=0.5)
+    x = 0.3 * np.arange(100.0)
+    force = element_forces(law, x, np.full(100, 0.3), fs=1.0)[0]
+    assert force.max() <= 2.0
+    assert np.isclose(force[-1], 2.0 * (1 / 1.6 + (1 - 1 / 1.6) * np.exp(-0.36)))
+
+
+def test_what_is_no_motion_is_refused():
+    law = VaryingSliders(stiffness=[1.0], strength=[2.0])
+    with pytest.raises(ValueError, match="x and v must have the same number of samples, at least one, got 3, 2"):
+        element_forces(law, np.zeros(3), np.zeros(2), fs=1.0)
+
+
+@pytest.fixture(scope="module")
+def sprung():
+    return robust.identify_friction(levels(GOOD))
+
+
+@pytest.fixture(scope="module")
+def motor():
+    """The linear motor preset at rest, in closed loop with delay, lag, an encoder and stiction."""
+    return robust.identify_friction(
+        measure_at_rest(nlfrf.servo_axis("linear motor"), AT_REST["linear motor"], 3), free=True
+    )
+
+
+def test_a_machine_on_a_spring_is_identified(sprung):
+    truth = {"mass": 1.0, "stiffness": 80e3, "K0": 64e3, "Fs": 1.0, "damping": 5.0}
+    for name, true in truth.items():
+        assert abs(getattr(sprung, name) - true) <= 4.5 * sprung.stds[name], name
+        assert sprung.stds[name] < 0.05 * true, name
+    assert [question.kind for question in sprung.questions] == [robust.Gap.STICTION]
+    assert sprung.delay == pytest.approx(0.0, abs=4.5 * sprung.stds["delay"])
+    z = np.array([5e-6, 1e-4])
+    assert sprung.virgin_curve(z) == pytest.approx([64e3 * 5e-6, 1.0], rel=0.02)
+
+
+def test_a_servo_axis_is_identified_under_its_drive(motor):
+    axis = nlfrf.servo_axis("linear motor")
+    pulls = pulls_of(motor, truth_of(axis))
+    assert set(pulls) == {"mass", "damping", "Fs", "coulomb", "K0", "delay"}
+    for name, (off, _) in pulls.items():
+        assert abs(off) < (0.1 if name == "damping" else 0.01), name
+        assert abs(getattr(motor, name) - truth_of(axis)[name]) < 4.5 * motor.stds[name], name
+    assert motor.stiction == pytest.approx(1.3, abs=0.02)
+    assert motor.lag == pytest.approx(0.3e-3, rel=0.02)
+    assert motor.questions == ()
+    assert "95 % intervals, given Maxwell slip" in str(motor)
+
+
+def test_levels_look_as_springs_and_dampers_as_fitted(motor):
+    """From the whole stiffness at rest to little of it, measured and fitted alike."""
+    stiffness = np.array([level.stiffness for level in motor.levels])
+    fitted = np.array([level.stiffness_fit for level in motor.levels])
+    assert np.all(np.diff(stiffness[:4]) > 0)
+    assert stiffness == pytest.approx(fitted, rel=0.02)
+    assert stiffness[-1] == pytest.approx(2e6, rel=0.01)
+    assert max(level.unexplained for level in motor.levels) < 0.01
+
+
+def test_the_class_of_a_fit_holds_the_machine(motor):
+    found = motor.assumed_class()
+    assert 2e6 < found.friction.K0 < 1.3 * 2e6
+    assert found.friction.stiction == 1.5
+    assert found.machine.delay == pytest.approx(0.55e-3, rel=0.01)
+    assert "given that no element slips below" in found.evidence
+
+
+KINDS = {
+    "sticks": ((0.02, 0.05, 0.1), robust.Gap.HIGHEST_LEVEL_STICKS, "highest level still sticks: it swings"),
+    "slips": ((2.0, 4.0, 8.0), robust.Gap.LOWEST_LEVEL_SLIPS, "lowest level does not stick: it swings"),
+    "equal": ((0.1, 1.0, 1.05), robust.Gap.EQUAL_LEVELS, "count as 2, as neighbours differ by less than 1.3"),
+}
+
+
+@pytest.mark.parametrize(("rms", "kind", "words"), KINDS.values(), ids=KINDS)
+def test_what_the_levels_leave_open_is_said_with_its_number(rms, kind, words):
+    fit = robust.identify_friction(levels(rms))
+    question = next(one for one in fit.questions if one.kind is kind)
+    assert words in question.description
+    if kind is robust.Gap.HIGHEST_LEVEL_STICKS:
+        assert np.isinf(fit.stds["Fs"])
+        assert "Fs: left open" in str(fit)
+    if kind is robust.Gap.LOWEST_LEVEL_SLIPS:
+        assert np.isinf(fit.stds["K0"])
+    with pytest.raises(ValueError, match="fit must leave neither machine nor K0 open, got: "):
+        fit.assumed_class()
+
+
+def test_two_masses_are_no_one_mass():
+    """A load on a spring, 78 Hz, in a band up to 200 Hz."""
+    masses, springs = np.diag([1.0, 0.5]), np.array([[2e5, -1.2e5], [-1.2e5, 1.2e5]])
+    law = VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
+    rig = nlfrf.Rig(masses, springs, [law, None], 5e-5 * springs, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
+    grid = {"fs": 1024, "n_samples": 2048, "f_min": 2, "f_max": 200}
+    played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate(GOOD)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        records = [nlfrf.simulate(rig, ms, n_periods=2, n_discard=4, oversampling=4) for ms in played]
+    fit = robust.identify_friction(records)
+    question = next(one for one in fit.questions if one.kind is robust.Gap.OTHER_MACHINE)
+    assert "more than 2 % beyond noise" in question.description
+    assert "friction_class with a nominal" in question.description
+
+
+@pytest.mark.parametrize("name", list(IN_MOTION))
+def test_an_axis_in_motion_tells_mass_viscous_and_coulomb_friction(name):
+    axis = nlfrf.servo_axis(name)
+    fit = robust.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], 0))
+    for key, (off, _) in pulls_of(fit, truth_of(axis)).items():
+        assert abs(off) < 0.02, key
+        assert abs(off) * truth_of(axis)[key] < 4 * fit.stds[key], key
+    assert abs(fit.offset) < 4 * fit.stds["offset"]
+    assert fit.misfit < 4
+
+
+def test_what_makes_no_fit_is_refused():
+    records = levels((0.05, 1.0, 4.0), n_periods=2)
+    with pytest.raises(ValueError, match="records must hold at least three levels, from sticking to sliding, got 2"):
+        robust.identify_friction(records[:2])
+    with pytest.raises(ValueError, match="records must be a list of Records of one input and output, got"):
+        robust.identify_friction([1.0, 2.0, 3.0])
+    turned = [replace(record, y=-record.y) for record in records]
+    with pytest.raises(ValueError, match=r"the output falls when the input rises\. Turn the sign of the sensor"):
+        robust.identify_friction(turned)
+    scaled = [replace(record, output_units=("mm",), input_units=("N",)) for record in records]
+    with pytest.raises(ValueError, match="records must be in m/N"):
+        robust.identify_friction(scaled)
+    with pytest.raises(ValueError, match="velocities must be one for each of the 3 records, none zero"):
+        robust.identify_sliding(records, (0.1, 0.0, 0.2))
+    with pytest.raises(ValueError, match="records must be a list of Records"):
+        robust.identify_sliding([], ())
