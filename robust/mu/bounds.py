@@ -37,6 +37,8 @@ class StructuredBounds:
         Of mu: the smallest perturbation found with det(I - N delta) = 0, of size 1/lower; nan where none was found. Of
         a gain: the perturbation of size at most one with the gain `lower`; with a lower of inf it makes the loop
         singular.
+    quantity : str
+        "mu" or "worst gain".
 
     References
     ----------
@@ -66,8 +68,8 @@ def mu_bounds(N: Any, blocks: Any, omega: Any = None, *, rng: Any = 0) -> Struct
 
     Parameters
     ----------
-    N : control.StateSpace, TransferFunction, FrequencyResponseData or ndarray
-        What the perturbation closes; an array is (n_out, n_in, W), or (n_out, n_in) for one matrix.
+    N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
+        What the perturbation closes; one matrix may be (n_out, n_in).
     blocks : list
         As for `mu_upper`: (rows, cols) as N is cut, (n, n, "repeated") or (n, n, "real").
     omega : (W,) array_like, optional
@@ -111,7 +113,7 @@ def worst_gain_bounds(N: Any, blocks: Any, omega: Any = None, *, rng: Any = 0) -
 
     Parameters
     ----------
-    N : control.StateSpace, TransferFunction, FrequencyResponseData or ndarray
+    N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
         Its first outputs and inputs belong to the perturbations, the others are the performance; as for `mu_bounds`.
     blocks : list
         The perturbations, of size at most one, as for `mu_upper`.
