@@ -18,23 +18,23 @@ from nlfrf._base.command import Commands, Json, Version, finish_command, parse_n
 from nlfrf._base.files import command_signature, require_writable, write_text
 from robust._base.states import FrictionVerdict
 from robust.io.certificates import (
-    certificate_of,
+    certificate_path,
     class_from_files,
-    controller_of,
-    linear_part_tested,
+    describe_frequency_test,
+    load_existing_controller,
     prove_all,
     save_proofs,
 )
-from robust.io.pid import told_gains, unusual_gains
-from robust.models.sets.forms import RELATIVE
+from robust.io.pid import format_gains, reason_for_unusual_gains
+from robust.models.sets.forms import DEFAULT_FORM
 from robust.reports.command import (
     check_pictures,
-    demanded,
-    hand_over,
-    measured,
-    model_of_one,
+    demand_weight,
+    load_blas,
+    load_single_model,
     model_pictures,
-    named_signals,
+    signals_from_options,
+    write_report_files,
 )
 from robust.reports.drive_check import check_drive, read_trace
 from robust.reports.shaping_page.command import write_from_files
@@ -84,7 +84,7 @@ def model(
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
         str, typer.Option(help="multiplicative, additive, inverse-..., coprime; of a matrix elements, additive, input.")
-    ] = RELATIVE,
+    ] = DEFAULT_FORM,
     order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
     confidence: Annotated[
         float, typer.Option(help="Probability that a line of another realisation is covered.")
@@ -98,7 +98,7 @@ def model(
     picture: Picture = None,
 ) -> None:
     """Fit a nominal model to a measured BLA and put a weight over what it leaves open."""
-    blas = measured(bla)
+    blas = load_blas(bla)
     with spinner("fitting the nominal model"):
         nominal = robust.fit_nominal(
             blas,
@@ -156,7 +156,7 @@ def design(
     Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
     """
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
-    refuse_demand(bandwidth, error)
+    require_demand(bandwidth, error)
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
@@ -188,14 +188,14 @@ def design(
         words = (
             f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
         )
-    if unusual := unusual_gains(result.K):
+    if unusual := reason_for_unusual_gains(result.K):
         warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit, plc=True)}")
+    say(f"controller of order {result.K.nstates}, {kind}: {words}{format_gains(result.K, plant.unit, plc=True)}")
     if method == "pid":
-        say(ground_of_limits(plant, model, out, delay))
+        say(describe_limit_checks(plant, model, out, delay))
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
@@ -229,26 +229,29 @@ def check(
     Exit code 0 where every loop is proved stable for the whole set, and the demand met where there is one; 1 where not.
     Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
     """
-    refuse_demand(bandwidth, error)
+    require_demand(bandwidth, error)
     if len({path.stem for path in controller}) < len(controller):
         raise ValueError(f"controller must be files of different names, got {', '.join(map(str, controller))}")
     several = len(controller) > 1
-    files = {path: [named_after(path, one, several) for one in (out, picture)] for path in controller}
+    files = {path: [controller_file(path, one, several) for one in (out, picture)] for path in controller}
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
-    require_writable(*(certificate_of(report) for report, _ in files.values() if report is not None))
+    require_writable(*(certificate_path(report) for report, _ in files.values() if report is not None))
     plant, say, reports = robust.load_model(model), printer(json), {}
-    w_P, signals = demanded(plant, bandwidth, peak, error), named_signals(reference_step, disturbance, noise, up_to)
+    w_P, signals = (
+        demand_weight(plant, bandwidth, peak, error),
+        signals_from_options(reference_step, disturbance, noise, up_to),
+    )
     for path in controller:
         K = robust.load_controller(path)
         with spinner("checking"):
             report = robust.check(
                 plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver, signals=signals
             )
-        gains = told_gains(K, getattr(plant, "unit", ""))
+        gains = format_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         text, drawing = files[path]
         if text is not None:
-            hand_over(report, text, say)
+            write_report_files(report, text, say)
         if drawing is not None:
             write_pictures(drawing, check_pictures(plant, K, report))
         reports[str(path)] = report
@@ -297,12 +300,12 @@ def prove(
     Exit code 0 where it is proved, of every machine; 1 where not.
     """
     if out is not None:
-        require_writable(*(certificate_of(out, number) for number in range(2)))
+        require_writable(*(certificate_path(out, number) for number in range(2)))
     machines, friction, text = class_from_files(machine, controller, nominal, stiffness, stiction)
-    K = controller_of(controller, nominal or machine[0])
+    K = load_existing_controller(controller, nominal or machine[0])
     with spinner("proving"):
         proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
-        tested = linear_part_tested(machine, nominal, K, friction, delay)
+        tested = describe_frequency_test(machine, nominal, K, friction, delay)
     text += "\n\n".join(map(str, proofs)) + tested
     say = printer(json)
     say(text)
@@ -324,7 +327,7 @@ def orders(
     """Fit nominal models of growing order and say which one the data ask for."""
     with spinner("fitting nominal models"):
         scan = robust.scan_orders(
-            measured(bla),
+            load_blas(bla),
             n_poles=range(max(relative_degree, 1), most + 1),
             relative_degree=relative_degree,
             delay=delay if delay in ("estimate", "auto") else parse_number("delay", delay),
@@ -343,13 +346,13 @@ def export(
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    from robust.io.models import holds_model
+    from robust.io.models import is_model_file
 
-    content: Any = robust.load_model(file) if holds_model(file) else robust.load_controller(file)
+    content: Any = robust.load_model(file) if is_model_file(file) else robust.load_controller(file)
     if out.suffix == ".mat":
         robust.export_matlab(content, out)
     elif out.suffix == ".csv":
-        if holds_model(file):
+        if is_model_file(file):
             raise ValueError(f"file must be a controller to be written as sections, got the model {file}")
         rows = [",".join(map(repr, row)) for row in robust.controller_sections(content).tolist()]
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
@@ -392,12 +395,12 @@ def report(
     notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
-    refuse_demand(bandwidth, error)
+    require_demand(bandwidth, error)
     plant, K = robust.load_model(model), robust.load_controller(controller)
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
     if not plant.is_single:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
-    w_P = demanded(plant, bandwidth, peak, error)
+    w_P = demand_weight(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
         machines, friction, _ = class_from_files([model], controller, None, stiffness, stiction)
@@ -412,7 +415,7 @@ def report(
             w_P=w_P,
             delay=delay,
             friction=proof,
-            signals=named_signals(reference_step, disturbance, noise, up_to),
+            signals=signals_from_options(reference_step, disturbance, noise, up_to),
             title=title,
             notes=notes,
         )
@@ -432,8 +435,8 @@ def shape(
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
 ) -> None:
     """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
-    refuse_demand(bandwidth, error)
-    parts = [model_of_one(path) for path in model], controller and robust.load_controller(controller)
+    require_demand(bandwidth, error)
+    parts = [load_single_model(path) for path in model], controller and robust.load_controller(controller)
     write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
 
 
@@ -480,12 +483,12 @@ def check_gains(
     finish_command(found, found.proved, json)
 
 
-def named_after(controller: Path, out: Path | None, several: bool) -> Path | None:
-    """The file for one of several controllers."""
+def controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:
+    """Return the file for one of several controllers."""
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def ground_of_limits(plant: Any, model: Path, out: Path, delay: float) -> str:
+def describe_limit_checks(plant: Any, model: Path, out: Path, delay: float) -> str:
     """On what the limits of a design from the FRF were held, and the command that holds them against more.
 
     A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines
@@ -514,7 +517,7 @@ def ground_of_limits(plant: Any, model: Path, out: Path, delay: float) -> str:
     )
 
 
-def refuse_demand(bandwidth: float | None, error: float) -> None:
+def require_demand(bandwidth: float | None, error: float) -> None:
     """Refuse a demand on S by the names and in the units of its options."""
     require_positive("error", error)
     if bandwidth is not None:

@@ -10,33 +10,33 @@ from nlfrf._base.arguments import short_form
 __all__ = ["is_matrix", "is_single", "require_matrix", "require_single"]
 
 
-ELSEWHERE = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
+HINT_FOR_FRF = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
 
 
 def is_single(thing: Any) -> TypeGuard[Bla]:
-    """Whether it is a `Bla` of one input and one output."""
+    """Return whether it is a `Bla` of one input and one output."""
     return isinstance(thing, Bla) and thing.is_single
 
 
 def is_matrix(thing: Any) -> TypeGuard[Bla]:
-    """Whether it is a `Bla` of several inputs or outputs."""
+    """Return whether it is a `Bla` of several inputs or outputs."""
     return isinstance(thing, Bla) and not thing.is_single
 
 
 def require_matrix(name: str, thing: Any) -> None:
     """Refuse anything but a `Bla` of several inputs or outputs."""
     if not is_matrix(thing):
-        raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {described(thing)}")
+        raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {describe_channels(thing)}")
 
 
 def require_single(name: str, thing: Any) -> None:
     """Refuse anything but a `Bla` of one input and one output."""
     if not is_single(thing):
-        raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {described(thing)}")
+        raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {describe_channels(thing)}")
 
 
-def described(thing: Any) -> str:
-    """A value in a refusal: of a `Bla` how many channels it has."""
+def describe_channels(thing: Any) -> str:
+    """Return a value in a refusal: of a `Bla` how many channels it has."""
     if not isinstance(thing, Bla):
-        return short_form(thing) + ELSEWHERE * hasattr(thing, "frdata")
+        return short_form(thing) + HINT_FOR_FRF * hasattr(thing, "frdata")
     return "one of one input and output" if thing.is_single else f"one of {thing.n_outputs} x {thing.n_inputs}"

@@ -47,7 +47,7 @@ class Verdict(State):
 
     @property
     def is_robust(self) -> bool:
-        """Whether something was established for the whole set, surely or at its confidence."""
+        """Return whether something was established for the whole set, surely or at its confidence."""
         return self in (Verdict.ROBUST, Verdict.STATISTICALLY_ROBUST)
 
 
@@ -61,5 +61,5 @@ class FrictionVerdict(State):
 
     @property
     def is_proved(self) -> bool:
-        """Whether the loop comes to rest, from every state or up to a kick."""
+        """Return whether the loop comes to rest, from every state or up to a kick."""
         return self in (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY)

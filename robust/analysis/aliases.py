@@ -533,7 +533,7 @@ def aliases_of_set(
         delay=delay,
         plant=plant,
         weight=weight,
-        F_includes_plant="G" in row.read,
+        F_includes_plant="G" in row.rs_factors,
         inverse=row.inverse,
         operator=perturbation == "operator",
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
-from robust.models.sets.forms import FORMS, relative
+from robust.models.sets.forms import FORMS, relative_radius
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 
 __all__ = ["loop_bounds"]
@@ -59,7 +59,7 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     omega = model.omega
     p = np.abs(response(state_space("w_P", w_P), omega))
     w, size = np.abs(response(model.weight, omega)), np.abs(model.at(omega))
-    w = relative(model.form, w, size)
+    w = relative_radius(model.form, w, size)
     with np.errstate(divide="ignore", invalid="ignore"):
         if FORMS[model.form].inverse:
             # |1 + w Delta| runs from 1 - w to 1 + w: p |1 + w Delta| <= ||L| - |1 + w Delta|| for all of them

@@ -15,7 +15,7 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.lti.connections import largest_allowed_factor, worst_sensitivity
 from robust.lti.lti import replace_infinite
-from robust.models.sets.forms import FORMS, worst_terms
+from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 
 __all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
 
@@ -59,7 +59,7 @@ class Curves:
     @property
     def rs(self) -> np.ndarray:
         """Return the robust-stability measure (W,): the set is stable iff it is below one everywhere (SP 7.43)."""
-        return FORMS[self.form].stays(self.w, self.b) if self.folded_rs is None else self.folded_rs
+        return FORMS[self.form].rs_measure(self.w, self.b) if self.folded_rs is None else self.folded_rs
 
     @property
     def S_worst(self) -> np.ndarray:
@@ -99,7 +99,9 @@ class Curves:
         """Return the factor (W,) on the uncertainty at which |w_P| max |S_p| = 1."""
         if self.folded_performance_margin is not None:
             return self.folded_performance_margin
-        return FORMS[self.form].grown(self.w, largest_allowed_factor(np.abs(self.w_P) * np.abs(self.S), self.a, self.b))
+        return FORMS[self.form].scale_for(
+            self.w, largest_allowed_factor(np.abs(self.w_P) * np.abs(self.S), self.a, self.b)
+        )
 
     @property
     def inverse_performance_margin(self) -> np.ndarray:
@@ -163,8 +165,8 @@ def loop_curves(
     form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: np.ndarray, w_P: Any, W: Any = None
 ) -> Curves:
     """Compute the curves of a loop from the responses of its parts; they are finite at poles of the plant and of K."""
-    W = np.ones(omega.size) if W is None or not FORMS[form].scaled else W
-    S, a, b = worst_terms(form, w, replace_infinite(G), replace_infinite(K), W)
+    W = np.ones(omega.size) if W is None or not FORMS[form].depends_on_units else W
+    S, a, b = perturbed_sensitivity_terms(form, w, replace_infinite(G), replace_infinite(K), W)
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
 
 

@@ -153,7 +153,7 @@ class Loop:
         w_P = None if self.w_P is None else of["w_P"](omega)
         G, K, w = self.plant_response(omega), of["K"](omega), of["w"](omega)
         # the set is one about the plant without its delay, which stands with the controller
-        W = of["W"](omega) * np.exp(1j * omega * self.plant_delay) if FORMS[self.form].scaled else None
+        W = of["W"](omega) * np.exp(1j * omega * self.plant_delay) if FORMS[self.form].depends_on_units else None
         found = loop_curves(self.form, omega, G, K, w, w_P, W)
         if self.aliases is None:
             return found
@@ -212,7 +212,7 @@ def assemble_loop(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Lo
         short, shift = G, delay_samples("delay", delay, dt) * dt
         G = delayed(G, shift, order=0)
     elif dt_K:
-        if FORMS[model.form].scaled:
+        if FORMS[model.form].depends_on_units:
             raise ValueError(
                 f"K must have the sampling time of the nominal model for the {model.form} form, whose set is not that "
                 f"of the sampled plant, got {dt_K:g} s on a continuous one. Take sampled(nominal, dt) as the nominal"

@@ -38,7 +38,7 @@ from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import SAMPLING_TOLERANCE, poles, replace_infinite, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import is_stable
-from robust.models.sets.forms import numerator
+from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.records import rms_levels
 
@@ -525,7 +525,7 @@ class LoopLevel:
         return self.u_state is LevelState.INSIDE and self.y_state is LevelState.INSIDE
 
     def share_in_band(self, name: str) -> float:
-        """Share of the power of "u" or "y" that lies in the measured band; nan with a transient, or without power."""
+        """Return the share of the power of "u" or "y" in the measured band; nan with a transient, or without power."""
         power = np.array([getattr(one, name) ** 2 for one in self.signals])
         share = np.array([getattr(one, f"{name}_in_band") for one in self.signals])
         total = power.sum()
@@ -733,7 +733,7 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     `worst_sensitivity` bounds exactly as it does S_p.
     """
     G, S, a, b = replace_infinite(curves.G), curves.S, curves.a, curves.b
-    g = numerator(form, curves.w, G, curves.W) / curves.W
+    g = plant_numerator(form, curves.w, G, curves.W) / curves.W
     with np.errstate(all="ignore"):
         # where G is zero only the part of the set is left: S g D/(1 + b D)
         GS = np.where(G == 0, 0.0, G * S)

@@ -41,12 +41,12 @@ def stability_claim(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> 
         controller=to_matrices(state_space("K", K)),
         weight=to_matrices(model.weight),
         performance=None if w_P is None else to_matrices(state_space("w_P", w_P)),
-        reads=tuple(name for name in form.read if name != "w"),
+        reads=tuple(name for name in form.rs_factors if name != "w"),
         inverse=form.inverse,
         perturbation=model.perturbation,
         delay=float(delay),
         claims=(STABILITY,),
-        shaping=tuple(to_matrices(W) for W in (model.W1, model.W2)) if form.scaled else (),
+        shaping=tuple(to_matrices(W) for W in (model.W1, model.W2)) if form.depends_on_units else (),
     )
 
 

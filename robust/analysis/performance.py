@@ -195,7 +195,7 @@ class LoopGains:
 
 
 def loop_gains(G: Any, K: Any, *, omega: Any = None) -> LoopGains:
-    """Singular values of the nominal loop u = K (r - y) over frequency.
+    """Return singular values of the nominal loop u = K (r - y) over frequency.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def advise_on_margin(
 def advise_on_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
     """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
     omega = model.omega[model.omega < loop.omega_max]
-    if peaks.rs[0] < 1 or FORMS[model.form].scaled or not omega.size:
+    if peaks.rs[0] < 1 or FORMS[model.form].depends_on_units or not omega.size:
         return ""
     curves = loop.curves(omega)
     nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
@@ -616,17 +616,17 @@ class RobustnessReport:
 
     @property
     def gain_margin(self) -> float:
-        """Factor the loop gain may be multiplied or divided by, whatever the phase does inside the disk margin."""
+        """Return the factor that the loop gain may change by, with any phase inside the disk margin."""
         return (2 + self.disk_margin) / (2 - self.disk_margin) if self.disk_margin < 2 else np.inf
 
     @property
     def phase_margin(self) -> float:
-        """Phase [rad] the loop may gain or lose, by the disk margin."""
+        """Return the phase [rad] the loop may gain or lose, by the disk margin."""
         return 2 * float(np.arctan(self.disk_margin / 2))
 
     @property
     def classical(self) -> ClassicalMargins:
-        """Crossover, phase and gain margin and bandwidth of the nominal loop, one at a time."""
+        """Return the crossover, phase and gain margin and bandwidth of the nominal loop, one at a time."""
         seen = self.nominally_stable and self.is_single
         return classical_margins(self.omega, self.G * self.K) if seen else ClassicalMargins()
 

@@ -43,7 +43,7 @@ from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles, winding_number
-from robust.models.sets.measured import as_seen, on_lines, sampling_time, warn_of_unknown_hold
+from robust.models.sets.measured import add_hold_and_delay, frf_sampling_time, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.proofs.search.certificate import SOLVERS
 
@@ -60,23 +60,23 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     """
     K = state_space("K", K)
     delay, n_unstable = require_nonnegative("delay", delay), require_integer("n_unstable", n_unstable, least=0)
-    omega, G, form, w, perturbation, W = on_lines(model)
-    dt, sampled_frf = timebase(K), sampling_time(model) or None
+    omega, G, form, w, perturbation, W = parts_on_lines(model)
+    dt, sampled_frf = timebase(K), frf_sampling_time(model) or None
     require_usable_frf(omega, G, dt)
     require_sampling_time("K", K, "the FRF", sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
         require_sampling_time("w_P", w_P, "the loop", sampled_frf or common_sampling_time(K))
-    encirclements, clear = winding_number(omega, as_seen(model, omega, G, dt, delay), K, dt)
+    encirclements, clear = winding_number(omega, add_hold_and_delay(model, omega, G, dt, delay), K, dt)
     at, lines = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1]))), omega
     measured, w, W = (interpolate_frf(at, lines, part) for part in (G, w, W))
-    G = as_seen(model, at, measured, dt, delay)
+    G = add_hold_and_delay(model, at, measured, dt, delay)
     W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
     wanted = n_unstable + unstable_poles(K, dt)
     stable, has_set = clear and encirclements == wanted, bool(np.isfinite(w).all())
     curves = loop_curves(form, at, G, response(K, at), w, None if w_P is None else response(w_P, at), W)
     peaks = peaks_on_lines(curves) if stable else Peaks()
-    hold = " with zero-order hold" if dt and not sampling_time(model) else ""
+    hold = " with zero-order hold" if dt and not frf_sampling_time(model) else ""
     words = texts_of_frf(
         omega,
         peaks.rs[0],

@@ -38,7 +38,7 @@ from robust.models.fit.weights import fit_weight
 from robust.models.sets.forms import ADDITIVE, ELEMENTS
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import PARTS, diagonal_over
+from robust.models.sets.radius import PARTS, diagonal_bound
 
 __all__ = ["SampledSet", "sampled_set", "set_on_controller_time_base"]
 
@@ -204,7 +204,7 @@ def folded_radii(
         C = inverse @ C @ np.swapaxes(inverse, 1, 2).conj()
     scale = np.sqrt(np.mean(R**2, axis=0))  # what stands left and what right is a matter of scale
     share = hold[:, 0] * m[:, 0] / ((hold * m).sum(axis=1) + beyond)
-    return diagonal_over(C) * scale, R / scale, share
+    return diagonal_bound(C) * scale, R / scale, share
 
 
 def fit_sampled_weight(omega: np.ndarray, radius: np.ndarray, dt: float) -> control.StateSpace:

@@ -30,7 +30,7 @@ from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_parametric
-from robust.models.sets.perturbations import perturbed, with_phase, with_phases, within
+from robust.models.sets.perturbations import is_within_set, perturbed_plant, with_phase, with_phases
 from robust.mu.gain import worst_gain
 from robust.mu.lower import mu_lower
 from robust.mu.upper import refine_grid
@@ -148,14 +148,16 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     phased = phases_of_aliases(loop, where)
     delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
     delta *= np.exp(1j * where * perturbation_lead(loop, delay)) / max(1.0, abs(delta))
-    turn = FORMS[model.form].turn(in_series(model.nominal, model.shaping), model.weight, where)
+    turn = FORMS[model.form].phase_offset(in_series(model.nominal, model.shaping), model.weight, where)
     # the weight brings its own phase, which the perturbation is relative to
     Delta = with_phase(where, delta / turn, timebase(model.nominal) or timebase(model.weight))
     if phased is not None:  # every alias that counts has a phase of its own
         delta = np.exp(1j * phased[1][0]) / max(1.0, peak_b)
         Delta = with_phases(*phased) * abs(delta)
-    plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
-    if FORMS[model.form].scaled and not within(model, plant):  # other forms need no factors: they are made as they are
+    plant = perturbed_plant(model.form, model.nominal, model.weight, Delta, model.shaping)
+    if FORMS[model.form].depends_on_units and not is_within_set(
+        model, plant
+    ):  # other forms need no factors: they are made as they are
         raise ValueError("model must have a worst plant that floating point can tell, got one outside the set of it")
     seen = plant_in_loop(plant, loop, delay)
     at, omega = np.array([where]), np.unique(np.append(omega, where))
@@ -187,7 +189,7 @@ def phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray]
 def perturbation_lead(loop: Loop, delay: float) -> float:
     """Return the time [s] by which Delta of the plant leads Delta of `Curves`, which acts after delay and hold."""
     lag = delay + (loop.dt / 2 if loop.continuous_plant is not None else 0.0)
-    return FORMS[loop.form].lead * lag
+    return FORMS[loop.form].delay_order * lag
 
 
 # ---- The smallest perturbation found that breaks a loop of several inputs and outputs, as a stable system to replay.

@@ -11,14 +11,14 @@ from nlfrf._base.arguments import data_warning
 from robust.lti.lti import axis_points, poles, response, timebase, zeros
 from robust.lti.realisation import multivariable, order_roots, pair_roots, split_diagonal
 
-__all__ = ["controller_sections", "polynomials", "roots_and_gain", "told_sections"]
+__all__ = ["controller_sections", "roots_and_gain", "sections_by_name", "transfer_polynomials"]
 
-SLOW = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
-EXACT, EXACT_SLOW = 1e-6, 1e-3
+SLOW_ANGLE = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
+RESPONSE_TOLERANCE, SLOW_RESPONSE_TOLERANCE = 1e-6, 1e-3
 
 
 def controller_sections(K: Any) -> Any:
-    """A discrete controller as second-order sections, the form in which it runs on a target.
+    """Return a discrete controller as second-order sections, the form in which it runs on a target.
 
     Parameters
     ----------
@@ -48,11 +48,11 @@ def controller_sections(K: Any) -> Any:
     if not dt:
         raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
     z, p, gain = roots_and_gain(K)
-    sections = chained(z, p, gain)
-    angles = told_at(np.concatenate([z, p]))
+    sections = chain_sections(z, p, gain)
+    angles = comparison_angles(np.concatenate([z, p]))
     wanted = response(K, angles / dt)
     error = np.abs(chain_response(sections, angles) - wanted) / np.maximum(np.abs(wanted), 1e-300)
-    wrong = error / np.where(angles < SLOW, EXACT_SLOW, EXACT)
+    wrong = error / np.where(angles < SLOW_ANGLE, SLOW_RESPONSE_TOLERANCE, RESPONSE_TOLERANCE)
     if not wrong.max() < 1:
         k = int(wrong.argmax())
         raise ValueError(
@@ -62,8 +62,8 @@ def controller_sections(K: Any) -> Any:
     return sections
 
 
-def told_sections(K: control.StateSpace) -> dict[str, np.ndarray]:
-    """The sections of a discrete controller of one input and output by name; left out, with a warning, where none hold.
+def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
+    """Return the sections of a discrete controller by name; left out, with a warning, where they are inaccurate.
 
     Its matrices say what it is: a file without sections is whole.
     """
@@ -76,15 +76,17 @@ def told_sections(K: control.StateSpace) -> dict[str, np.ndarray]:
         return {}
 
 
-def told_at(roots: np.ndarray) -> np.ndarray:
-    """(W,) angles of a sample [rad] at which a discrete system is told from another: down to its slowest root."""
+def comparison_angles(roots: np.ndarray) -> np.ndarray:
+    """Return angles (W,) of a sample [rad] for the comparison of two systems: down to the slowest root."""
     away = np.abs(roots - 1)
-    slowest = np.min(away[away > 1e-12], initial=SLOW)
-    return np.concatenate([np.geomspace(0.1 * slowest, SLOW, 60, endpoint=False), np.geomspace(SLOW, 0.99 * np.pi, 60)])
+    slowest = np.min(away[away > 1e-12], initial=SLOW_ANGLE)
+    return np.concatenate(
+        [np.geomspace(0.1 * slowest, SLOW_ANGLE, 60, endpoint=False), np.geomspace(SLOW_ANGLE, 0.99 * np.pi, 60)]
+    )
 
 
 def chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """(W,) response of sections at angles of a sample, from z^-1 - 1, so that nothing is lost near z = 1."""
+    """Return (W,) response of sections at angles of a sample, from z^-1 - 1, so that nothing is lost near z = 1."""
     w = np.expm1(-1j * angles)
     top, bottom = (
         c[:, :1] + c[:, 1:2] + c[:, 2:] + (c[:, 1:2] + 2 * c[:, 2:]) * w + c[:, 2:] * w**2
@@ -93,7 +95,7 @@ def chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.asarray(np.prod(top / bottom, axis=0))
 
 
-def slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
+def pair_slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
     """As `pair_roots`, but the slowest real root with the fastest: two at z = 1 would cancel twice in one section."""
     pairs, rest = pair_roots(roots)
     alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=lambda r: abs(r - 1))
@@ -103,8 +105,8 @@ def slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[c
     return pairs, alone[half : len(alone) - half]
 
 
-def polynomial(roots: tuple[complex, ...]) -> np.ndarray:
-    """Coefficients from the highest power down, their sum, the value at z = 1, as right as numbers allow."""
+def polynomial_coefficients(roots: tuple[complex, ...]) -> np.ndarray:
+    """Return coefficients from the highest power down, their sum, the value at z = 1, as right as numbers allow."""
     if len(roots) < 2:
         return np.poly(roots).real
     last = 1 + np.prod(roots).real  # a number whose last digit both coefficients have
@@ -112,10 +114,10 @@ def polynomial(roots: tuple[complex, ...]) -> np.ndarray:
     return np.array([1.0, at_one - last, last - 1])
 
 
-def chained(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
-    """(n, 6) sections in z^-1: poles nearest the circle last, each with the zeros nearest to them."""
-    pole_pairs, pole_rest = slow_with_fast(p)
-    zero_pairs, zero_rest = slow_with_fast(z)
+def chain_sections(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
+    """Return (n, 6) sections in z^-1: poles nearest the circle last, each with the zeros nearest to them."""
+    pole_pairs, pole_rest = pair_slow_with_fast(p)
+    zero_pairs, zero_rest = pair_slow_with_fast(z)
     groups: list[tuple[complex, ...]] = [*pole_pairs, *((r,) for r in pole_rest)]
     free: list[tuple[complex, ...]] = [*zero_pairs, *((r,) for r in zero_rest)]
     rows = []
@@ -128,8 +130,8 @@ def chained(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
         if fitting:
             mine = min(fitting, key=lambda zs: abs(zs[0] - group[0]))
             free.remove(mine)
-        top = np.concatenate([np.zeros(len(group) - len(mine)), polynomial(mine) if mine else [1.0]])
-        rows.append([*top, *np.zeros(3 - top.size), *polynomial(group), *np.zeros(2 - len(group))])
+        top = np.concatenate([np.zeros(len(group) - len(mine)), polynomial_coefficients(mine) if mine else [1.0]])
+        rows.append([*top, *np.zeros(3 - top.size), *polynomial_coefficients(group), *np.zeros(2 - len(group))])
     rows = rows[::-1] or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]]
     sections = np.array(rows)
     sections[0, :3] *= gain
@@ -137,7 +139,7 @@ def chained(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
 
 
 def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
-    """Zeros, poles and gain, the gain fitted where the response is neither very large nor very small."""
+    """Return zeros, poles and gain, the gain fitted where the response is neither very large nor very small."""
     dt = timebase(system)
     # of a sampled one as they lie beside one, where slow roots are small numbers with digits of their own
     beside = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
@@ -151,8 +153,8 @@ def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, 
     return z, p, float(np.median(ratio.real))
 
 
-def polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
-    """Numerator and denominator by name, highest power first; nothing where numbers cannot hold them.
+def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
+    """Return numerator and denominator by name, highest power first; nothing where numbers cannot hold them.
 
     A numerator and denominator of order n with all roots beside z = 1 lose n times the digits that lie between.
     """
@@ -166,4 +168,4 @@ def polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
     s, wanted = axis_points(omega, dt), response(system, omega)
     with np.errstate(all="ignore"):
         error = np.abs(np.polyval(num, s) / np.polyval(den, s) - wanted)
-    return {"num": num, "den": den} if np.all(error <= EXACT_SLOW * np.abs(wanted)) else {}
+    return {"num": num, "den": den} if np.all(error <= SLOW_RESPONSE_TOLERANCE * np.abs(wanted)) else {}

@@ -1,4 +1,4 @@
-"""Certificates handed on: what a check proved, in a file that someone else can prove again."""
+"""Certificates in files: what a check proved, so that someone else can prove it again."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from robust.proofs.exact.claim import LoopClaim, Matrices, differing_fields, rea
 from robust.proofs.exact.loops import Verification, verify_loop
 
 __all__ = [
-    "certificate_of",
+    "certificate_path",
     "class_from_files",
-    "controller_of",
+    "describe_frequency_test",
     "highest_level",
-    "linear_part_tested",
+    "load_existing_controller",
     "prove_all",
     "save_certificate",
     "save_proofs",
@@ -43,10 +43,10 @@ __all__ = [
 ]
 
 
-def certificate_of(report: Path, number: int = 0) -> Path:
-    """The certificate beside a text report, of several proofs by number.
+def certificate_path(report: Path, number: int = 0) -> Path:
+    """Return the certificate beside a text report, of several proofs by number.
 
-    >>> certificate_of(Path("r.txt")).name, certificate_of(Path("r.txt"), 1).name
+    >>> certificate_path(Path("r.txt")).name, certificate_path(Path("r.txt"), 1).name
     ('r.certificate.json', 'r.2.certificate.json')
     """
     return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
@@ -141,7 +141,7 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
     """
     friction = read_friction_claim(path)
     if friction is not None:
-        return verified_friction(friction, model, K, time_cap)
+        return verify_friction_claim(friction, model, K, time_cap)
     claim = read_claim(path)
     wrong = []
     if model is not None:
@@ -150,32 +150,32 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
         mine = stability_claim(model, 0.0, None, 0.0)
         names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
         wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
-    if K is not None and differing_fields(claim, replace(claim, controller=given(K)), ("controller",)):
+    if K is not None and differing_fields(claim, replace(claim, controller=matrices_of_controller(K)), ("controller",)):
         wrong.append(("the controller", "not the one of the certificate"))
     found = verify_loop(claim, time_cap=time_cap)
     return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
 
 
-def given(K: Any) -> Matrices:
-    """The matrices of a controller."""
+def matrices_of_controller(K: Any) -> Matrices:
+    """Return the matrices of a controller."""
     return to_matrices(state_space("K", K))
 
 
-def verified_friction(claim: FrictionClaim, model: Any, K: Any, time_cap: float) -> Verification:
-    """The claim on a machine with friction, proved again and compared."""
+def verify_friction_claim(claim: FrictionClaim, model: Any, K: Any, time_cap: float) -> Verification:
+    """Return the claim on a machine with friction, proved again and compared."""
     wrong = []
     if model is not None:
         machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
-        if not same(claim.machine, plant_matrices(machine)):
+        if not is_same_system(claim.machine, plant_matrices(machine)):
             wrong.append(("the machine", "not the one of the certificate"))
-    if K is not None and not same(claim.controller, given(K)):
+    if K is not None and not is_same_system(claim.controller, matrices_of_controller(K)):
         wrong.append(("the controller", "not the one of the certificate"))
     found = verify_friction(claim, time_cap=time_cap)
     return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
 
 
-def same(mine: Matrices, other: Matrices) -> bool:
-    """Whether two systems are the same, number by number."""
+def is_same_system(mine: Matrices, other: Matrices) -> bool:
+    """Return whether two systems are the same, number by number."""
     parts = all(np.array_equal(getattr(mine, name), getattr(other, name)) for name in "ABCD")
     return parts and mine.dt == other.dt
 
@@ -197,35 +197,41 @@ def class_from_files(
     blas = [path for path in files if path not in models]
     if len(models) == 1 and blas and nominal is None:
         raise ValueError(
-            f"machine must be one model or BLAs at three levels, got both; {go_on(prove(blas, controller, models[0]))}"
+            f"machine must be one model or BLAs at three levels, got both; "
+            f"{next_command_hint(prove_command(blas, controller, models[0]))}"
         )
     if models:
-        return from_model(models, controller, stiffness, stiction)
+        return class_from_model(models, controller, stiffness, stiction)
     if len(blas) < 3:
-        fit = f"robust model {quote(blas[-1])} --poles 4 --zeros 2 -o nominal.json"
+        fit = f"robust model {shell_quote(blas[-1])} --poles 4 --zeros 2 -o nominal.json"
         raise ValueError(
             f"machine must be BLAs at three levels, from sticking to sliding, or one model with the stiffness of the "
             f"friction, got {format_count(len(blas), 'BLA')}; "
-            + go_on(fit, prove(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
+            + next_command_hint(
+                fit, prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE")
+            )
         )
     measured = [nlfrf.load_bla(path) for path in blas]
     highest = blas[highest_level(measured)]
     if nominal is None:
-        fit = f"robust model {quote(highest)} --poles 4 --zeros 2 -o nominal.json"
-        with going_on(
-            "for a machine that is flexible or well damped " + go_on(fit, prove(blas, controller, "nominal.json"))
+        fit = f"robust model {shell_quote(highest)} --poles 4 --zeros 2 -o nominal.json"
+        with add_next_command(
+            "for a machine that is flexible or well damped "
+            + next_command_hint(fit, prove_command(blas, controller, "nominal.json"))
         ):
             found = friction_class(measured, stiction=stiction)
     else:
-        given = machine_of(nominal, highest, prove(blas, controller, "nominal.json"))
-        with going_on(go_on(prove([nominal], controller, stiffness=stiffness or "NEWTON_PER_METRE"))):
+        given = load_machine(nominal, highest, prove_command(blas, controller, "nominal.json"))
+        with add_next_command(
+            next_command_hint(prove_command([nominal], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
+        ):
             found = friction_class(measured, nominal=given, stiction=stiction)
     friction = found.friction if stiffness is None else any_maxwell_slip(stiffness, stiction)
     return found.machines, friction, f"{found}\n"
 
 
 def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
-    """The BLA whose friction slips most: it adds no stiffness there, and the least damping.
+    """Return the BLA whose friction slips most: it adds no stiffness there, and the least damping.
 
     Gains at the lowest line within 5 % of each other count as equal, because levels that all slip differ by chance.
     """
@@ -233,7 +239,7 @@ def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
     return max(range(len(blas)), key=lambda k: (gains[k] > 0.95 * max(gains), np.abs(blas[k].G).max()))
 
 
-def from_model(
+def class_from_model(
     models: Sequence[Path], controller: Path, stiffness: float | None, stiction: float
 ) -> tuple[tuple[FrictionPlant, ...], AnyFriction, str]:
     """One model, and the stiffness of its friction, which no model shows."""
@@ -241,60 +247,61 @@ def from_model(
     if len(models) > 1:
         raise ValueError(
             f"machine must be one model, got {len(models)}; "
-            + go_on(prove([model], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
+            + next_command_hint(prove_command([model], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
         )
     if stiffness is None:
         raise ValueError(
             f"stiffness must be given with a model [N/m], got none for {model}; "
-            + go_on(prove([model], controller, stiffness="NEWTON_PER_METRE"))
+            + next_command_hint(prove_command([model], controller, stiffness="NEWTON_PER_METRE"))
             + ", or read it from BLAs at three levels: "
-            + prove(["LOW.npz", "MID.npz", "HIGH.npz"], controller, model)
+            + prove_command(["LOW.npz", "MID.npz", "HIGH.npz"], controller, model)
         )
-    G = machine_of(model, Path("BLA.npz"), prove(["nominal.json"], controller, stiffness=stiffness))
+    G = load_machine(model, Path("BLA.npz"), prove_command(["nominal.json"], controller, stiffness=stiffness))
     machines, description = machines_of_nominal(G)
     return machines, any_maxwell_slip(stiffness, stiction), f"{description}\n"
 
 
-def machine_of(path: Path, bla: Path, command: str) -> Any:
-    """The nominal of a model in a file, from force to position; a refusal has the command that fits one."""
+def load_machine(path: Path, bla: Path, command: str) -> Any:
+    """Return the nominal of a model in a file, from force to position; a refusal has the command that fits one."""
     model = load_model(path)
     if getattr(model, "measured_only", True):
-        fit = f"robust model {quote(bla)} --poles 4 --zeros 2 -o nominal.json"
+        fit = f"robust model {shell_quote(bla)} --poles 4 --zeros 2 -o nominal.json"
         raise ValueError(
-            f"machine must have a parametric nominal of one input and output, got {path} without; {go_on(fit, command)}"
+            f"machine must have a parametric nominal of one input and output, got {path} without; "
+            f"{next_command_hint(fit, command)}"
         )
     require_si("machine", model.unit)
     poles = max(2, model.nominal.nstates)
-    fit = f"robust model {quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
-    with going_on(go_on(fit, command)):
+    fit = f"robust model {shell_quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
+    with add_next_command(next_command_hint(fit, command)):
         machines_of_nominal(model.nominal)
     return model.nominal
 
 
-def prove(
+def prove_command(
     files: Sequence[Path | str],
     controller: Path,
     nominal: Path | str | None = None,
     stiffness: float | str | None = None,
 ) -> str:
-    """The command line that proves."""
-    words = ["robust prove", *map(quote, files), quote(controller)]
-    words += [] if nominal is None else ["--nominal", quote(nominal)]
+    """Return the command line that proves."""
+    words = ["robust prove", *map(shell_quote, files), shell_quote(controller)]
+    words += [] if nominal is None else ["--nominal", shell_quote(nominal)]
     return " ".join(words + ([] if stiffness is None else ["--stiffness", f"{stiffness}"]))
 
 
-def quote(path: Path | str) -> str:
-    """A path as a shell takes it."""
+def shell_quote(path: Path | str) -> str:
+    """Return a path as a shell takes it."""
     return shlex.quote(str(path))
 
 
-def go_on(*commands: str) -> str:
-    """The end of a refusal: what to run next."""
+def next_command_hint(*commands: str) -> str:
+    """Return the end of a refusal: what to run next."""
     return "go on with: " + "; ".join(commands)
 
 
 @contextmanager
-def going_on(how: str) -> Iterator[None]:
+def add_next_command(how: str) -> Iterator[None]:
     """Add to a refusal the command that goes on."""
     try:
         yield
@@ -302,23 +309,27 @@ def going_on(how: str) -> Iterator[None]:
         raise ValueError(f"{error}; {how}") from None
 
 
-def controller_of(path: Path, plant: Path) -> Any:
-    """The controller in a file, which a command makes where it holds none."""
-    with going_on(go_on(f"robust design {quote(plant)} --bandwidth HERTZ --sample-time SECONDS -o K.json")):
+def load_existing_controller(path: Path, plant: Path) -> Any:
+    """Return the controller in a file, which a command makes where it holds none."""
+    with add_next_command(
+        next_command_hint(f"robust design {shell_quote(plant)} --bandwidth HERTZ --sample-time SECONDS -o K.json")
+    ):
         return load_controller(path)
 
 
 def prove_all(
     machines: Sequence[FrictionPlant], K: Any, friction: AnyFriction, **options: Any
 ) -> tuple[FrictionProof, ...]:
-    """A proof for each machine, the least proved first: what is claimed of a machine has to hold with each damping."""
+    """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
     proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
     worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.PROVED)
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 
-def linear_part_tested(files: Sequence[Path], nominal: Path | None, K: Any, friction: AnyFriction, delay: float) -> str:
-    """What a frequency test says of the mass and stiffness of BLAs, within two standard deviations; else nothing."""
+def describe_frequency_test(
+    files: Sequence[Path], nominal: Path | None, K: Any, friction: AnyFriction, delay: float
+) -> str:
+    """Describe the frequency test of mass and stiffness of BLAs within two standard deviations; else empty."""
     if len(files) == 1 or nominal is not None:
         return ""
     found = friction_class([nlfrf.load_bla(path) for path in files], stiction=friction.stiction)
@@ -331,4 +342,4 @@ def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> None:
     """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
     proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
     for number, proof in enumerate(proved):
-        save_certificate(proof, certificate_of(out, number))
+        save_certificate(proof, certificate_path(out, number))

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.io import savemat
 
 from nlfrf._base.files import Role, command_signature, require_writable, to_path, write_atomically, write_text
-from robust.io.biquads import polynomials, told_sections
-from robust.io.models import CONTROLLER_SCHEMA, MATRIX_SCHEMA, MODEL_SCHEMA, PathLike, controller
+from robust.io.biquads import sections_by_name, transfer_polynomials
+from robust.io.models import CONTROLLER_SCHEMA, MATRIX_SCHEMA, MODEL_SCHEMA, PathLike, as_controller
 from robust.lti.connections import in_series
 from robust.lti.lti import response, timebase
 from robust.models.sets.coprime import factor_systems
@@ -63,8 +63,8 @@ def export_matlab(content: Any, path: PathLike) -> None:
     if isinstance(content, UncertaintyModel):
         struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
     else:
-        K = controller("content", content)
-        struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **told_sections(K)}, CONTROLLER_LOADER
+        K = as_controller("content", content)
+        struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **sections_by_name(K)}, CONTROLLER_LOADER
     loader = path.with_name(f"load_{name}.m")
     require_writable(loader, role=Role.DERIVED)  # before the first of two files is there
 
@@ -80,7 +80,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
 
 
 def model_struct(model: UncertaintyModel) -> dict[str, Any]:
-    """A model as a struct of numbers and text; weights of "elements" as W (n_y, n_u)."""
+    """Return a model as a struct of numbers and text; weights of "elements" as W (n_y, n_u)."""
     single = model.is_single
     names: tuple[str, ...] = (
         "radius",
@@ -104,23 +104,23 @@ def model_struct(model: UncertaintyModel) -> dict[str, Any]:
     if not model.measured_only:
         struct["nominal"] = matlab_system(model.nominal)
     if not single:
-        struct |= {side: cells(list(getattr(model, side))) for side in ("inputs", "outputs")}
-        return struct | {side: cells(list(map(matlab_system, getattr(model, side)))) for side in ("left", "right")}
+        struct |= {side: cell_array(list(getattr(model, side))) for side in ("inputs", "outputs")}
+        return struct | {side: cell_array(list(map(matlab_system, getattr(model, side)))) for side in ("left", "right")}
     struct |= {"response": model.at(model.omega), "weight": matlab_system(model.weight)}
-    if FORMS[model.form].scaled:
-        struct |= {"W1": matlab_system(model.W1), "W2": matlab_system(model.W2)} | factors(model)
+    if FORMS[model.form].depends_on_units:
+        struct |= {"W1": matlab_system(model.W1), "W2": matlab_system(model.W2)} | coprime_struct(model)
     return struct
 
 
-def cells(things: list[Any]) -> np.ndarray:
-    """A MATLAB cell array, a row."""
+def cell_array(things: list[Any]) -> np.ndarray:
+    """Return a MATLAB cell array, a row."""
     row = np.empty((1, len(things)), dtype=object)
     row[0, :] = things
     return row
 
 
-def factors(model: UncertaintyModel) -> dict[str, Any]:
-    """Normalised coprime factors of the scaled plant: systems, or values on the lines."""
+def coprime_struct(model: UncertaintyModel) -> dict[str, Any]:
+    """Return normalised coprime factors of the scaled plant: systems, or values on the lines."""
     if not model.measured_only:
         return dict(zip("NM", map(matlab_system, factor_systems(in_series(model.nominal, model.shaping))), strict=True))
     G = model.at(model.omega) * response(model.shaping, model.omega)
@@ -129,11 +129,11 @@ def factors(model: UncertaintyModel) -> dict[str, Any]:
 
 
 def matlab_system(system: control.StateSpace) -> dict[str, Any]:
-    """A system as a struct: A, B, C, D, Ts; of one input and output num and den, where they hold it."""
+    """Return a system as a struct: A, B, C, D, Ts; of one input and output num and den, where they hold it."""
     struct: dict[str, Any] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
     struct["Ts"] = timebase(system)
     if system.ninputs == system.noutputs == 1:
-        struct |= polynomials(system)
+        struct |= transfer_polynomials(system)
     return struct
 
 
@@ -171,7 +171,9 @@ switch model.form
 CASES
 end
 end
-""".replace("CASES", "\n".join(f"    case '{form.name}'\n        Gu = {form.matlab};" for form in FORMS.values()))
+""".replace(
+    "CASES", "\n".join(f"    case '{form.name}'\n        Gu = {form.matlab_expression};" for form in FORMS.values())
+)
 MATRIX_LOADER = """function [Gu, G, model] = NAME(file)
 %NAME  Uncertain plant of several inputs and outputs from FILE (frequencies in rad/s, times in s).
 %   Gu     the uncertain plant: nominal, weights and ultidyn

@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.files import parse_json, require_schema, write_text
 from nlfrf._base.values import field_names
-from robust.io.biquads import told_sections
+from robust.io.biquads import sections_by_name
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
@@ -24,8 +24,8 @@ __all__ = [
     "MATRIX_SCHEMA",
     "MODEL_SCHEMA",
     "PathLike",
-    "controller",
-    "holds_model",
+    "as_controller",
+    "is_model_file",
     "load",
     "load_controller",
     "load_model",
@@ -44,67 +44,67 @@ VERSION = 1
 PathLike = str | os.PathLike[str]
 
 
-def encoded(content: Any) -> Any:
-    """Anything that a model holds as JSON has it."""
+def encode(content: Any) -> Any:
+    """Encode any content of a model as JSON types."""
     if content is None or isinstance(content, str | bool):
         return content
     if isinstance(content, control.StateSpace | control.FrequencyResponseData):
-        return encoded_system(content)
+        return encode_system(content)
     if isinstance(content, tuple | list):
-        return [encoded(item) for item in content]
+        return [encode(item) for item in content]
     array = np.asarray(content)
     if array.ndim:
-        return [encoded(item) for item in array]
+        return [encode(item) for item in array]
     if array.dtype.kind == "c":
-        return [encoded(array.real), encoded(array.imag)]
+        return [encode(array.real), encode(array.imag)]
     number = float(array)
     return number if np.isfinite(number) else None if np.isnan(number) else ("inf" if number > 0 else "-inf")
 
 
-def decoded(content: Any) -> Any:
-    """The way back, for real numbers: float, or float arrays."""
+def decode(content: Any) -> Any:
+    """Return the way back, for real numbers: float, or float arrays."""
     try:
         if isinstance(content, list):
-            return np.array([decoded(item) for item in content], dtype=float)
+            return np.array([decode(item) for item in content], dtype=float)
         return np.nan if content is None else float(content)
     except ValueError:  # of rows that are not equally long
         raise ValueError(f"path must hold rows of the same length, got {short_form(content)}") from None
 
 
-def encoded_system(system: Any) -> dict[str, Any]:
-    """A state space or an FRF."""
+def encode_system(system: Any) -> dict[str, Any]:
+    """Return a state space or an FRF."""
     dt = None if system.dt is None else float(system.dt)
     if isinstance(system, control.FrequencyResponseData):
-        return {"kind": "frf", "omega": encoded(system.omega), "G": encoded(system.frdata[0, 0]), "dt": dt}
-    return {"kind": "ss", "dt": dt, **{name: encoded(getattr(system, name)) for name in "ABCD"}}
+        return {"kind": "frf", "omega": encode(system.omega), "G": encode(system.frdata[0, 0]), "dt": dt}
+    return {"kind": "ss", "dt": dt, **{name: encode(getattr(system, name)) for name in "ABCD"}}
 
 
-def decoded_system(content: dict[str, Any]) -> Any:
-    """The way back; an empty A, B or C takes its shape from the others."""
+def decode_system(content: dict[str, Any]) -> Any:
+    """Return the way back; an empty A, B or C takes its shape from the others."""
     if content["kind"] == "frf":
-        omega, pairs = decoded(content["omega"]), decoded(content["G"])
+        omega, pairs = decode(content["omega"]), decode(content["G"])
         if pairs.shape != (*omega.shape, 2) or not omega.size:
             raise ValueError(f"G must have one pair for each of {omega.size} frequencies, got the shape {pairs.shape}")
         return control.FrequencyResponseData(pairs[:, 0] + 1j * pairs[:, 1], omega, content["dt"])
-    D = np.atleast_2d(decoded(content["D"]))
+    D = np.atleast_2d(decode(content["D"]))
     if not D.size:
         raise ValueError("D must have a number for each input and output, got none")
     n = len(content["A"])
     shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n)}
-    matrices = {name: decoded(content[name]) for name in shapes}
+    matrices = {name: decode(content[name]) for name in shapes}
     for name, shape in shapes.items():
         if matrices[name].shape != shape and (matrices[name].size or np.prod(shape)):
             raise ValueError(f"{name} must have the shape {shape}, got {matrices[name].shape}")
     return control.StateSpace(*(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"])
 
 
-def written(content: dict[str, Any], path: PathLike) -> None:
-    """The JSON file, whole or not at all."""
+def write_json(content: dict[str, Any], path: PathLike) -> None:
+    """Write a JSON file, whole or not at all."""
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def read(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]:
-    """Schema and content of a JSON file of one of these schemas, or a refusal."""
+def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]:
+    """Return schema and content of a JSON file of one of these schemas, or a refusal."""
     content = parse_json(path)
     found = content.get("schema") if isinstance(content, dict) else type(content).__name__
     if not isinstance(content, dict) or found not in schemas:
@@ -123,80 +123,82 @@ def read(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]
 MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
 UNITS = {MODEL_SCHEMA: {"omega": "rad/s", "delay": "s", "dt": "s"}, MATRIX_SCHEMA: {"omega": "rad/s", "dt": "s"}}
 #: Field -> its name in a file, where that is the one it had in version 0.1.
-IN_FILES = {
+NAMES_IN_FILES = {
     MODEL_SCHEMA: {"records": "evidence"},
     MATRIX_SCHEMA: {"records": "measured", "alternative_form": "other", "variance": "C"},
 }
 #: Fields that a set of such a schema does not have.
-LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "unit", "W1", "W2")}
+FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "unit", "W1", "W2")}
 PARTS_OF_RADIUS = tuple(f"radius_{name}" for name in PARTS)
-COMPLEX = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
-RECORD = {
+COMPLEX_FIELDS = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
+RECORD_FIELDS = {
     MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "rms_u", "rms_y"),
     MATRIX_SCHEMA: ("omega", "dof", "G", "variance", "gamma"),
 }
 
 
-def encoded_model(model: UncertaintyModel) -> dict[str, Any]:
-    """A model as JSON holds it."""
+def encode_model(model: UncertaintyModel) -> dict[str, Any]:
+    """Return a model as JSON holds it."""
     schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
-    names = IN_FILES[schema]
+    names = NAMES_IN_FILES[schema]
     content: dict[str, Any] = {"schema": schema, "version": VERSION, "units": UNITS[schema]}
     for name in field_names(model):
         held = getattr(model, name)
         unknown = held is None or (name == "records" and not held)
         if name in PARTS_OF_RADIUS and not model.is_single:
             unknown = bool(np.isnan(held).all())
-        if unknown or name in LEFT_OUT[schema]:
+        if unknown or name in FIELDS_LEFT_OUT[schema]:
             continue
         if name == "records":
-            held = [{names.get(part, part): encoded(getattr(one, part)) for part in RECORD[schema]} for one in held]
+            held = [
+                {names.get(part, part): encode(getattr(one, part)) for part in RECORD_FIELDS[schema]} for one in held
+            ]
         elif isinstance(held, UncertaintyModel):  # of two forms of a set the records are the same
-            held = encoded_model(replace(held, records=()))
-        content[names.get(name, name)] = held if name == "records" or isinstance(held, dict) else encoded(held)
+            held = encode_model(replace(held, records=()))
+        content[names.get(name, name)] = held if name == "records" or isinstance(held, dict) else encode(held)
     return content
 
 
-def decoded_model(content: dict[str, Any], schema: str) -> UncertaintyModel:
-    """The way back; what a file of before does not say is as in a set that was not made of a record."""
-    known, names = {}, IN_FILES[schema]
+def decode_model(content: dict[str, Any], schema: str) -> UncertaintyModel:
+    """Return the way back; what a file of before does not say is as in a set that was not made of a record."""
+    known, names = {}, NAMES_IN_FILES[schema]
     for field in fields(UncertaintyModel):
         name = names.get(field.name, field.name)
         if name in content and field.name not in ("records", "alternative_form"):
-            known[field.name] = decoded_field(content[name], str(field.type))
+            known[field.name] = decode_field(content[name], str(field.type))
     of_records = content.get(names["records"], [])  # older files of several channels have one, not a list
     records = tuple(
-        decoded_record(one, schema) for one in (of_records if isinstance(of_records, list) else [of_records])
+        decode_record(one, schema) for one in (of_records if isinstance(of_records, list) else [of_records])
     )
     other = content.get(names.get("alternative_form", ""))
     if other is not None:
-        known["alternative_form"] = replace(decoded_model(other, schema), records=records)
+        known["alternative_form"] = replace(decode_model(other, schema), records=records)
     return UncertaintyModel(**known, records=records)
 
 
-TUPLES: dict[str, Any] = {"tuple[str, ...]": one_line, "tuple[control.StateSpace, ...]": decoded_system}
+TUPLE_DECODERS: dict[str, Any] = {"tuple[str, ...]": one_line, "tuple[control.StateSpace, ...]": decode_system}
 
 
-def decoded_field(content: Any, kind: str) -> Any:
-    """A field from JSON, by how it is declared."""
+def decode_field(content: Any, kind: str) -> Any:
+    """Return a field from JSON, by how it is declared."""
     if kind == "str":
         return one_line(content)
     if kind == "bool":
         return content
-    if kind in TUPLES:
-        return tuple(map(TUPLES[kind], content))
+    if kind in TUPLE_DECODERS:
+        return tuple(map(TUPLE_DECODERS[kind], content))
     if isinstance(content, dict):
-        return decoded_system(content)
-    return float(decoded(content)) if kind == "float" else decoded(content)
+        return decode_system(content)
+    return float(decode(content)) if kind == "float" else decode(content)
 
 
-def decoded_record(content: dict[str, Any], schema: str) -> RecordSummary:
-    """What a model remembers of a record."""
+def decode_record(content: dict[str, Any], schema: str) -> RecordSummary:
+    """Return what a model remembers of a record."""
     parts: dict[str, Any] = {}
-    for part in RECORD[schema]:
-        name = IN_FILES[schema].get(part, part)
-        held = decoded(content.get(name))  # files of before do not say the rms
-        if part in COMPLEX[schema]:
+    for part in RECORD_FIELDS[schema]:
+        name = NAMES_IN_FILES[schema].get(part, part)
+        held = decode(content.get(name))  # files of before do not say the rms
+        if part in COMPLEX_FIELDS[schema]:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
                 raise ValueError(f"{name} must have complex numbers for each line of the record, got {held.shape}")
             held = held[..., 0] + 1j * held[..., 1]
@@ -299,7 +301,7 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
     """
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
-    written(encoded_model(model), path)
+    write_json(encode_model(model), path)
 
 
 def load_model(path: PathLike) -> UncertaintyModel:
@@ -328,8 +330,8 @@ def load_model(path: PathLike) -> UncertaintyModel:
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
-    schema, content = read(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
-    return decoded_model(content, schema)
+    schema, content = read_json(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
+    return decode_model(content, schema)
 
 
 def save_controller(K: Any, path: PathLike) -> None:
@@ -363,16 +365,16 @@ def save_controller(K: Any, path: PathLike) -> None:
     0.01
     >>> folder.cleanup()
     """
-    K = controller("K", K)
+    K = as_controller("K", K)
     content = {
         "schema": CONTROLLER_SCHEMA,
         "version": VERSION,
         "units": {"dt": "s"},
         "feedback": "negative: u = K (r - y)",
-        "K": encoded_system(K),
+        "K": encode_system(K),
     }
-    content |= {name: encoded(rows) for name, rows in told_sections(K).items()}
-    written(content, path)
+    content |= {name: encode(rows) for name, rows in sections_by_name(K).items()}
+    write_json(content, path)
 
 
 def load_controller(path: PathLike) -> control.StateSpace:
@@ -402,17 +404,17 @@ def load_controller(path: PathLike) -> control.StateSpace:
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
-    _, content = read(path, (CONTROLLER_SCHEMA,))
-    return controller("K", decoded_system(content["K"]))
+    _, content = read_json(path, (CONTROLLER_SCHEMA,))
+    return as_controller("K", decode_system(content["K"]))
 
 
-def controller(name: str, K: Any) -> control.StateSpace:
+def as_controller(name: str, K: Any) -> control.StateSpace:
     """Any controller as a state space, of one input and output or of several."""
     several = np.ndim(K) > 0 or getattr(K, "ninputs", 1) > 1 or getattr(K, "noutputs", 1) > 1
     return (multivariable if several else state_space)(name, K)
 
 
-def holds_model(path: PathLike) -> bool:
-    """Whether a JSON file says that it is a model."""
+def is_model_file(path: PathLike) -> bool:
+    """Return whether a JSON file says that it is a model."""
     content = parse_json(path)
     return isinstance(content, dict) and content.get("schema") in (MODEL_SCHEMA, MATRIX_SCHEMA)

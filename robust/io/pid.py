@@ -14,12 +14,12 @@ from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
 
-__all__ = ["PidGains", "pid_gains", "told_gains", "unusual_gains"]
+__all__ = ["PidGains", "format_gains", "pid_gains", "reason_for_unusual_gains"]
 
 
-INTEGRATOR = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
-EXACT = 1e-6
-ROUNDING = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
+INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
+RESPONSE_TOLERANCE = 1e-6
+ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
 
 
 @value
@@ -57,21 +57,21 @@ class PidGains:
 
     @property
     def integral_time(self) -> float:
-        """Ti = Kp/Ki of the ideal form Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) [s]; inf without integral action."""
+        """Return Ti = Kp/Ki of the ideal form Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) [s]; inf without integral action."""
         return self.kp / self.ki if self.ki else float("inf")
 
     @property
     def derivative_time(self) -> float:
-        """Td = Kd/Kp of the ideal form [s]; nan where kp is zero."""
+        """Return Td = Kd/Kp of the ideal form [s]; nan where kp is zero."""
         return self.kd / self.kp if self.kp else float("nan")
 
     @property
     def has_ideal_form(self) -> bool:
-        """Whether Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) has positive times: all gains have the sign of kp."""
+        """Return whether Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) has positive times: all gains have the sign of kp."""
         return self.kp != 0 and all(gain * self.kp >= 0 for gain in (self.ki, self.kd))
 
     def plc_parameters(self) -> list[str]:
-        """What the ideal form is called in the blocks of Siemens and TwinCAT, a line each; nothing where it has none.
+        """Return the parameters of the ideal form in Siemens and TwinCAT blocks, a line each; empty without one.
 
         A time of zero switches its part off in each of them. The blocks work in samples of their own: the loop is the
         one that was checked where their cycle is short against every time.
@@ -103,7 +103,7 @@ class PidGains:
         ]
 
     def difference_equation(self) -> list[str]:
-        """Lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order once a sample.
+        """Return lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order once a sample.
 
         Trapezoidal (Tustin), which is the transfer function of the sampled controller exactly. Each part is a state of
         its own, so that rounded coefficients cost no integral action, and where u is limited i can be held.
@@ -147,7 +147,7 @@ class PidGains:
 
 
 def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
-    """The gains of a controller that is a PID, or a part of one, as they are typed into a drive or a PLC.
+    """Return the gains of a controller that is a PID, or a part of one, as they are typed into a drive or a PLC.
 
     Parameters
     ----------
@@ -190,9 +190,9 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     if (K.ninputs, K.noutputs) != (1, 1):
         return tuple(pid_gains(loop, dt=dt, unit=unit) for loop in split_diagonal("K", K))
     sampled = timebase(K)
-    integrates, filter_time = parts_of(K, sampled)
-    kp, ki, kd = gains_of(K, sampled, integrates, filter_time)
-    refuse_misfit(K, sampled, kp, ki, kd, filter_time)
+    integrates, filter_time = pid_structure(K, sampled)
+    kp, ki, kd = pid_coefficients(K, sampled, integrates, filter_time)
+    require_same_response(K, sampled, kp, ki, kd, filter_time)
     step = sampled if sampled else 0.0 if dt is None else require_positive("dt", dt)
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
         raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
@@ -201,8 +201,8 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     )
 
 
-def told_gains(K: Any, unit: str, *, plc: bool = False) -> str:
-    """The gains of a PID, a row each, for the end of a text, also by the names of a PLC; nothing of what is no PID."""
+def format_gains(K: Any, unit: str, *, plc: bool = False) -> str:
+    """Format the gains of a PID, a row each, also by the names of a PLC; empty for any other controller."""
     with suppress(ValueError):
         found = pid_gains(K, unit=unit)
         loops = found if isinstance(found, tuple) else (found,)
@@ -214,12 +214,12 @@ def told_gains(K: Any, unit: str, *, plc: bool = False) -> str:
     return ""
 
 
-def unusual_gains(K: Any) -> str:
-    """Why no PLC takes the gains of a controller, empty where one does or where it is no PID.
+def reason_for_unusual_gains(K: Any) -> str:
+    """Return why no PLC takes the gains of a controller, empty where one does or where it is no PID.
 
-    >>> unusual_gains(control.tf([0.1, -2.0, 30.0], [0.01, 1.0, 0.0]))
+    >>> reason_for_unusual_gains(control.tf([0.1, -2.0, 30.0], [0.01, 1.0, 0.0]))
     'the PID has Kp = -2.3, Ki = 30 and Kd = 0.123: no PLC takes gains of different signs'
-    >>> unusual_gains(2.0)
+    >>> reason_for_unusual_gains(2.0)
     ''
     """
     with suppress(ValueError):
@@ -232,8 +232,10 @@ def unusual_gains(K: Any) -> str:
     return ""
 
 
-def gains_of(K: control.StateSpace, dt: float, integrates: bool, filter_time: float) -> tuple[float, float, float]:
-    """Kp, Ki and Kd: the value at infinity and the residues at the poles. What is rounding of its own terms is none.
+def pid_coefficients(
+    K: control.StateSpace, dt: float, integrates: bool, filter_time: float
+) -> tuple[float, float, float]:
+    """Return Kp, Ki and Kd: the value at infinity and the residues at the poles; zero where they are rounding.
 
     K = Kp + Kd/Tf + Ki/s - Kd/Tf^2/(s + 1/Tf), in the s of the trapezoidal rule where K is sampled.
     """
@@ -242,7 +244,7 @@ def gains_of(K: control.StateSpace, dt: float, integrates: bool, filter_time: fl
     p, V = np.linalg.eig(A) if K.nstates else (np.zeros(0), np.zeros((0, 0)))
     left, right = C @ V, np.linalg.solve(V, B)
     residues = unit * (left[0] * right[:, 0]).real
-    sure = ROUNDING * unit * (np.abs(C) @ np.abs(V))[0] * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
+    sure = ROUNDING_TOLERANCE * unit * (np.abs(C) @ np.abs(V))[0] * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
     residues = np.where(np.abs(residues) > sure, residues, 0.0)
     slow = np.argsort(np.abs(p))  # the integrator first
     ki = float(residues[slow[0]]) if integrates else 0.0
@@ -251,27 +253,29 @@ def gains_of(K: control.StateSpace, dt: float, integrates: bool, filter_time: fl
     terms = abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
     terms += abs(kd) / dt if dt else 0.0  # a slow filter in a fast clock is told by 1 - z alone
     kp = float(D[0, 0] - (kd / filter_time if filter_time else 0.0))
-    return kp if abs(kp) > ROUNDING * terms else 0.0, ki, kd
+    return kp if abs(kp) > ROUNDING_TOLERANCE * terms else 0.0, ki, kd
 
 
-def refuse_misfit(K: control.StateSpace, dt: float, kp: float, ki: float, kd: float, filter_time: float) -> None:
+def require_same_response(
+    K: control.StateSpace, dt: float, kp: float, ki: float, kd: float, filter_time: float
+) -> None:
     """Refuse a controller that the gains do not make: one that leaks where an integrator is said to be."""
     size = 1 / filter_time if filter_time else abs(ki / kp) if kp and ki else 1.0
     omega = (min(size, 1 / dt) if dt else size) * np.geomspace(1e-3, 1.0, 24)
     s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
     wanted = response(K, omega)
     error = np.abs(kp + ki / s + kd * s / (filter_time * s + 1) - wanted)
-    if not np.all(error <= EXACT * np.abs(wanted)):
+    if not np.all(error <= RESPONSE_TOLERANCE * np.abs(wanted)):
         worst = np.max(error / np.abs(wanted))
         raise ValueError(f"K must be a PID, got one that differs from the nearest by {worst:.2g} of its size")
 
 
-def parts_of(K: control.StateSpace, dt: float) -> tuple[bool, float]:
-    """Whether a PID integrates, and its filter time [s] (0 without a filter); a refusal of anything else."""
+def pid_structure(K: control.StateSpace, dt: float) -> tuple[bool, float]:
+    """Return whether a PID integrates, and its filter time [s] (0 without a filter); a refusal of anything else."""
     p = poles(K).astype(complex)
     s = 2 / dt * (p - 1) / (p + 1) if dt else p
     size = np.abs(s)
-    zero = size * dt < INTEGRATOR if dt else size <= INTEGRATOR * np.max(size, initial=0.0)
+    zero = size * dt < INTEGRATOR_TOLERANCE if dt else size <= INTEGRATOR_TOLERANCE * np.max(size, initial=0.0)
     other = s[~zero]
     if zero.sum() > 1 or other.size > 1 or np.any(other.real >= 0) or np.any(np.abs(other.imag) > 1e-6 * np.abs(other)):
         raise ValueError(

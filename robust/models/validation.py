@@ -15,12 +15,12 @@ from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import timebase
 from robust.lti.sampling import hold_correction
-from robust.models.fit.nominal import behind_hold, refuse_other_channels
+from robust.models.fit.nominal import bla_behind_hold, require_same_channels
 from robust.models.sets.model import UncertaintyModel, has_several_channels
-from robust.models.sets.radius import nominal_response, smoothed
+from robust.models.sets.radius import nominal_response, smooth_covariance
 from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
 
-__all__ = ["MatrixValidation", "Validation", "local_slope", "shape_and_level", "shared_lines", "validate"]
+__all__ = ["MatrixValidation", "Validation", "fit_shape_and_level", "local_slope", "shared_lines", "validate"]
 
 
 # What is tested is the difference between the two records, d = G_2 - G_1, as both scatter about one BLA where nothing
@@ -34,14 +34,14 @@ __all__ = ["MatrixValidation", "Validation", "local_slope", "shape_and_level", "
 # level   what is left of d is larger than both records say that they scatter.
 
 WINDOW = 9  # lines over which the slope of an FRF is taken
-FEWEST = 8  # lines below which a shape is not tested
+MIN_SHARED_LINES = 8  # lines below which a shape is not tested
 #: Lines: over their number, the variance of the log power of the residual of two records of one machine.
 LEVEL_LINES = 2.0
-SAME = 1e-9  # relative: one line
-FLOOR = 1e-8  # of the largest eigenvalue of a covariance
+SAME_LINE = 1e-9  # relative: one line
+VARIANCE_FLOOR = 1e-8  # of the largest eigenvalue of a covariance
 CONFIDENCE = 0.95  # of a record that is held against a record
-STEP = 1e-5
-LINE = 1e-6  # relative: a line of the FRF that a model is made around
+DIFFERENCE_STEP = 1e-5
+LINE_TOLERANCE = 1e-6  # relative: a line of the FRF that a model is made around
 
 
 @value
@@ -129,11 +129,11 @@ class Validation:
 
     @property
     def n_outside_set(self) -> int:
-        """Lines of the record outside the set itself: beyond the weight."""
+        """Return lines of the record outside the set itself: beyond the weight."""
         return int(np.sum(self.distance > 1))
 
     def __str__(self) -> str:
-        """What was found, in a few lines."""
+        """Return what was found, in a few lines."""
         where = f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
         shares, entry, entries, what = "", "", "", "lines beyond both discs"
         rows = [f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}"]
@@ -214,7 +214,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
             f"and {bla.n_inputs}"
         )
     if several:
-        refuse_other_channels(bla, model, "the model")
+        require_same_channels(bla, model, "the model")
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
@@ -222,7 +222,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     firsts: tuple[RecordSummary, ...]
     if isinstance(model, Bla):
         if "unknown" not in (model.hold, bla.hold):
-            model, bla = behind_hold(model, 0.0), behind_hold(bla, 0.0)
+            model, bla = bla_behind_hold(model, 0.0), bla_behind_hold(bla, 0.0)
         second = summarize_record(bla).on_lines(bla.omega[inside])
         firsts, distance = (summarize_record(model),), np.full(second.omega.size, np.nan)
     else:
@@ -230,28 +230,28 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         if np.isnan(confidence):
             raise ValueError("model must state a confidence to be validated against, got none")
         if model.measured_only:
-            bla = bla.times(as_recorded(model, bla, inside))
+            bla = bla.times(hold_factor(model, bla, inside))
         else:
-            bla = behind_hold(bla, timebase(model.nominal))
+            bla = bla_behind_hold(bla, timebase(model.nominal))
         second = summarize_record(bla).on_lines(bla.omega[inside])
         nominal = np.moveaxis(model.at(second.omega), -1, 0)
         distance = model.normalized_distance(second.omega, second.G, nominal)
-        firsts = known(model, second)
+        firsts = records_near(model, second)
     tried = []
     for first in firsts:
         lines = shared_lines(first.omega, second.omega)
         p = confidence ** (1 / lines.size) if simultaneous else confidence
         pair = first.on_lines(lines), second.on_lines(lines)
-        tried.append(compare_matrices(*pair, p) if several else compare_frfs(model, *pair, p))
+        tried.append(compare_matrix_records(*pair, p) if several else compare_records(model, *pair, p))
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
     best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
     return replace(best, inputs=bla.inputs, outputs=bla.outputs)
 
 
-def as_recorded(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
-    """(F,) factor from a record to the hold of the FRF that a model is made around; one where a hold is not known."""
+def hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
+    """Return (F,) the factor from the hold of a record to that of the model's FRF; one where a hold is not known."""
     at = np.asarray(model.nominal.omega)
-    if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > LINE:
+    if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > LINE_TOLERANCE:
         raise ValueError(
             "bla must have lines of the FRF that the model is made around, got others: between its lines it is not "
             "known. A model around a fit (fit_nominal) takes any"
@@ -262,26 +262,26 @@ def as_recorded(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nda
     return np.asarray(own / other)
 
 
-def known(model: UncertaintyModel, second: RecordSummary) -> tuple[RecordSummary, ...]:
-    """The records behind a model that reach the lines of another one; the nominal itself, as exact, where none does."""
+def records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[RecordSummary, ...]:
+    """Return the records behind a model that share lines with another one; else the nominal, as exact."""
     reach = [one for one in model.records if one.omega[0] <= second.omega[-1] and one.omega[-1] >= second.omega[0]]
     G = np.moveaxis(nominal_response(model.nominal, second.omega), -1, 0)
     return tuple(reach) or (replace(second, G=G, variance=0 * second.variance),)
 
 
 def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) frequencies at which two records on lines (F,) of their own are compared.
+    """Return (n,) frequencies at which two records on lines (F,) of their own are compared.
 
     Lines of the one that has fewer in the band of both, so that no line of the other is read twice between its own:
     what scatters there would count as often, and the difference would not be white.
     """
-    low, high = max(first[0], second[0]) * (1 - SAME), min(first[-1], second[-1]) * (1 + SAME)
+    low, high = max(first[0], second[0]) * (1 - SAME_LINE), min(first[-1], second[-1]) * (1 + SAME_LINE)
     inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
     fewer, other = (
         (inside[0], second) if 0 < inside[0].size < inside[1].size or not inside[1].size else (inside[1], first)
     )
-    last = np.clip(np.searchsorted(other, fewer * (1 - SAME)), 0, other.size - 1)
-    begin = np.where(np.abs(other[last] - fewer) <= SAME * fewer, last, last - 1)
+    last = np.clip(np.searchsorted(other, fewer * (1 - SAME_LINE)), 0, other.size - 1)
+    begin = np.where(np.abs(other[last] - fewer) <= SAME_LINE * fewer, last, last - 1)
     keep, read = np.zeros(fewer.size, dtype=bool), -1
     for k in range(fewer.size):
         keep[k] = begin[k] > read
@@ -289,10 +289,12 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(fewer[keep])
 
 
-def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> dict[str, float]:
+def fit_shape_and_level(
+    x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None
+) -> dict[str, float]:
     """Shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
     n_lines = z.size if n_lines is None else n_lines
-    if n_lines < FEWEST:
+    if n_lines < MIN_SHARED_LINES:
         return {"p_value": float("nan")}
     score, fisher = (x.conj() @ z).real, (x.conj() @ x.T).real
     covariance = ((x.conj() * np.abs(z) ** 2) @ x.T).real / 2
@@ -311,7 +313,7 @@ def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: in
 
 
 def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(F,) slope of y over x by a parabola through the lines around each."""
+    """Return (F,) slope of y over x by a parabola through the lines around each."""
     n = min(WINDOW, x.size)
     first = np.clip(np.arange(x.size) - n // 2, 0, x.size - n)
     window = first[:, None] + np.arange(n)
@@ -321,7 +323,7 @@ def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3, F, ...) where a change of gain, delay and frequency moves responses (F, ...), and the units of these changes.
+    """Return (3, F, ...) derivatives of responses (F, ...) by gain, delay and frequency, and units of these changes.
 
     slope : d log G / d log omega.
     """
@@ -330,12 +332,12 @@ def change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> tu
 
 
 def measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """(F,) d log G / d log omega of an FRF on its lines."""
+    """Return (F,) d log G / d log omega of an FRF on its lines."""
     return local_slope(np.log(omega), np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G)))
 
 
-def compare_frfs(model: Any, first: RecordSummary, second: RecordSummary, p: float) -> Validation:
-    """Two records of one channel on the same lines, one against the other."""
+def compare_records(model: Any, first: RecordSummary, second: RecordSummary, p: float) -> Validation:
+    """Return two records of one channel on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
     outside = np.abs(d) ** 2 > f_quantile(p, LEVEL_DOF) * variance
@@ -346,72 +348,75 @@ def compare_frfs(model: Any, first: RecordSummary, second: RecordSummary, p: flo
         if isinstance(model, Bla) or model.measured_only:
             slope = measured_slope(omega, G)
         else:  # of the nominal, which does not scatter
-            below, above = (nominal_response(model.nominal, omega * factor) for factor in (1 - STEP, 1 + STEP))
-            slope = np.log(above / below) / (2 * STEP)
+            below, above = (
+                nominal_response(model.nominal, omega * factor) for factor in (1 - DIFFERENCE_STEP, 1 + DIFFERENCE_STEP)
+            )
+            slope = np.log(above / below) / (2 * DIFFERENCE_STEP)
         x, units = change_directions(omega, G, slope)
-        found = shape_and_level(x / np.sqrt(variance), units, d / np.sqrt(variance))
-    return comparison(omega, outside, p, found)
+        found = fit_shape_and_level(x / np.sqrt(variance), units, d / np.sqrt(variance))
+    return make_validation(omega, outside, p, found)
 
 
-def compare_matrices(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
-    """Two records of several channels on the same lines, one against the other."""
+def compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
+    """Return two records of several channels on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     n_y, n_u = d.shape[1:]
     before, after = (np.einsum("fjj,fii->fji", one.variance, one.gamma).real for one in (first, second))
     variance = np.maximum(before + after, np.finfo(float).tiny)
-    L = together(before, after, first.dof[:, None, None], second.dof[:, None, None])
+    L = welch_satterthwaite_dof(before, after, first.dof[:, None, None], second.dof[:, None, None])
     entries = np.abs(d) ** 2 > f_quantile(p, L) * variance
     # of inputs that went along the same directions both times the sum is a product again; else it lies above
     turned = np.linalg.eigvals(np.linalg.solve(first.gamma, second.gamma)).real.max(axis=1)
     C = [first.variance, turned[:, None, None] * second.variance]
     before, after = (np.einsum("fjj->f", one).real for one in C)
-    L = together(before, after, first.dof, second.dof)
-    Z = inverse_root(C[0] + C[1]) @ d @ inverse_root(first.gamma)
+    L = welch_satterthwaite_dof(before, after, first.dof, second.dof)
+    Z = inverse_hermitian_root(C[0] + C[1]) @ d @ inverse_hermitian_root(first.gamma)
     limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
     found: dict[str, Any] = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
-        found = changes(first, second, d, C[0] + C[1])
+        found = entry_changes(first, second, d, C[0] + C[1])
     outside = np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit
-    return comparison(omega, outside, p, found | {"entries_outside": entries.sum(axis=0)})
+    return make_validation(omega, outside, p, found | {"entries_outside": entries.sum(axis=0)})
 
 
-def comparison(omega: np.ndarray, outside: np.ndarray, p: float, found: dict[str, Any]) -> Validation:
-    """What was found on the lines of two records; how far they lie from a set is told of all lines of the second."""
+def make_validation(omega: np.ndarray, outside: np.ndarray, p: float, found: dict[str, Any]) -> Validation:
+    """Make the result on the shared lines of two records."""
     counts = {"n_outside": int(outside.sum()), "n_expected": (1 - p) * omega.size, "omega_outside": omega[outside]}
     return Validation(**counts, n_lines=omega.size, omega=omega, distance=np.zeros(omega.size), **found)
 
 
 def f_quantile(p: float, dof: Any) -> Any:
-    """Quantile of F(2, 2 dof)."""
+    """Return the quantile of F(2, 2 dof)."""
     return dof * np.expm1(-np.log1p(-p) / dof)
 
 
-def together(a: np.ndarray, b: np.ndarray, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
-    """Degrees of freedom of the sum of two estimated variances (Welch and Satterthwaite)."""
+def welch_satterthwaite_dof(a: np.ndarray, b: np.ndarray, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
+    """Return degrees of freedom of the sum of two estimated variances (Welch and Satterthwaite)."""
     tiny = np.finfo(float).tiny ** 0.25
     scale = np.maximum(a + b, tiny)
     return np.asarray(1 / ((a / scale) ** 2 / dof_a + (b / scale) ** 2 / dof_b + tiny))
 
 
-def inverse_root(X: np.ndarray) -> np.ndarray:
-    """(F, n, n) X^-1/2 of Hermitian matrices."""
+def inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
+    """Return (F, n, n) X^-1/2 of Hermitian matrices."""
     values, vectors = np.linalg.eigh(X)
-    values = np.maximum(values, FLOOR * values[:, -1:] + np.finfo(float).tiny)
+    values = np.maximum(values, VARIANCE_FLOOR * values[:, -1:] + np.finfo(float).tiny)
     return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
-def changes(first: RecordSummary, second: RecordSummary, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
-    """The change that all entries share, and how likely each entry changed by itself."""
+def entry_changes(first: RecordSummary, second: RecordSummary, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
+    """Return the change that all entries share, and p-values of a change of each entry."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
     slope = np.array([measured_slope(omega, g) for g in G.reshape(F, -1).T]).T.reshape(G.shape)
     x, units = change_directions(omega, G, slope)
     own = np.einsum("fii->fi", first.gamma).real
-    level = smoothed(C, np.moveaxis(G, 0, 2), own.T)
-    left, right = inverse_root(level), inverse_root(first.gamma)
-    shared = shape_and_level((left @ x @ right).reshape(3, -1), units, (left @ d @ right).ravel(), F)
+    level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
+    left, right = inverse_hermitian_root(level), inverse_hermitian_root(first.gamma)
+    shared = fit_shape_and_level((left @ x @ right).reshape(3, -1), units, (left @ d @ right).ravel(), F)
     size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
     each = [
-        shape_and_level((x / size)[:, :, j, i], units, (d / size)[:, j, i])["p_value"] for j, i in np.ndindex(n_y, n_u)
+        fit_shape_and_level((x / size)[:, :, j, i], units, (d / size)[:, j, i])["p_value"]
+        for j, i in np.ndindex(n_y, n_u)
     ]
     return {**shared, "p_values": np.array(each).reshape(n_y, n_u)}

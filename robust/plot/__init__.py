@@ -5,9 +5,9 @@
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of what friction does to a loop
     tuning   limits of a tuned design over frequency, before and after
-    look     colours, units, and the measured band in white
+    style    colours, units, and the measured band in white
 
-The pictures are handed on from here: `from robust.plot import plot_check`.
+Import them from here: `from robust.plot import plot_check`.
 """
 
 from robust.plot.friction import plot_quasi_linear

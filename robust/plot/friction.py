@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.axes import axes_or_new, finish_axes
 from robust.friction.describing_function import QuasiLinear
-from robust.plot.look import COLOR
+from robust.plot.style import COLOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["plot_quasi_linear"]
 
 #: Below this part of the largest friction the axes run straight through zero, above it they are logarithmic.
-STRAIGHT = 1e-2
+LINEAR_SHARE = 1e-2
 
 
 def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax: Axes | None = None) -> Axes:
@@ -41,46 +41,46 @@ def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax:
     grows = q.growths > 0
     top = np.abs(N).max()
     near = np.abs(q.boundary) < 3e3 * top
-    ax.plot(*parts(q.boundary / 1e3, near), color=COLOR["radius"], lw=1.4, label="-1/P of the loop")
+    ax.plot(*complex_parts(q.boundary / 1e3, near), color=COLOR["radius"], lw=1.4, label="-1/P of the loop")
     for chosen, color, words in (
         (~grows, COLOR["loop"], "friction: the motion falls"),
         (grows, COLOR["limit"], "friction: the motion grows"),
     ):
         if chosen.any():
-            ax.plot(*parts(N, chosen), "-", color=color, lw=2.2, label=words)
+            ax.plot(*complex_parts(N, chosen), "-", color=color, lw=2.2, label=words)
     for a in 10.0 ** np.arange(np.ceil(np.log10(q.amplitudes[0])), np.log10(q.amplitudes[-1]) + 0.01):
         i = int(np.argmin(np.abs(np.log(q.amplitudes / a))))
-        if 0.1 * STRAIGHT * top < np.abs(N[i]) and (i == 0 or np.abs(np.log(np.abs(N[i] / N[0]))) > 0.02):
+        if 0.1 * LINEAR_SHARE * top < np.abs(N[i]) and (i == 0 or np.abs(np.log(np.abs(N[i] / N[0]))) > 0.02):
             ax.plot(N[i].real, N[i].imag, ".", color="0.25")
             ax.annotate(
-                f"{amount(a)}, {q.frequencies[i] * a:.2g} m/s",
+                f"{format_amplitude(a)}, {q.frequencies[i] * a:.2g} m/s",
                 (N[i].real, N[i].imag),
                 xytext=(7, -7),
                 textcoords="offset points",
                 fontsize="x-small",
             )
-    ax.set_xscale("symlog", linthresh=STRAIGHT * top)
-    ax.set_yscale("symlog", linthresh=STRAIGHT * top)
+    ax.set_xscale("symlog", linthresh=LINEAR_SHARE * top)
+    ax.set_yscale("symlog", linthresh=LINEAR_SHARE * top)
     ax.set(xlim=(-3 * top, 12 * top), ylim=(-3 * top, 3 * top))
-    ax.set(xlabel="k_eq [kN/m]", ylabel="w c_eq [kN/m]", title=told(q, kick_sure))
+    ax.set(xlabel="k_eq [kN/m]", ylabel="w c_eq [kN/m]", title=quasi_linear_title(q, kick_sure))
     return finish_axes(ax)
 
 
-def parts(z: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Real and imaginary parts of those that are chosen; nan in between."""
+def complex_parts(z: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return real and imaginary parts of those that are chosen; nan in between."""
     return np.where(chosen, z.real, np.nan), np.where(chosen, z.imag, np.nan)
 
 
-def amount(a: float) -> str:
-    """An amplitude in its usual unit."""
+def format_amplitude(a: float) -> str:
+    """Return an amplitude in its usual unit."""
     for unit, size in (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3)):
         if a < 999 * size:
             return f"{a / size:.3g} {unit}"
     return f"{a:.3g} m"
 
 
-def told(q: QuasiLinear, kick_sure: Any) -> str:
-    """The heading."""
+def quasi_linear_title(q: QuasiLinear, kick_sure: Any) -> str:
+    """Return the heading."""
     fates = {0.0: "not to come to rest", np.inf: "to come to rest"}
     said = "Predicted " + fates.get(q.amplitude, f"to grow from a kick of {q.kick:.3g} m/s")
     return f"{said},\nsurely to run away from {kick_sure:.3g} m/s" if np.isfinite(kick_sure) else said

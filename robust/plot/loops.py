@@ -15,13 +15,13 @@ from robust.lti.lti import response
 from robust.lti.realisation import state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
-from robust.plot.look import COLOR, hz, mark_band, show_all_of
+from robust.plot.style import COLOR, fit_vertical_axis, mark_band, to_hertz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
-    "ellipse",
+    "confidence_ellipse",
     "plot_bounds",
     "plot_check",
     "plot_family",
@@ -34,7 +34,7 @@ __all__ = [
 
 
 def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -> Axes:
-    """Loop gain, sensitivity and complementary sensitivity of the nominal loop.
+    """Plot loop gain, sensitivity and complementary sensitivity of the nominal loop.
 
     Of several channels between what the singular values of L, S and T lie: strongest and weakest direction.
 
@@ -50,7 +50,7 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
     if isinstance(report, LoopGains):
         return draw_gains(ax, report)
     require_one_loop(report)
-    f = hz(report.omega)
+    f = to_hertz(report.omega)
     ax.plot(f, to_decibel(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
     ax.plot(f, to_decibel(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
     ax.plot(f, to_decibel(np.abs(report.T)), "-.", lw=1.4, color=COLOR["limit"], label="|T|")
@@ -59,14 +59,14 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
     ax.axhline(0, color="0.5", lw=0.8)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop")
     seen = report.classical
-    frame(ax, report, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain)
-    show_all_of(ax)
+    mark_measured_band(ax, report, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain)
+    fit_vertical_axis(ax)
     return finish_axes(ax)
 
 
 def draw_gains(ax: Any, gains: LoopGains) -> Any:
-    """`plot_loop` of several channels."""
-    f = hz(gains.omega)
+    """Draw `plot_loop` of several channels."""
+    f = to_hertz(gains.omega)
     for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
         curves = getattr(gains, name)
         ax.fill_between(f, to_decibel(curves[-1]), to_decibel(curves[0]), color=COLOR[color], alpha=0.15, lw=0)
@@ -75,9 +75,9 @@ def draw_gains(ax: Any, gains: LoopGains) -> Any:
     ax.axhline(0, color="0.5", lw=0.8)
     title = "Nominal loop" if gains.stable else "Nominal loop, not stable"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="singular values [dB]", title=title)
-    low, high = (f[0], f[-1]) if gains.band is None else hz(gains.band)
+    low, high = (f[0], f[-1]) if gains.band is None else to_hertz(gains.band)
     mark_band(ax, (low, high), top=f[-1])
-    show_all_of(ax)
+    fit_vertical_axis(ax)
     return finish_axes(ax)
 
 
@@ -91,16 +91,16 @@ def require_one_loop(report: RobustnessReport) -> None:
         raise ValueError("report must be of one loop for this picture, got one of several: plot_loop takes loop_gains")
 
 
-def frame(ax: Any, report: Any, *happens: float) -> None:
+def mark_measured_band(ax: Any, report: Any, *happens: float) -> None:
     """The measured band of a report or family, and frequencies [rad/s] at which something happens."""
-    f = hz(report.omega)
-    band = (f[0], f[-1]) if report.band is None else tuple(hz(np.asarray(report.band)))
+    f = to_hertz(report.omega)
+    band = (f[0], f[-1]) if report.band is None else tuple(to_hertz(np.asarray(report.band)))
     top = f[-1] if f[-1] > band[1] * (1 + 1e-9) else np.inf  # of a plant known on its lines only, nothing above is
-    mark_band(ax, band, happens=[hz(w) for w in happens], top=top)
+    mark_band(ax, band, happens=[to_hertz(w) for w in happens], top=top)
 
 
 def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
-    """Robust stability, nominal and robust performance over frequency, all to stay below one.
+    """Plot robust stability, nominal and robust performance over frequency, all to stay below one.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     require_kind("report", report, RobustnessReport)
     ax, single = axes_or_new(ax), report.is_single
     there = report.omega > 0
-    f = hz(report.omega[there])
+    f = to_hertz(report.omega[there])
     curves = (
         (report.rs, "robust stability" + ", upper bound of mu" * (not single), COLOR["limit"], "-"),
         (report.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
         (report.rp, "robust performance", COLOR["radius"], "-" if single else "--"),
     )
     if single or report.band is not None:
-        frame(ax, report, report.omega_rs, report.omega_rp)
+        mark_measured_band(ax, report, report.omega_rs, report.omega_rp)
     inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1]) if single or report.band is not None else f > 0
     drawn = [curve[there][np.isfinite(curve[there]) & (curve[there] > 0) & inside] for curve, *_ in curves]
     for curve, label, color, style in curves:
@@ -127,7 +127,11 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
             ax.plot(f, curve[there], style, lw=1.6, color=color, label=label)
     if single and np.isfinite(report.margin_rs) and report.margin_rs > 0:
         ax.plot(
-            hz(report.omega_rs), 1 / report.margin_rs, "o", color=COLOR["limit"], label="limits the stability margin"
+            to_hertz(report.omega_rs),
+            1 / report.margin_rs,
+            "o",
+            color=COLOR["limit"],
+            label="limits the stability margin",
         )
     if np.isfinite(report.margin_broken):
         label = "reached by a perturbation that was found"
@@ -150,7 +154,7 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None = None) -> Axes:
-    """The nominal L in the complex plane, with the disc of the set at some frequencies around the crossover.
+    """Return the nominal L in the complex plane, with the disc of the set at some frequencies around the crossover.
 
     Parameters
     ----------
@@ -194,7 +198,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
 
 
 def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
-    """Sensitivities of loops with sampled plants, under the worst case of the set.
+    """Plot sensitivities of loops with sampled plants, under the worst case of the set.
 
     Parameters
     ----------
@@ -205,7 +209,7 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     """
     require_kind("family", family, LoopFamily)
     ax = axes_or_new(ax)
-    f = hz(family.omega)
+    f = to_hertz(family.omega)
     for k, (S, stable) in enumerate(zip(family.S, family.stable, strict=True)):
         color = COLOR["noise"] if stable else COLOR["limit"]
         ax.plot(
@@ -228,13 +232,13 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     )
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
     finite = np.where(np.isfinite(family.worst), family.worst, np.max(np.abs(family.nominal)))
-    frame(ax, family, family.omega[np.argmax(finite)])
-    show_all_of(ax, most=60.0)
+    mark_measured_band(ax, family, family.omega[np.argmax(finite)])
+    fit_vertical_axis(ax, most=60.0)
     return finish_axes(ax)
 
 
 def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None) -> Axes:
-    """The answer of the loop to a step of its reference, with the nominal and with the worst plant.
+    """Return the answer of the loop to a step of its reference, with the nominal and with the worst plant.
 
     Of several outputs the one whose reference steps is a thick line, the others are thin.
 
@@ -272,7 +276,7 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
 def plot_bounds(
     model: UncertaintyModel, K: Any, bounds: tuple[np.ndarray, np.ndarray], *, ax: Axes | None = None
 ) -> Axes:
-    """|L| between the bounds of `loop_bounds`, on the lines of the model.
+    """Plot |L| between the bounds of `loop_bounds`, on the lines of the model.
 
     Parameters
     ----------
@@ -288,7 +292,7 @@ def plot_bounds(
     if not isinstance(bounds, tuple | list) or len(bounds) != 2:
         raise ValueError(f"bounds must be the pair that loop_bounds gives, got {short_form(bounds)}")
     ax = axes_or_new(ax)
-    f, (low, high) = hz(model.omega), bounds
+    f, (low, high) = to_hertz(model.omega), bounds
     L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
     ax.plot(f, to_decibel(L), "-", lw=1.8, color=COLOR["radius"], label="|L|")
     floor, ceiling = to_decibel(L.min()) - 20, to_decibel(L.max()) + 20
@@ -311,12 +315,12 @@ def plot_bounds(
 
 # ---- Where the poles and zeros of a fit lie, each in the ellipse that its scatter leaves it.
 
-ROUND = np.linspace(0, 2 * np.pi, 121)
-KINDS = (("poles", "x", "limit", "-"), ("zeros", "o", "loop", "--"))
+CIRCLE_ANGLES = np.linspace(0, 2 * np.pi, 121)
+ROOT_STYLES = (("poles", "x", "limit", "-"), ("zeros", "o", "loop", "--"))
 
 
 def plot_roots(fit: NominalFit, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Poles and zeros of a fit with their confidence ellipses, real ones with an interval.
+    """Plot poles and zeros of a fit with their confidence ellipses, real ones with an interval.
 
     Parameters
     ----------
@@ -341,19 +345,23 @@ def plot_roots(fit: NominalFit, *, confidence: float = 0.95, ax: Axes | None = N
     if known is None:
         raise ValueError("fit must know how its poles scatter (fit.uncertainty), got None")
     ax, sampled = axes_or_new(ax), bool(fit.G.dt)
-    for name, marker, colour, line in KINDS:
+    for name, marker, colour, line in ROOT_STYLES:
         roots, covariances = getattr(known, name), getattr(known, f"cov_{name}")
-        shown = roots if sampled else hz(roots)
+        shown = roots if sampled else to_hertz(roots)
         ax.plot(shown.real, shown.imag, marker, ms=4, mfc="none", color=COLOR[colour], label=name)
         for i, (root, covariance) in enumerate(zip(roots, covariances, strict=True)):
-            curve = ellipse(root, covariance, p) if sampled else hz(ellipse(root, covariance, p))
+            curve = (
+                confidence_ellipse(root, covariance, p)
+                if sampled
+                else to_hertz(confidence_ellipse(root, covariance, p))
+            )
             label = f"{100 * p:g} % of each of the {name}" if i == 0 else None
             ax.plot(curve.real, curve.imag, line, lw=1.1, color=COLOR[colour], label=label)
     ax.margins(0.2)
     ax.autoscale_view()
     ax.set_autoscale_on(False)  # around the roots: the whole of the circle would hide their ellipses
     if sampled:
-        ax.plot(np.cos(ROUND), np.sin(ROUND), ":", lw=0.9, color="0.4", label="unit circle")
+        ax.plot(np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES), ":", lw=0.9, color="0.4", label="unit circle")
     else:
         ax.axvline(0, ls=":", lw=0.9, color="0.4", label="limit of stability")
     unit = "z" if sampled else "s / 2π [Hz]"
@@ -361,24 +369,24 @@ def plot_roots(fit: NominalFit, *, confidence: float = 0.95, ax: Axes | None = N
     return finish_axes(ax)
 
 
-def ellipse(root: complex, covariance: np.ndarray, p: float) -> np.ndarray:
-    """(K,) points around a normal root of this covariance (2, 2) of its parts that holds it with probability p.
+def confidence_ellipse(root: complex, covariance: np.ndarray, p: float) -> np.ndarray:
+    """Return (K,) points around a normal root of this covariance (2, 2) of its parts that holds it with probability p.
 
     A complex root lies within where x' C^-1 x < -2 ln(1 - p), a real one within the interval of one normal variable.
 
-    >>> bool(np.isclose(np.abs(ellipse(0, np.eye(2), 0.95)).max(), 2.4477, atol=1e-4))
+    >>> bool(np.isclose(np.abs(confidence_ellipse(0, np.eye(2), 0.95)).max(), 2.4477, atol=1e-4))
     True
     """
     values, axes_of = np.linalg.eigh(covariance)
     flat = values[0] <= 1e-12 * values[1]  # a real root
-    size = np.sqrt(2) * erfinv(p) if flat else np.sqrt(-2 * np.log1p(-p))
+    size = np.sqrt(2) * inverse_erf(p) if flat else np.sqrt(-2 * np.log1p(-p))
     radii = size * np.sqrt(np.maximum(values, 0.0))
-    x, y = (axes_of * radii) @ np.array([np.cos(ROUND), np.sin(ROUND)])
+    x, y = (axes_of * radii) @ np.array([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES)])
     return np.asarray(root + x + 1j * y)
 
 
-def erfinv(p: float) -> float:
-    """Where erf is p."""
+def inverse_erf(p: float) -> float:
+    """Return where erf is p."""
     from scipy.special import erfinv as inverse
 
     return float(inverse(p))

@@ -24,12 +24,12 @@ from nlfrf._base.axes import (
 )
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import response, response_by_channel, timebase
-from robust.models.fit.nominal import NominalFit, behind_hold
+from robust.models.fit.nominal import NominalFit, bla_behind_hold
 from robust.models.fit.orders import OrderScan
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.validation import Validation
-from robust.plot.look import BESIDE, COLOR, MEASURED, OVER, STYLE, hz, mark_band
+from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, STYLE, mark_band, to_hertz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,14 +50,17 @@ __all__ = [
 #: The parts of a budget in grey.
 HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
 
-ROOM = 15.0  # dB under the least gain of the nominal in a row
-FLAT = 5.0  # dB above and below a weight that is a number
-FEW = 300  # measured lines of several channels that are drawn with their bounds
-BELOW, ABOVE = 16.0, 12.0  # dB about the curves of a set: bands of 84 % below and of 300 % above are whole
+AXIS_MARGIN = 15.0  # dB under the least gain of the nominal in a row
+FLAT_MARGIN = 5.0  # dB above and below a weight that is a number
+MAX_MARKERS = 300  # measured lines of several channels that are drawn with their bounds
+DECIBELS_BELOW, DECIBELS_ABOVE = (
+    16.0,
+    12.0,
+)  # dB about the curves of a set: bands of 84 % below and of 300 % above are whole
 
 
 def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Any:
-    """The radius on the measured lines, what it is made of, and the weight over it, outside the band too.
+    """Return the radius on the measured lines, what it is made of, and the weight over it, outside the band too.
 
     Of several channels radii and weights in a matrix of axes, which is returned: of "elements" entry by entry, of a
     full block W_l above W_r, a column a channel; weights that a channel does not have are left empty.
@@ -72,17 +75,22 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Any:
     if not model.is_single:
         return draw_weights(model, ax)
     ax = axes_or_new(ax)
-    f = hz(model.omega)
+    f = to_hertz(model.omega)
     floor = model.radius.min() * 10 ** (-25 / 20)
     for name, part in model.budget().items():
         if np.any(part > floor):
             ax.plot(f, to_decibel(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=f"part: {name}")
     ax.plot(f, to_decibel(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
-    wide = outside_too(model)
+    wide = widened_band(model)
     ax.plot(
-        hz(wide), to_decibel(np.abs(response(model.weight, wide))), "-", lw=1.8, color=COLOR["weight"], label="|weight|"
+        to_hertz(wide),
+        to_decibel(np.abs(response(model.weight, wide))),
+        "-",
+        lw=1.8,
+        color=COLOR["weight"],
+        label="|weight|",
     )
-    mark_band(ax, (f[0], f[-1]), top=hz(wide[-1]))
+    mark_band(ax, (f[0], f[-1]), top=to_hertz(wide[-1]))
     unit = FORMS[model.form].unit_of(model.unit)
     ax.set(
         xscale="log",
@@ -96,25 +104,25 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Any:
 
 
 def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
-    """The nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
+    """Return the nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
     require_one_channel(model, "plot_bode shows every entry", "for this picture", parametric=False)
     ax = axes_or_new(ax)
-    omega = model.omega if model.measured_only else outside_too(model)
+    omega = model.omega if model.measured_only else widened_band(model)
     G = model.at(omega)
     w, scale = np.abs(response(model.weight, omega)), np.abs(response(model.shaping, omega))
     size = np.abs(G)
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
-    look: dict[str, Any] = {"color": COLOR["weight"], "alpha": 0.25, "over": OVER}
-    gain_band(ax, hz(omega), size, low, high, label="gains of the set", **look)
-    ax.plot(hz(omega), to_decibel(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
-    mark_band(ax, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
+    look: dict[str, Any] = {"color": COLOR["weight"], "alpha": 0.25, "over": OVER_NOTE}
+    gain_band(ax, to_hertz(omega), size, low, high, label="gains of the set", **look)
+    ax.plot(to_hertz(omega), to_decibel(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
+    mark_band(ax, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
     label = f"|G| [dB, {model.unit or 'unit of y / u'}]"
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=frame(size))
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=magnitude_limits(size))
     return finish_axes(ax)
 
 
 def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = None) -> Any:
-    """Measured points, nominal and set together: magnitude and phase over logarithmic frequency.
+    """Plot measured points, nominal and set together: magnitude and phase over logarithmic frequency.
 
     Of several channels every entry of the nominal with the gains that the set gives it, in a matrix of axes.
 
@@ -135,15 +143,15 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     for one in blas:
         (require_single if model.is_single else require_matrix)("bla", one)
     if not model.measured_only:
-        blas = [behind_hold(one, timebase(model.nominal)) for one in blas]
-    omega = model.omega if model.measured_only else outside_too(model)
+        blas = [bla_behind_hold(one, timebase(model.nominal)) for one in blas]
+    omega = model.omega if model.measured_only else widened_band(model)
     if not model.is_single:
         return draw_entries(model, blas, omega, ax)
     top, bottom = bode_axes(ax)
-    f, G = hz(omega), model.at(omega)
+    f, G = to_hertz(omega), model.at(omega)
     size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
-    gain_band(top, f, size, low, high, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER)
+    gain_band(top, f, size, low, high, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER_NOTE)
     phase = np.unwrap(np.angle(G))
     with np.errstate(invalid="ignore"):  # the set is a disc, with its ends on the ray of the nominal
         ratio = (high - low) / (high + low)
@@ -166,11 +174,12 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     for axes_, curve in ((top, to_decibel(size)), (bottom, np.degrees(phase))):
         axes_.plot(f, curve, "-", lw=1.6, color=COLOR["radius"], label="nominal" if axes_ is top else None)
         axes_.set_xscale("log")
-        mark_band(axes_, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
+        mark_band(axes_, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=f[-1])
     every = np.degrees(np.concatenate([phase, *shown]))
     bottom.set(ylim=(every.min() - 60, every.max() + 60), xlabel="frequency [Hz]", ylabel="phase [deg]")
     top.set(
-        ylim=frame(size, *(np.abs(one.G) for one in blas)), ylabel=f"magnitude [dB, {model.unit or 'unit of y / u'}]"
+        ylim=magnitude_limits(size, *(np.abs(one.G) for one in blas)),
+        ylabel=f"magnitude [dB, {model.unit or 'unit of y / u'}]",
     )
     join_labels(bottom, top)
     finish_axes(top)
@@ -178,34 +187,34 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
 
 
 def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], omega: np.ndarray, ax: Any) -> Any:
-    """`plot_bode` of several channels."""
-    f, size, reach = hz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
+    """Draw `plot_bode` of several channels."""
+    f, size, reach = to_hertz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
     for (j, i), one in np.ndenumerate(made):
-        floor = float(to_decibel(size[j][:, within].min())) - ROOM
+        floor = float(to_decibel(size[j][:, within].min())) - AXIS_MARGIN
         gains = size[j, i], size[j, i] - reach[j, i], size[j, i] + reach[j, i]
-        gain_band(one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER)
+        gain_band(one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER_NOTE)
         for k, (measured, color) in enumerate(zip(frms, cycle(MEASURED))):
             gain, radius = np.abs(measured.G[j, i]), measured.bound()[j, i]
             ends = [
                 to_decibel(gain) - to_decibel(lower_edge(gain, gain - radius)),
                 to_decibel(gain + radius) - to_decibel(gain),
             ]
-            if measured.f.size <= FEW:
+            if measured.f.size <= MAX_MARKERS:
                 one.errorbar(measured.f, to_decibel(gain), ends, fmt="none", lw=0.6, color=color)
             label = f"measured, 95 % bound{f' ({k + 1})' * (len(frms) > 1)}"
             one.plot(measured.f, to_decibel(gain), ".", ms=3, color=color, label=label)
         one.plot(f, to_decibel(size[j, i]), "-", lw=1.4, color=COLOR["radius"], label="nominal")
         one.set_xscale("log")
-        mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
-        one.set_ylim(floor, float(to_decibel(size[j][:, within].max())) + ROOM)
+        mark_band(one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=f[-1])
+        one.set_ylim(floor, float(to_decibel(size[j][:, within].max())) + AXIS_MARGIN)
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
 def draw_weights(model: UncertaintyModel, ax: Any) -> Any:
-    """`plot_weight` of several channels."""
-    omega = outside_too(model)
+    """Draw `plot_weight` of several channels."""
+    omega = widened_band(model)
     if model.left:
         n = max(len(model.left), len(model.right))
         rows, columns = ["W_l  [dB]", "W_r  [dB]"], [f"channel {k + 1}" for k in range(n)]
@@ -222,15 +231,20 @@ def draw_weights(model: UncertaintyModel, ax: Any) -> Any:
         k = places[place]
         weight = np.abs(response(model.weights[k], omega))
         one.plot(
-            hz(model.omega), to_decibel(model.radius[k]), ".", ms=3, color=COLOR["radius"], label="radius on the lines"
+            to_hertz(model.omega),
+            to_decibel(model.radius[k]),
+            ".",
+            ms=3,
+            color=COLOR["radius"],
+            label="radius on the lines",
         )
-        one.plot(hz(omega), to_decibel(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
+        one.plot(to_hertz(omega), to_decibel(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
         one.set_xscale("log")
         one.ticklabel_format(axis="y", useOffset=False)
-        mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
+        mark_band(one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
     for row in made:  # what is flat is drawn flat
         low, high = row[0].get_ylim()
-        row[0].set_ylim(min(low, (low + high) / 2 - FLAT), max(high, (low + high) / 2 + FLAT))
+        row[0].set_ylim(min(low, (low + high) / 2 - FLAT_MARGIN), max(high, (low + high) / 2 + FLAT_MARGIN))
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
@@ -238,19 +252,19 @@ def draw_weights(model: UncertaintyModel, ax: Any) -> Any:
 plot_matrix_set, plot_matrix_weights = plot_bode, plot_weight
 
 
-def frame(*sizes: np.ndarray) -> tuple[float, float]:
-    """The vertical axis [dB] about what was measured and fitted, with room for a band but none for one without end."""
+def magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:
+    """Return the limits of the vertical axis [dB] around measured and fitted points, with a margin for a band."""
     every = np.concatenate(sizes)
-    return float(to_decibel(every[every > 0].min())) - BELOW, float(to_decibel(every.max())) + ABOVE
+    return float(to_decibel(every[every > 0].min())) - DECIBELS_BELOW, float(to_decibel(every.max())) + DECIBELS_ABOVE
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
-    """What the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
+    """Return what the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
     require_one_channel(
         model, "plot_weight shows every radius, budget() its parts", "for this picture", parametric=False
     )
     ax = axes_or_new(ax)
-    f = hz(model.omega)
+    f = to_hertz(model.omega)
     below = np.zeros(f.size)
     for name, part in model.budget().items():
         share = 100 * np.nan_to_num(part) / model.radius
@@ -270,13 +284,13 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
-    """The measured lines, the nominal model through them, and what is left; arguments as in `plot_weight`."""
+    """Return the measured lines, the nominal model through them, and what is left; arguments as in `plot_weight`."""
     require_kind("fit", fit, NominalFit)
     ax = axes_or_new(ax)
-    f, measured = hz(fit.omega), fit.response + fit.residual
+    f, measured = to_hertz(fit.omega), fit.response + fit.residual
     ax.plot(f, to_decibel(np.abs(measured)), ".", ms=3, color=COLOR["noise"], label="measured")
     label = f"model, {fit.G.nstates} poles" + (f", delay {1e3 * fit.delay:.3g} ms" if fit.delay else "")
-    wide = np.geomspace(f.min() / BESIDE, f.max() * BESIDE, 400)
+    wide = np.geomspace(f.min() / BAND_MARGIN, f.max() * BAND_MARGIN, 400)
     wide = np.unique(np.concatenate([wide[wide < 0.5 / fit.G.dt] if fit.G.dt else wide, f]))
     drawn = response(fit.G, 2 * np.pi * wide)
     ax.plot(wide, to_decibel(np.abs(drawn)), "-", lw=1.6, color=COLOR["radius"], label=label)
@@ -294,7 +308,7 @@ def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
-    """How far the lines of a second record lie from the nominal, in units of their disc.
+    """Return how far the lines of a second record lie from the nominal, in units of their disc.
 
     Parameters
     ----------
@@ -305,7 +319,7 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
     """
     require_kind("validation", validation, Validation)
     ax = axes_or_new(ax)
-    f, out = hz(validation.omega), validation.distance > 1
+    f, out = to_hertz(validation.omega), validation.distance > 1
     ax.plot(f[~out], validation.distance[~out], ".", ms=4, color=COLOR["weight"], label="inside")
     if out.any():
         ax.plot(f[out], validation.distance[out], "x", ms=5, color=COLOR["limit"], label="outside")
@@ -324,7 +338,7 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
-    """Cost and criterion over the number of poles; arguments as in `plot_weight`."""
+    """Plot cost and criterion over the number of poles; arguments as in `plot_weight`."""
     from matplotlib.ticker import MaxNLocator
 
     require_kind("scan", scan, OrderScan)
@@ -338,10 +352,10 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
-def outside_too(model: UncertaintyModel) -> np.ndarray:
-    """Frequencies [rad/s] for a curve: the band and half a decade on both sides, up to Nyquist."""
-    high, dt = model.omega[-1] * BESIDE, max(map(timebase, model.weights))
+def widened_band(model: UncertaintyModel) -> np.ndarray:
+    """Return frequencies [rad/s] for a curve: the band and half a decade on both sides, up to Nyquist."""
+    high, dt = model.omega[-1] * BAND_MARGIN, max(map(timebase, model.weights))
     dt = dt or (0.0 if model.measured_only else timebase(model.nominal))
     if dt:
         high = min(high, np.pi / dt * (1 - 1e-9))
-    return np.unique(np.concatenate([np.geomspace(model.omega[0] / BESIDE, high, 600), model.omega]))
+    return np.unique(np.concatenate([np.geomspace(model.omega[0] / BAND_MARGIN, high, 600), model.omega]))

@@ -12,7 +12,7 @@ from robust._base.states import Verdict
 from robust.analysis.bounds import loop_bounds
 from robust.analysis.robustness import check
 from robust.models.sets.model import UncertaintyModel
-from robust.plot.look import COLOR, hz, mark_band
+from robust.plot.style import COLOR, mark_band, to_hertz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ class LoopPicture:
         self.low, self.high = loop_bounds(model, w_P)
         self.report: Any = None
         self.violations = np.zeros(model.omega.size, dtype=bool)
-        f = hz(model.omega)
+        f = to_hertz(model.omega)
         ax.axhline(0, color="0.5", lw=0.8)
         self.forbidden: list[Any] = []
         (self.before,) = ax.plot([], [], "-", lw=1.0, color=COLOR["noise"], label="|L| before")
@@ -51,7 +51,7 @@ class LoopPicture:
         (self.dots,) = ax.plot([], [], "o", ms=4, color=COLOR["limit"], label="beyond a bound")
         ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|L| [dB]")
         mark_band(ax, (f[0], f[-1]))
-        self.fitted(np.ones(f.size))
+        self.fit_view(np.ones(f.size))
         self.before.set_visible(False)
 
     def update(self, K: Any) -> LoopPicture:
@@ -74,19 +74,21 @@ class LoopPicture:
         self.violations = (self.low > L) | (self.high < L)
         self.before.set_data(*self.line.get_data())
         self.before.set_visible(self.report is not None)
-        self.line.set_data(hz(report.omega), to_decibel(np.abs(report.G * report.K)))  # on both sides of the band too
-        self.dots.set_data(hz(omega[self.violations]), to_decibel(L[self.violations]))
+        self.line.set_data(
+            to_hertz(report.omega), to_decibel(np.abs(report.G * report.K))
+        )  # on both sides of the band too
+        self.dots.set_data(to_hertz(omega[self.violations]), to_decibel(L[self.violations]))
         self.report = report
-        self.fitted(L)
-        self.ax.set_title(self.sentence(), fontsize="medium")
+        self.fit_view(L)
+        self.ax.set_title(self.describe_check(), fontsize="medium")
         for line, label in ((self.before, "|L| before"), (self.dots, "beyond a bound")):
             line.set_label(label if line.get_visible() and np.size(line.get_xdata()) else None)
         finish_axes(self.ax)
         self.ax.figure.canvas.draw_idle()
         return self
 
-    def sentence(self) -> str:
-        """Stability, worst demand and crossover in a line."""
+    def describe_check(self) -> str:
+        """Return stability, worst demand and crossover in a line."""
         report = self.report
         if not report.nominally_stable:
             return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability cannot be told"
@@ -94,7 +96,7 @@ class LoopPicture:
         crossover = f", crossover {format_hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
         return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"
 
-    def fitted(self, L: np.ndarray) -> None:
+    def fit_view(self, L: np.ndarray) -> None:
         """The view around |L| and the bounds, and the forbidden regions up to its edges."""
         shown = np.concatenate([L, self.low[(self.low > 0) & (self.low < np.inf)], self.high[self.high < np.inf]])
         shown = shown[(shown > 0) & np.isfinite(shown)]
@@ -104,7 +106,7 @@ class LoopPicture:
         )
         low = np.where(self.low > 0, np.clip(to_decibel(np.where(self.low > 0, self.low, 1.0)), floor, ceiling), floor)
         high = np.where(self.high < np.inf, to_decibel(np.where(self.high > 0, self.high, 1e-300)), ceiling)
-        f = hz(self.model.omega)
+        f = to_hertz(self.model.omega)
         for patch in self.forbidden:
             patch.remove()
         self.forbidden = [
@@ -117,7 +119,7 @@ class LoopPicture:
         self.ax.set_ylim(floor, ceiling)
 
     def _repr_png_(self) -> bytes:
-        """The picture, for a notebook."""
+        """Return the picture, for a notebook."""
         from io import BytesIO
 
         out = BytesIO()
@@ -128,7 +130,7 @@ class LoopPicture:
 def plot_loop_bounds(
     model: UncertaintyModel, w_P: Any, K: Any = None, *, delay: float = 0.0, ax: Axes | None = None
 ) -> LoopPicture:
-    """|L| between its bounds, to shape it by hand: change the controller, `update`, look.
+    """Plot |L| between its bounds, to shape it by hand: change the controller, `update`, look.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf._base.arguments import short_form
 from nlfrf._base.axes import axes_or_new, finish_axes
-from robust.plot.look import COLOR, hz
+from robust.plot.style import COLOR, to_hertz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,11 +17,11 @@ __all__ = ["plot_limits"]
 
 #: One colour for each limit, told apart by colour-blind readers too.
 COLOURS = (COLOR["loop"], COLOR["limit"], COLOR["weight"], COLOR["misfit"], COLOR["level"], COLOR["noise"])
-PLANTS = ("-", "--", "-.", ":")
+PLANT_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
-    """Every limit over frequency as a ratio to its bound: with the blocks as given, thin, and as tuned.
+    """Return every limit over frequency as a ratio to its bound: with the blocks as given, thin, and as tuned.
 
     A dot shows where each limit is largest, filled where it is hard. One colour for each limit, one style for each
     plant; the line at one is the bound.
@@ -54,10 +54,10 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
 
 def draw_limit(ax: Axes, one: Any, colour: str, *, several: bool) -> None:
     """One limit on one plant."""
-    style = PLANTS[one.plant % len(PLANTS)]
+    style = PLANT_STYLES[one.plant % len(PLANT_STYLES)]
     label = f"{'hard' if one.hard else 'soft'} {one.limit}" + (f", plant {one.plant}" if several else "")
-    f = hz(one.omegas)
+    f = to_hertz(one.omegas)
     ax.plot(f, np.where(np.isfinite(one.before), one.before, np.nan), style, color=colour, lw=0.7, alpha=0.6)
     ax.plot(f, np.where(np.isfinite(one.curve), one.curve, np.nan), style, color=colour, lw=1.8, label=label)
-    place = float(np.clip(hz(one.omega), f[0], f[-1]))
+    place = float(np.clip(to_hertz(one.omega), f[0], f[-1]))
     ax.plot([place], [one.ratio], "o", color=colour, mfc=colour if one.hard else "none", ms=6)

@@ -1,6 +1,6 @@
 """Reports: a whole run in one file.
 
-command       what the command reads, draws and leaves beside a report
+command       what the command reads, draws and writes next to a report
 data          sections on what was measured and modelled
 drive_check   gains of a drive checked against traces of its axis
 page          the file: its sections in order

@@ -1,4 +1,4 @@
-"""What the command does with one kind of result or another: what it reads, draws and leaves beside a report."""
+"""Reading, pictures and reports of the command `robust`, for results of one or several channels."""
 
 from __future__ import annotations
 
@@ -15,20 +15,28 @@ from nlfrf._base.files import command_signature, write_text
 from robust._base.channels import is_single
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
-from robust.io.certificates import certificate_of, save_certificate, verify_certificate
+from robust.io.certificates import certificate_path, save_certificate, verify_certificate
 from robust.io.models import load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import has_several_channels
 
-__all__ = ["check_pictures", "demanded", "hand_over", "measured", "model_of_one", "model_pictures", "named_signals"]
+__all__ = [
+    "check_pictures",
+    "demand_weight",
+    "load_blas",
+    "load_single_model",
+    "model_pictures",
+    "signals_from_options",
+    "write_report_files",
+]
 
 
 Pictures = list[tuple[Callable[..., Any], Any]]
 
 
-def measured(paths: Sequence[Path]) -> Any:
-    """What was identified: a BLA or a matrix, or a list of one kind."""
+def load_blas(paths: Sequence[Path]) -> Any:
+    """Return what was identified: a BLA or a matrix, or a list of one kind."""
     found = [nlfrf.load(path) for path in paths]
     for path, one in zip(paths, found, strict=True):
         if not isinstance(one, nlfrf.Bla) or is_single(one) != is_single(found[0]):
@@ -36,8 +44,8 @@ def measured(paths: Sequence[Path]) -> Any:
     return found[0] if len(found) == 1 else found
 
 
-def model_of_one(path: Path) -> Any:
-    """The model of one input and output in a file, for a command that takes no other."""
+def load_single_model(path: Path) -> Any:
+    """Return the model of one input and output in a file, for a command that takes no other."""
     model = load_model(path)
     if has_several_channels(model):
         raise ValueError(
@@ -47,18 +55,18 @@ def model_of_one(path: Path) -> Any:
     return model
 
 
-def demanded(model: Any, bandwidth: float | None, peak: float, error: float) -> Any:
-    """The performance weight for a bandwidth [Hz], on the time base that a matrix asks for; None where none is."""
+def demand_weight(model: Any, bandwidth: float | None, peak: float, error: float) -> Any:
+    """Return the performance weight for a bandwidth [Hz], on the time base of a matrix; None without a bandwidth."""
     if bandwidth is None:
         return None
     w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
     return discretize(w_P, model.nominal.dt) if has_several_channels(model) and model.nominal.dt else w_P
 
 
-def named_signals(
+def signals_from_options(
     step: float | None, disturbance: float | None, noise: float | None, up_to: float | None
 ) -> LoopSignals | None:
-    """What the options name as acting on a loop: a height, two rms, the end of a band [Hz]; None where none is."""
+    """Return the signals that the options name: a height, two rms, the end of a band [Hz]; None without one."""
     end = float("nan") if up_to is None else 2 * np.pi * require_positive("up-to", up_to)
     signals: dict[str, Any] = {} if step is None else {"reference": StepSignal(step)}
     for name, rms in (("disturbance", disturbance), ("noise", noise)):
@@ -68,14 +76,14 @@ def named_signals(
 
 
 def model_pictures(model: Any, blas: Any) -> Pictures:
-    """A model as `robust model` draws it."""
+    """Return a model as `robust model` draws it."""
     from robust import plot
 
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_bode(one, blas, ax=ax), model)]
 
 
 def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
-    """A check as `robust check` draws it."""
+    """Return a check as `robust check` draws it."""
     from robust import plot
 
     if has_several_channels(model):
@@ -84,10 +92,10 @@ def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
     return [(plot.plot_loop, report), (plot.plot_check, report)]
 
 
-def hand_over(report: Any, out: Path, say: Any) -> None:
-    """Write a report, and what was proved beside it, verified."""
+def write_report_files(report: Any, out: Path, say: Any) -> None:
+    """Write a report, and next to it a verified certificate of what was proved."""
     write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
-    handed = certificate_of(out)
+    handed = certificate_path(out)
     if any(certificate.holds and certificate.claim is not None for certificate in report.certificates):
         save_certificate(report, handed)
         with spinner("verifying"):

@@ -13,15 +13,15 @@ from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
 from robust.models.validation import Validation, validate
 from robust.reports import parts
-from robust.reports.parts import Section, roots_text, rows_of, system_text
+from robust.reports.parts import Section, describe_roots, describe_system, rows_of_value
 
-LITTLE = 100.0  # dB under the excited lines from which energy on the others is not worth a number
+NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
-__all__ = ["bla_section", "excitation_section", "nominal_section", "opinion_section", "set_section"]
+__all__ = ["bla_section", "cross_check_section", "excitation_section", "nominal_section", "set_section"]
 
 
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
-    """What was played, and what was measured."""
+    """Return what was played, and what was measured."""
     from nlfrf import plot
 
     facts, pictures = [], []
@@ -45,9 +45,13 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
             ),
         ]
         pictures += [
-            parts.picture(plot.plot_input, record, caption=f"Input spectrum{which}: {stray_text(record)}."),
-            parts.picture(plot.plot_samples, record, caption=f"Input{which} in time, all periods over one another."),
-            parts.picture(
+            parts.draw_picture(
+                plot.plot_input, record, caption=f"Input spectrum{which}: {describe_stray_energy(record)}."
+            ),
+            parts.draw_picture(
+                plot.plot_samples, record, caption=f"Input{which} in time, all periods over one another."
+            ),
+            parts.draw_picture(
                 plot.plot_samples, record, signal="y", caption=f"Output{which} in time, the last period in black."
             ),
         ]
@@ -62,8 +66,8 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
     )
 
 
-def stray_text(record: Record) -> str:
-    """How much energy stands where none was to be, the largest line of it under the rms of the excited ones."""
+def describe_stray_energy(record: Record) -> str:
+    """Return how much energy stands where none was to be, the largest line of it under the rms of the excited ones."""
     grid = record.lines
     spectrum = np.abs(np.fft.rfft(record.u, axis=-1)) / record.n_samples * 2
     power = np.mean(spectrum**2, axis=(0, 1))
@@ -73,14 +77,14 @@ def stray_text(record: Record) -> str:
     with np.errstate(divide="ignore"):
         below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[beside]))
     return (
-        f"where nothing was to be played stands nothing to speak of (over {LITTLE:g} dB less)"
-        if below > LITTLE
+        f"where nothing was to be played stands nothing to speak of (over {NEGLIGIBLE_DECIBELS:g} dB less)"
+        if below > NEGLIGIBLE_DECIBELS
         else f"where nothing was to be played stands a line only {below:.0f} dB under the excited ones"
     )
 
 
 def bla_section(blas: list[Bla]) -> Section:
-    """The best linear approximation, its levels and its bound."""
+    """Return the best linear approximation, its levels and its bound."""
     from nlfrf import plot
 
     facts, pictures = [], []
@@ -88,24 +92,26 @@ def bla_section(blas: list[Bla]) -> Section:
         which = f" of record {i + 1}" if len(blas) > 1 else ""
         if not bla.is_single:
             values = nlfrf.singular_values(bla)
-            facts += [(f"matrix{which}", rows_of(bla)), (f"directions{which}", rows_of(values))]
+            facts += [(f"matrix{which}", rows_of_value(bla)), (f"directions{which}", rows_of_value(values))]
             pictures += [
-                parts.picture(plot.plot_frm, bla, tall=True, caption=f"Every entry{which} with its 95 % bound."),
-                parts.picture(plot.plot_frm_bounds, bla, tall=True, caption=f"What limits each entry{which}."),
-                parts.picture(
+                parts.draw_picture(plot.plot_frm, bla, tall=True, caption=f"Every entry{which} with its 95 % bound."),
+                parts.draw_picture(plot.plot_frm_bounds, bla, tall=True, caption=f"What limits each entry{which}."),
+                parts.draw_picture(
                     plot.plot_singular_values,
                     values,
                     caption=f"Singular values{which}, in the bands that the bound of the matrix leaves them.",
                 ),
             ]
             continue
-        facts.append((f"BLA{which}", rows_of(bla)))
+        facts.append((f"BLA{which}", rows_of_value(bla)))
         pictures += [
-            parts.picture(
+            parts.draw_picture(
                 plot.plot_bode, bla, tall=True, caption=f"Best linear approximation{which} with its 95 % bound."
             ),
-            parts.picture(plot.plot_bla, bla, caption=f"The same{which} over what makes the bound."),
-            parts.picture(plot.plot_levels, bla, caption=f"Output{which} by kind of line: linear, distortion, noise."),
+            parts.draw_picture(plot.plot_bla, bla, caption=f"The same{which} over what makes the bound."),
+            parts.draw_picture(
+                plot.plot_levels, bla, caption=f"Output{which} by kind of line: linear, distortion, noise."
+            ),
         ]
     return Section(
         name="bla",
@@ -117,16 +123,18 @@ def bla_section(blas: list[Bla]) -> Section:
     )
 
 
-def opinion_section(records: list[Record]) -> Section:
-    """The distortion level read a second time, by means that fail for other reasons."""
+def cross_check_section(records: list[Record]) -> Section:
+    """Return the distortion level read a second time, by means that fail for other reasons."""
     from nlfrf import plot
 
     facts, pictures = [], []
     for i, record in enumerate(records):
         which = f" on record {i + 1}" if len(records) > 1 else ""
         opinion = nlfrf.second_opinion(record)
-        facts.append((f"opinion{which}", rows_of(opinion).removeprefix("second opinion: ")))
-        pictures.append(parts.picture(plot.plot_opinion, opinion, caption=f"The distortion level read twice{which}."))
+        facts.append((f"opinion{which}", rows_of_value(opinion).removeprefix("second opinion: ")))
+        pictures.append(
+            parts.draw_picture(plot.plot_opinion, opinion, caption=f"The distortion level read twice{which}.")
+        )
     return Section(
         name="opinion",
         title="Second opinion",
@@ -138,17 +146,17 @@ def opinion_section(records: list[Record]) -> Section:
 
 
 def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: list[Bla]) -> Section:
-    """The model in the middle against the measured lines."""
+    """Return the model in the middle against the measured lines."""
     from robust import plot
 
     facts: list[tuple[str, str]] = []
     if model.measured_only:
         facts.append(("nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines"))
     else:
-        facts.append(("nominal plant", system_text(model.nominal)))
-        facts.append(("poles", roots_text(poles(model.nominal), timebase(model.nominal))))
+        facts.append(("nominal plant", describe_system(model.nominal)))
+        facts.append(("poles", describe_roots(poles(model.nominal), timebase(model.nominal))))
         if model.is_single:
-            facts.append(("zeros", roots_text(zeros(model.nominal), timebase(model.nominal))))
+            facts.append(("zeros", describe_roots(zeros(model.nominal), timebase(model.nominal))))
     if nominal is not None:
         facts.append(("fit", str(nominal).removeprefix("nominal model: ")))
     for i, bla in enumerate(blas):
@@ -158,15 +166,15 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
             facts.append(
                 (
                     f"lines in the set{which}",
-                    f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside" + told_change(seen),
+                    f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside" + describe_change(seen),
                 )
             )
 
     shown = "Nominal plant and its set" + ", with the lines that were measured" * bool(blas)
-    pictures = [parts.picture(plot.plot_bode, model, blas, tall=True, caption=f"{shown}.")]
+    pictures = [parts.draw_picture(plot.plot_bode, model, blas, tall=True, caption=f"{shown}.")]
     if nominal is not None:
         pictures.append(
-            parts.picture(plot.plot_fit, nominal, caption="Measured lines, model, and what is left between them.")
+            parts.draw_picture(plot.plot_fit, nominal, caption="Measured lines, model, and what is left between them.")
         )
     return Section(
         name="nominal",
@@ -177,8 +185,8 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
     )
 
 
-def told_change(seen: Validation) -> str:
-    """What a record says against the one that the model was made of; nothing where it is that one."""
+def describe_change(seen: Validation) -> str:
+    """Return what a record says against the one that the model was made of; nothing where it is that one."""
     if seen.p_value == 1 or np.isnan(seen.p_value):
         return ""
     return (
@@ -189,7 +197,7 @@ def told_change(seen: Validation) -> str:
 
 
 def set_section(model: UncertaintyModel) -> Section:
-    """The uncertainty and its weight."""
+    """Return the uncertainty and its weight."""
     from robust import plot
 
     facts = [
@@ -200,11 +208,11 @@ def set_section(model: UncertaintyModel) -> Section:
         ("source", model.source),
     ]
     pictures = [
-        parts.picture(plot.plot_weight, model, caption="Radius on the lines, its parts, and the weight over it.")
+        parts.draw_picture(plot.plot_weight, model, caption="Radius on the lines, its parts, and the weight over it.")
     ]
     if model.is_single and model.budget():
         pictures.append(
-            parts.picture(plot.plot_budget, model, caption="What the radius is made of: what to measure next.")
+            parts.draw_picture(plot.plot_budget, model, caption="What the radius is made of: what to measure next.")
         )
     return Section(
         name="set",

@@ -1,4 +1,4 @@
-"""The report to hand over: a whole run, from the record to the verdict, in one HTML file that asks nobody for anything.
+"""The report of a whole run, from the record to the verdict, in one self-contained HTML file.
 
 The file holds its pictures, its style and a small script that enlarges them. Its content security policy forbids the
 browser every request, so that it reads the same in ten years, and on paper.
@@ -24,9 +24,9 @@ from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
-from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
-from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_section
-from robust.reports.verdicts import friction_section, in_short, refuse_another
+from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
+from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
+from robust.reports.verdicts import describe_proof, friction_section, require_report_of
 
 __all__ = ["write_report"]
 
@@ -109,50 +109,50 @@ def write_report(
         raise ValueError(f"path must end in .html, got {path.name!r}")
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
-    single, records = model.is_single, several(record)
+    single, records = model.is_single, as_list(record)
     K = (state_space if single else multivariable)("K", K)
-    for one in several(bla):
+    for one in as_list(bla):
         (require_single if single else require_matrix)("bla", one)
-    refuse_others("report", several(report), RobustnessReport)
-    refuse_others("nominal", several(nominal), NominalFit)
-    refuse_others("friction", several(friction), FrictionProof)
+    require_class("report", as_list(report), RobustnessReport)
+    require_class("nominal", as_list(nominal), NominalFit)
+    require_class("friction", as_list(friction), FrictionProof)
     if friction is not None and not single:
         raise ValueError("friction must be left out for several channels: it is proved of a single loop")
-    blas = several(bla) or [nlfrf.identify(one) for one in records]
+    blas = as_list(bla) or [nlfrf.identify(one) for one in records]
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay, signals=signals)
     elif signals is not None:
         raise ValueError("signals must be given to the check whose report is handed over, got both here")
     else:
-        refuse_another(report, model, K, w_P, delay)
+        require_report_of(report, model, K, w_P, delay)
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
         *([] if friction is None else [friction_section(report, friction)]),
         *([excitation_section(records, blas)] if single else []),
         bla_section(blas),
-        *([opinion_section(records)] if single else []),
+        *([cross_check_section(records)] if single else []),
         nominal_section(model, nominal, blas),
         set_section(model),
         loop_section(report, model, K),
         check_section(report),
-        worst_section(model, K, report, delay),
+        worst_case_section(model, K, report, delay),
         settings_section(model, K, w_P, delay),
     ]
-    beside = "" if friction is None else in_short(friction)
-    write_text(path, page(title=title, notes=notes, report=report, beside=beside, sections=sections))
+    beside = "" if friction is None else describe_proof(friction)
+    write_text(path, render_page(title=title, notes=notes, report=report, beside=beside, sections=sections))
     return report
 
 
-def refuse_others(name: str, given: list[Any], wanted: type) -> None:
+def require_class(name: str, given: list[Any], wanted: type) -> None:
     """Refuse what is not of the class that is wanted."""
     for one in given:
         if not isinstance(one, wanted):
             raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {short_form(one)}")
 
 
-def page(**content: Any) -> str:
-    """The HTML text."""
+def render_page(**content: Any) -> str:
+    """Return the HTML text."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -161,6 +161,6 @@ def page(**content: Any) -> str:
     return environment.from_string(template).render(**content, meaning=verdict_meaning, written=written)
 
 
-def several(thing: Any) -> list[Any]:
+def as_list(thing: Any) -> list[Any]:
     """One thing or many, as a list."""
     return [] if thing is None else list(thing) if isinstance(thing, (list, tuple)) else [thing]

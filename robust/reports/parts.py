@@ -16,7 +16,7 @@ from nlfrf._base.values import value
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 
-__all__ = ["Section", "demand_text", "roots_text", "rows_of", "system_text"]
+__all__ = ["Section", "describe_demand", "describe_roots", "describe_system", "rows_of_value"]
 
 
 @value
@@ -39,7 +39,7 @@ class Section:
     pictures: tuple[Picture, ...] = ()
 
 
-def picture(
+def draw_picture(
     draw: Callable[..., Any], *content: Any, caption: str, square: bool = False, tall: bool = False, **options: Any
 ) -> Picture:
     """Draw by one of the plot functions, as a vector picture inside the file."""
@@ -64,22 +64,22 @@ def picture(
     )
 
 
-def rows_of(thing: Any) -> str:
-    """What a value says of itself, without the indents of a screen."""
+def rows_of_value(thing: Any) -> str:
+    """Return what a value says of itself, without the indents of a screen."""
     return "\n".join(row.strip() for row in str(thing).splitlines())
 
 
 # ---- Systems and demands in words, for the report page.
 
 
-def system_text(system: control.StateSpace) -> str:
-    """A system in one line."""
+def describe_system(system: control.StateSpace) -> str:
+    """Return a system in one line."""
     kind = f"sampled at {1 / timebase(system):g} Hz" if timebase(system) else "continuous"
     return f"{system.nstates} states, {kind}"
 
 
-def roots_text(roots: np.ndarray, dt: float) -> str:
-    """Poles or zeros as frequency and damping, those at the origin of s counted apart."""
+def describe_roots(roots: np.ndarray, dt: float) -> str:
+    """Return poles or zeros as frequency and damping, those at the origin of s counted apart."""
     if not roots.size:
         return "none"
     with np.errstate(divide="ignore"):
@@ -98,8 +98,8 @@ def roots_text(roots: np.ndarray, dt: float) -> str:
     return "; ".join(said)
 
 
-def demand_text(w_P: Any) -> str:
-    """A performance weight as what it allows of |S|."""
+def describe_demand(w_P: Any) -> str:
+    """Return a performance weight as what it allows of |S|."""
     w_P = state_space("w_P", w_P)
     omega = np.geomspace(1e-3, 1e6, 4000)
     if timebase(w_P):

@@ -1,4 +1,4 @@
-"""The sections of the report to hand over: what each says, its table, its pictures."""
+"""The sections of the report on the controller: texts, tables and pictures of each."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from robust.analysis.performance import loop_gains, step_response
 from robust.analysis.report import RobustnessReport, format_margin_factor, format_stability_margin
 from robust.analysis.worst_plant import worst_case
 from robust.io.biquads import controller_sections
-from robust.io.pid import told_gains
+from robust.io.pid import format_gains
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.sets.model import UncertaintyModel
 from robust.reports import parts
-from robust.reports.parts import Section, demand_text, roots_text, rows_of, system_text
+from robust.reports.parts import Section, describe_demand, describe_roots, describe_system, rows_of_value
 
-__all__ = ["check_section", "loop_section", "settings_section", "verdict_section", "worst_section"]
+__all__ = ["check_section", "loop_section", "settings_section", "verdict_section", "worst_case_section"]
 
 
 PACKAGES = ("nlfrf", "numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba")
@@ -30,14 +30,14 @@ N_PLANTS = 25  # of the set, drawn around the worst case
 
 
 def verdict_section(report: RobustnessReport) -> Section:
-    """What the reader came for."""
+    """Return what the reader came for."""
     return Section(
         name="verdict",
         title="Verdict",
         lead="What may be said of this controller on this machine, and what may not.",
         facts=(
             ("because", report.reason),
-            ("margins", margins_text(report)),
+            ("margins", describe_margins(report)),
             ("proved", report.proved),
             ("not proved", report.not_proved),
             *([] if report.level is None else [("level of the loop", str(report.level))]),
@@ -46,8 +46,8 @@ def verdict_section(report: RobustnessReport) -> Section:
     )
 
 
-def margins_text(report: RobustnessReport) -> str:
-    """How far the loop is from trouble, in one line; nothing where it is in trouble."""
+def describe_margins(report: RobustnessReport) -> str:
+    """Return how far the loop is from trouble, in one line; nothing where it is in trouble."""
     said = []
     if report.nominally_stable and np.isfinite(report.margin_rs):
         said.append(format_margin_factor(report.margin_rs))
@@ -60,27 +60,27 @@ def margins_text(report: RobustnessReport) -> str:
 
 
 def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> Section:
-    """The controller and the loop it makes."""
+    """Return the controller and the loop it makes."""
     from robust import plot
 
     dt, unit = timebase(K), model.unit
-    facts = [("controller", system_text(K)), ("poles", roots_text(poles(K), dt))]
+    facts = [("controller", describe_system(K)), ("poles", describe_roots(poles(K), dt))]
     if not report.is_single:
         if report.margins is not None:
-            facts.append(("disk margins", rows_of(report.margins)))
+            facts.append(("disk margins", rows_of_value(report.margins)))
         gains = loop_gains(model.nominal, K, omega=model.omega)
         return Section(
             name="loop",
             title="Controller and loop",
             lead="u = K (r - y). A margin of each channel alone says the least: all at once may bear far less.",
             facts=tuple(facts),
-            pictures=(parts.picture(plot.plot_loop, gains, caption="Singular values of the nominal loop."),),
+            pictures=(parts.draw_picture(plot.plot_loop, gains, caption="Singular values of the nominal loop."),),
         )
-    facts += [("zeros", roots_text(zeros(K), dt)), ("loop", report.context)]
+    facts += [("zeros", describe_roots(zeros(K), dt)), ("loop", report.context)]
     if report.nominally_stable:
         facts.append(("loop gain", str(report.classical)))
     table: list[tuple[str, ...]] = []
-    facts += [("gains", told_gains(K, unit).strip())] * bool(told_gains(K, unit))
+    facts += [("gains", format_gains(K, unit).strip())] * bool(format_gains(K, unit))
     if dt:
         try:
             rows = controller_sections(K).tolist()
@@ -94,8 +94,8 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
         facts=tuple(facts),
         table=tuple(table),
         pictures=(
-            parts.picture(plot.plot_loop, report, caption="Loop gain and sensitivities of the nominal loop."),
-            parts.picture(
+            parts.draw_picture(plot.plot_loop, report, caption="Loop gain and sensitivities of the nominal loop."),
+            parts.draw_picture(
                 plot.plot_nyquist, report, square=True, caption="L in the complex plane, with the discs of the set."
             ),
         ),
@@ -103,13 +103,13 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
 
 
 def check_section(report: RobustnessReport) -> Section:
-    """The numbers behind the verdict, and what was proved at all frequencies."""
+    """Return the numbers behind the verdict, and what was proved at all frequencies."""
     from robust import plot
 
     facts = [("nominal loop", "stable" if report.nominally_stable else "not stable: no margin is given")]
     caption = "Stability and performance; each must stay below one."
     if not report.is_single:
-        facts, caption = [("check", rows_of(report))], "Bounds of mu; each must stay below one."
+        facts, caption = [("check", rows_of_value(report))], "Bounds of mu; each must stay below one."
     if report.is_single and report.nominally_stable:
         if np.isfinite(report.margin_rs):
             facts.append(("stability of the set", format_stability_margin("rs", report.margin_rs, report.omega_rs)))
@@ -128,12 +128,12 @@ def check_section(report: RobustnessReport) -> Section:
         "the word of the solver that proposed it.",
         facts=tuple(facts),
         table=tuple(table) if report.certificates else (),
-        pictures=(parts.picture(plot.plot_check, report, caption=caption),),
+        pictures=(parts.draw_picture(plot.plot_check, report, caption=caption),),
     )
 
 
-def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, delay: float) -> Section:
-    """The plant of the set that hurts most."""
+def worst_case_section(model: UncertaintyModel, K: Any, report: RobustnessReport, delay: float) -> Section:
+    """Return the plant of the set that hurts most."""
     from robust import plot
 
     name, title = "worst", "Worst case"
@@ -150,7 +150,7 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
             "worst plant",
             f"{peak} at {format_hertz(worst.omega_worst)}, with |Delta| = {size:.3g} there",
         ),
-        ("its poles", roots_text(poles(worst.plant), timebase(worst.plant))),
+        ("its poles", describe_roots(poles(worst.plant), timebase(worst.plant))),
     ]
     family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)
     lost = int(np.sum(~family.stable))
@@ -165,8 +165,10 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
         lead="One plant of the set reaches the worst case; robust.worst_case returns it to replay in a simulation.",
         facts=tuple(facts),
         pictures=(
-            parts.picture(plot.plot_family, family, caption="Sensitivity with plants of the set, and the worst case."),
-            parts.picture(
+            parts.draw_picture(
+                plot.plot_family, family, caption="Sensitivity with plants of the set, and the worst case."
+            ),
+            parts.draw_picture(
                 plot.plot_step,
                 nominal,
                 worst_step,
@@ -178,13 +180,13 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
 
 
 def settings_section(model: UncertaintyModel, K: control.StateSpace, w_P: Any, delay: float) -> Section:
-    """What is needed to repeat the run."""
+    """Return what is needed to repeat the run."""
     facts = [
-        *([("weight", system_text(model.weight))] if model.is_single else []),
-        ("performance weight", "none asked for" if w_P is None else demand_text(w_P)),
+        *([("weight", describe_system(model.weight))] if model.is_single else []),
+        ("performance weight", "none asked for" if w_P is None else describe_demand(w_P)),
         ("computation delay", f"{1e3 * delay:g} ms, and {1e3 * model.delay:.4g} ms inside the nominal plant"),
         ("sampling of the controller", f"{1 / K.dt:g} Hz" if timebase(K) else "continuous"),
-        ("versions", ", ".join(f"{name} {installed(name)}" for name in PACKAGES)),
+        ("versions", ", ".join(f"{name} {installed_version(name)}" for name in PACKAGES)),
         ("machine", f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"),
     ]
     return Section(
@@ -192,6 +194,6 @@ def settings_section(model: UncertaintyModel, K: control.StateSpace, w_P: Any, d
     )
 
 
-def installed(package: str) -> str:
+def installed_version(package: str) -> str:
     """Its version."""
     return nlfrf.__version__ if package == "nlfrf" else version(package)

@@ -1,4 +1,4 @@
-"""Both verdicts side by side: what a check says of measured levels, what a proof says of a class of friction."""
+"""Both verdicts side by side: a check at the measured levels, and a proof for a class of friction."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.parts import Section
 
-__all__ = ["both_verdicts", "friction_section", "in_short", "refuse_another"]
+__all__ = ["describe_proof", "friction_section", "require_report_of", "verdict_rows"]
 
 
-MEANS = {
+MEANING_OF_PROOF = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
     FrictionVerdict.REFUTED: (
         "said of the class, not of the machine: a named member makes the loop unstable; yours may be another"
@@ -31,8 +31,8 @@ MEANS = {
 }
 
 
-def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
-    """Rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
+def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
+    """Return rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
     friction = proof.friction.description
     away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s"
     fails = away if np.isfinite(proof.kick_sure) else "no kick from which it surely does is known"
@@ -41,7 +41,7 @@ def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),
         ("verdict", report.verdict, proof.verdict),
-        ("it means", verdict_meaning(report.verdict, report.probability), MEANS[proof.verdict]),
+        ("it means", verdict_meaning(report.verdict, report.probability), MEANING_OF_PROOF[proof.verdict]),
         ("because", report.reason, proof.reason or proof.claim),
         ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
         ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.description}, exactly"),
@@ -51,46 +51,48 @@ def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
     )
 
 
-def in_short(proof: FrictionProof) -> str:
-    """The other verdict in one line, so that no banner stands alone."""
+def describe_proof(proof: FrictionProof) -> str:
+    """Describe the verdict of the proof in one line, for the banner."""
     kick = f"; with any friction of the given force it surely runs away from a kick of {proof.kick_sure:.3g} m/s"
     away = kick if np.isfinite(proof.kick_sure) else ""
-    return f"Beside it, for a class of friction: {proof.verdict} ({MEANS[proof.verdict]}){away}."
+    return f"Beside it, for a class of friction: {proof.verdict} ({MEANING_OF_PROOF[proof.verdict]}){away}."
 
 
 def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
-    """The two verdicts, which answer two questions and may differ."""
+    """Return the two verdicts, which answer two questions and may differ."""
     return Section(
         name="friction",
         title="Two verdicts",
         lead="They answer two questions, and neither is in the other: a statistically robust loop may run away after a "
         "hard kick, a loop proved for a class of friction may fail on a wide set of linear plants.",
-        table=both_verdicts(report, proof),
+        table=verdict_rows(report, proof),
     )
 
 
 # ---- Whether a report is of the set and the controller that it is to be told of: nobody is told of two loops at once.
 
-ANOTHER = "report must be what check gave of this model and this K, got one of another loop"
+WRONG_REPORT = "report must be what check gave of this model and this K, got one of another loop"
 
 
-def refuse_another(report: RobustnessReport, model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> None:
+def require_report_of(report: RobustnessReport, model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> None:
     """Refuse a report of something else than what is to be reported."""
     if delay not in (0.0, report.delay):
         raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
-    if w_P is not None and not is_demand(report, w_P):
+    if w_P is not None and not has_demand(report, w_P):
         raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
-    if report.is_single != model.is_single or not (is_of if model.is_single else is_of_several)(report, model, K):
-        raise ValueError(ANOTHER)
+    if report.is_single != model.is_single or not (is_of_loop if model.is_single else is_of_matrix_loop)(
+        report, model, K
+    ):
+        raise ValueError(WRONG_REPORT)
 
 
-def is_of_several(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
-    """Whether it is of this set and controller, by margins of the nominal loop and by mu where it peaks."""
-    return same_margins(report, disk_margins(model, K)) and same_peak(report, model, K)
+def is_of_matrix_loop(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
+    """Return whether it is of this set and controller, by margins of the nominal loop and by mu where it peaks."""
+    return has_margins(report, disk_margins(model, K)) and has_mu_peak(report, model, K)
 
 
-def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
-    """Whether a report is of this set and this controller, by their responses at some of its frequencies."""
+def is_of_loop(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
+    """Return whether a report is of this set and this controller, by their responses at some of its frequencies."""
     at = slice(None, None, max(1, report.omega.size // 50))
     omega = report.omega[at]
     if model.measured_only:
@@ -102,40 +104,40 @@ def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
         curves = assemble_loop(model, K, None, report.delay).curves(omega)
         now = curves.G, curves.K, np.abs(curves.w)
     known = report.G[at], report.K[at], report.radius[at]
-    return model.form == report.form and all(map(same, now, known))
+    return model.form == report.form and all(map(is_equal, now, known))
 
 
-def same(one: np.ndarray, other: np.ndarray) -> bool:
-    """Equal up to rounding."""
+def is_equal(one: np.ndarray, other: np.ndarray) -> bool:
+    """Return whether two arrays are equal up to rounding."""
     return np.allclose(one, other, rtol=1e-6, atol=0, equal_nan=True)
 
 
-def is_demand(report: RobustnessReport, w_P: Any) -> bool:
-    """Whether a performance weight is the one that a report was made with."""
+def has_demand(report: RobustnessReport, w_P: Any) -> bool:
+    """Return whether a performance weight is the one that a report was made with."""
     if not report.is_single and report.demand is not None:
         given, known = (response_by_channel(multivariable("w_P", w), report.omega) for w in (w_P, report.demand))
-        return given.shape == known.shape and same(given, known)
+        return given.shape == known.shape and is_equal(given, known)
     if report.w_P is None:
         return False
-    return same(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P)
+    return is_equal(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P)
 
 
-def same_margins(report: RobustnessReport, now: LoopMargins) -> bool:
-    """Whether the nominal loop bears what it bore."""
+def has_margins(report: RobustnessReport, now: LoopMargins) -> bool:
+    """Return whether the nominal loop has the margins of the report."""
     known = report.margins
     if known is None or (len(known.inputs), len(known.outputs)) != (len(now.inputs), len(now.outputs)):
         return False
-    pairs = zip(parts(known), parts(now), strict=True)
+    pairs = zip(margin_parts(known), margin_parts(now), strict=True)
     return all(np.isclose(one.alpha, other.alpha, rtol=1e-6, atol=0, equal_nan=True) for one, other in pairs)
 
 
-def parts(margins: LoopMargins) -> tuple[Any, ...]:
-    """The disk margins of every channel, and of all at once."""
+def margin_parts(margins: LoopMargins) -> tuple[Any, ...]:
+    """Return the disk margins of every channel, and of all at once."""
     return (*margins.inputs, *margins.outputs, margins.all_inputs, margins.all_outputs, margins.everywhere)
 
 
-def same_peak(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
-    """Whether mu of this set, in one of its forms, has at the peak of the report the size that is told of there."""
+def has_mu_peak(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
+    """Return whether mu of this set, in one of its forms, has the size at the peak that the report states."""
     if not report.nominally_stable:
         return True
     peaks = [

@@ -27,7 +27,7 @@ from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import rightmost_pole, stable_weight
 from robust.lti.sampling import discretize
 from robust.lti.stability import is_stable
-from robust.models.sets.forms import numerator
+from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
 from robust.mu.gain import worst_gain
 from robust.proofs.search.certificate import Certificate
@@ -392,7 +392,7 @@ def feedforward_errors(
     """
     curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
-    g = numerator(loop.form, curves.w, curves.G, curves.W)
+    g = plant_numerator(loop.form, curves.w, curves.G, curves.W)
     p, q = wanted - curves.G * f, a * wanted - g * f
     with np.errstate(all="ignore"):
         worst = np.abs(S) * (np.abs(p - q * b.conj()) + np.abs(q - p * b)) / (1 - np.abs(b) ** 2)

@@ -26,7 +26,7 @@ def section(heading):
 def undrawn(monkeypatch):
     """The pictures of reports are looked at elsewhere."""
     monkeypatch.setattr(
-        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+        report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
 
 

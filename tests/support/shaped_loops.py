@@ -37,13 +37,15 @@ def random_model(rng, omega_c):
     zeros = 2 * np.pi * 10 ** rng.uniform(-0.5, 2, rng.integers(0, max(1, len(poles) - 1)))
     G = from_roots(np.where(rng.random(zeros.size) < 0.8, -zeros, zeros), np.array(poles, complex), 1.0, 0.0)
     G = control.StateSpace(G.A, G.B, G.C / abs(G(1j * omega_c)), G.D / abs(G(1j * omega_c)), 0)
-    names = [name for name, row in FORMS.items() if not row.scaled]  # the page refuses forms that need a scaling
+    names = [
+        name for name, row in FORMS.items() if not row.depends_on_units
+    ]  # the page refuses forms that need a scaling
     form = names[rng.integers(len(names))]
     omega = np.geomspace(omega_c / 30, omega_c * 30, 60)
     lift = control.tf([1 / omega_c, 10 ** rng.uniform(-1.5, -0.3)], [1 / (omega_c * rng.uniform(2, 6)), 1])
     w = state_space("w", lift if rng.random() < 0.8 else 0.3)
     size = np.median(np.abs(response(G, omega)))
-    unit = {1: size, -1: 1 / size}.get(FORMS[form].lead, 1.0)
+    unit = {1: size, -1: 1 / size}.get(FORMS[form].delay_order, 1.0)
     w = control.StateSpace(w.A, w.B, w.C * unit, w.D * unit, 0)
     return robust.UncertaintyModel(G, w, form, omega, 0.9 * np.abs(response(w, omega)))
 

@@ -1,4 +1,4 @@
-"""What a fit knows of its own poles, zeros, gain and delay: standard deviations by the sample ML cost.
+"""Standard deviations of poles, zeros, gain and delay of a fit, from the Jacobian of its sample ML cost.
 
 At the minimum of V = sum |G_k - model_k|^2 / var_k the parameters scatter with the covariance c (J^T J)^-1 / 2, J being
 the slope of the weighted residual, real over imaginary parts, and c the cost that is left over what is expected without
@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.models.fit.rational import stacked
+from robust.models.fit.rational import stack_real_imaginary
 
-__all__ = ["FitUncertainty", "estimate_uncertainty", "probability_of_cost", "told_roots"]
+__all__ = ["FitUncertainty", "estimate_uncertainty", "format_roots", "probability_of_cost"]
 
 
 @value(copy=False)
@@ -56,12 +56,12 @@ class FitUncertainty:
 
     @property
     def std_poles(self) -> np.ndarray:
-        """(n,) root of E|.|^2 of each pole about its value."""
+        """Return (n,) root of E|.|^2 of each pole about its value."""
         return np.sqrt(np.trace(self.cov_poles, axis1=1, axis2=2))
 
     @property
     def std_zeros(self) -> np.ndarray:
-        """(n,) the same of each zero."""
+        """Return (n,) root of E|.|^2 of each zero about its value."""
         return np.sqrt(np.trace(self.cov_zeros, axis1=1, axis2=2))
 
 
@@ -77,7 +77,7 @@ def estimate_uncertainty(
     *,
     free_delay: bool,
 ) -> FitUncertainty:
-    """`FitUncertainty` of a fitted model.
+    """Estimate the covariance of a fitted model's parameters, as `FitUncertainty`.
 
     Parameters
     ----------
@@ -99,10 +99,10 @@ def estimate_uncertainty(
         Whether a delay was fitted too.
     """
     columns = [np.ones(s.size, dtype=complex)]  # of ln model: by ln gain, then by every root
-    columns += [-sign * part for sign, roots in ((1, zeros), (-1, poles)) for part in slopes(s, roots)]
+    columns += [-sign * part for sign, roots in ((1, zeros), (-1, poles)) for part in root_derivatives(s, roots)]
     if free_delay:
         columns.append(-1j * omega)
-    J = stacked(np.column_stack(columns) * (model / std)[:, None])
+    J = stack_real_imaginary(np.column_stack(columns) * (model / std)[:, None])
     size = np.linalg.norm(J, axis=0)
     size[size == 0] = 1.0
     _, sv, right = np.linalg.svd(J / size, full_matrices=False)
@@ -111,17 +111,17 @@ def estimate_uncertainty(
     cov = c / 2 * half @ half.T
     n_z = zeros.size
     return FitUncertainty(
-        poles=mapped(poles, dt),
-        zeros=mapped(zeros, dt),
-        cov_poles=blocks(poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt),
-        cov_zeros=blocks(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
+        poles=roots_in_model_plane(poles, dt),
+        zeros=roots_in_model_plane(zeros, dt),
+        cov_poles=root_covariances(poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt),
+        cov_zeros=root_covariances(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
         std_gain=float(np.sqrt(cov[0, 0])),
         std_delay=float(np.sqrt(cov[-1, -1])) if free_delay else float("nan"),
     )
 
 
-def slopes(s: np.ndarray, roots: np.ndarray) -> list[np.ndarray]:
-    """1/(s - r) by each real root; by real and imaginary part of a pair, one after the other."""
+def root_derivatives(s: np.ndarray, roots: np.ndarray) -> list[np.ndarray]:
+    """Return 1/(s - r) by each real root; by real and imaginary part of a pair, one after the other."""
     out = []
     for k, root in enumerate(roots):
         if root.imag == 0:
@@ -132,8 +132,8 @@ def slopes(s: np.ndarray, roots: np.ndarray) -> list[np.ndarray]:
     return out
 
 
-def blocks(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
-    """(n, 2, 2) covariance of real and imaginary part of each root, in the plane of the model."""
+def root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
+    """Return (n, 2, 2) covariance of real and imaginary part of each root, in the plane of the model."""
     out, k = np.zeros((roots.size, 2, 2)), 0
     for i, root in enumerate(roots):
         if root.imag == 0:
@@ -152,13 +152,13 @@ def blocks(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
     return out
 
 
-def mapped(roots: np.ndarray, dt: float) -> np.ndarray:
-    """Roots in the plane of the model, in the same order."""
+def roots_in_model_plane(roots: np.ndarray, dt: float) -> np.ndarray:
+    """Return roots in the plane of the model, in the same order."""
     return (1 + roots * dt / 2) / (1 - roots * dt / 2) if dt else roots
 
 
 def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> float:
-    """The probability with which scatter alone leaves a cost as large; nan where no variance was given.
+    """Return the probability that scatter alone leaves a cost as large; nan where no variance was given.
 
     Each |residual|^2 / var is F(2, 2 dof) distributed; their sum has the gamma distribution of the same mean and
     variance. Lines share the windows their variances are read from: the scatter of those averages out no more than by
@@ -179,8 +179,8 @@ def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> floa
     return float(gammaincc(mean**2 / variance, mean / variance * cost))
 
 
-def told_roots(known: FitUncertainty | None, discrete: bool) -> str:
-    """Poles and zeros with their standard deviations, a line each kind; a pair once."""
+def format_roots(known: FitUncertainty | None, discrete: bool) -> str:
+    """Return poles and zeros with their standard deviations, a line each kind; a pair once."""
     if known is None:
         return ""
     said = ""

@@ -17,33 +17,40 @@ from robust._base.channels import is_matrix, is_single, require_matrix
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
 from robust.lti.realisation import from_roots, order_roots
 from robust.lti.sampling import delay_samples, discretize, hold_correction
-from robust.models.fit.fit_uncertainty import estimate_uncertainty, probability_of_cost, told_roots
+from robust.models.fit.fit_uncertainty import estimate_uncertainty, format_roots, probability_of_cost
 from robust.models.fit.rational import (
     Roots,
+    fit_numerator,
     known_factor,
-    numerator,
-    s_points,
+    map_to_model_plane,
+    s_plane_points,
     starting_poles,
-    to_plane,
     vector_fit,
     zpk_response,
 )
 from robust.models.fit.refinement import refine
-from robust.models.fit.shared_poles import SharedPoles, fit_shared_poles, improve, rough_fit, tangents, whitening
+from robust.models.fit.shared_poles import (
+    SharedPoles,
+    fit_by_vector_fitting,
+    fit_shared_poles,
+    refine_shared_poles,
+    response_derivatives,
+    whitening_roots,
+)
 
 __all__ = [
     "MAX_POLES",
-    "OUTSIDE",
+    "OUTSIDE_FACTOR",
     "DesignWarning",
     "NominalFit",
-    "as_matrices",
-    "behind_hold",
+    "bla_behind_hold",
+    "bla_of_fit",
+    "checked_weight",
     "fit_matrix",
     "fit_nominal",
     "frd",
-    "of_own_fit",
-    "refuse_other_channels",
-    "suspected",
+    "matrices_given",
+    "require_same_channels",
     "warn_of_fit",
 ]
 
@@ -51,13 +58,13 @@ __all__ = [
 # ---- The nominal model of a measured matrix: what is asked for, checked, fitted, and what the fit leaves.
 
 MAX_POLES = 40
-MOST_TRIALS, N_ROUNDS = 41, 12
-SETTLED = 1e-7  # of a turn at the highest line: a delay that moves less stands
+MAX_DELAY_TRIALS, N_ROUNDS = 41, 12
+DELAY_TOLERANCE = 1e-7  # of a turn at the highest line: a delay that moves less stands
 
 
 @value(copy=False)
-class Sought:
-    """What is fitted: where, to what, in which metric, of which kind.
+class MatrixFitProblem:
+    """Hold the data, the metric and the options of the fit of a matrix.
 
     Fields
     ------
@@ -76,22 +83,22 @@ class Sought:
     G: np.ndarray
     left: np.ndarray
     right: np.ndarray
-    kind: dict[str, Any]
+    options: dict[str, Any]
 
-    def behind(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Arguments of a fit of what is left when the delays (n_u,) of the inputs are taken off."""
+    def without_delays(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return arguments of a fit of what is left when the delays (n_u,) of the inputs are taken off."""
         turn = np.exp(1j * self.omega[:, None] * tau)
         return self.points, self.G * turn[:, None], self.left, turn.conj()[:, :, None] * self.right
 
-    def fitted(self, tau: np.ndarray, start: SharedPoles | None = None) -> tuple[SharedPoles, float]:
-        """The best model behind given delays, from a start or from scratch, with its cost."""
-        points, G, left, right = self.behind(tau)
-        model = start or fit_shared_poles(points, G, left, right, **self.kind)
-        return improve(points, G, left, right, model, self.kind["direct"], self.kind["stable"])
+    def fit_behind_delays(self, tau: np.ndarray, start: SharedPoles | None = None) -> tuple[SharedPoles, float]:
+        """Return the best model behind given delays, from a start or from scratch, with its cost."""
+        points, G, left, right = self.without_delays(tau)
+        model = start or fit_shared_poles(points, G, left, right, **self.options)
+        return refine_shared_poles(points, G, left, right, model, self.options["direct"], self.options["stable"])
 
 
-def as_matrices(bla: Any) -> list[Bla]:
-    """The matrices that were given, one or at several levels, of the same inputs and outputs; none of anything else."""
+def matrices_given(bla: Any) -> list[Bla]:
+    """Return the matrices given, one or at several levels, of the same channels; none if it is anything else."""
     many = list(bla) if isinstance(bla, list | tuple) else [bla]
     if not any(map(is_matrix, many)):
         return []
@@ -106,7 +113,7 @@ def as_matrices(bla: Any) -> list[Bla]:
     return many
 
 
-def refuse_other_channels(frm: Bla, known: Any, of: str) -> None:
+def require_same_channels(frm: Bla, known: Any, of: str) -> None:
     """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
     for name, letter in (("inputs", "u"), ("outputs", "y")):
         first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))
@@ -120,11 +127,11 @@ def refuse_other_channels(frm: Bla, known: Any, of: str) -> None:
 def fit_matrix(
     frms: list[Bla], n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
 ) -> dict[str, Any]:
-    """The fields of the `NominalFit` of a matrix, measured once or at several levels: one model for all."""
+    """Return the fields of the `NominalFit` of a matrix, measured once or at several levels: one model for all."""
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
     n_poles, rank = require_integer("n_poles", n_poles, least=0), require_integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
-    tau = np.zeros(frm.n_inputs) if estimated else given_delays(delay, frm.n_inputs, dt)
+    tau = np.zeros(frm.n_inputs) if estimated else checked_delays(delay, frm.n_inputs, dt)
     if estimated and delay != "estimate":
         raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {short_form(delay)}')
     if n_poles > MAX_POLES:
@@ -137,17 +144,17 @@ def fit_matrix(
             f"with Nyquist {0.5 / dt:g} Hz"
         )
     measured = np.concatenate([one.G for one in frms], axis=2)
-    left, right = (np.concatenate(roots) for roots in zip(*map(whitening, frms), strict=True))
-    sought = Sought(
+    left, right = (np.concatenate(roots) for roots in zip(*map(whitening_roots, frms), strict=True))
+    sought = MatrixFitProblem(
         # j omega, or its bilinear image: both kinds of model are fitted in the s plane
         points=2 / dt * np.tan(omega * dt / 2) if dt else omega,
         omega=omega,
         G=np.moveaxis(measured, 2, 0),
         left=left,
         right=right,
-        kind={"n_poles": n_poles, "rank": rank, "direct": n_zeros is not None or dt > 0, "stable": stable},
+        options={"n_poles": n_poles, "rank": rank, "direct": n_zeros is not None or dt > 0, "stable": stable},
     )
-    model, tau = estimated_delays(sought, dt) if estimated else (sought.fitted(tau)[0], tau)
+    model, tau = estimate_input_delays(sought, dt) if estimated else (sought.fit_behind_delays(tau)[0], tau)
     n_parameters = model.n_parameters + (frm.n_inputs if estimated and not dt else 0)
     if 2 * measured.size < n_parameters:
         raise ValueError(f"n_poles must leave at most {2 * measured.size} parameters, got {n_parameters}")
@@ -174,8 +181,8 @@ def fit_matrix(
     )
 
 
-def given_delays(delay: Any, n_inputs: int, dt: float) -> np.ndarray:
-    """(n_u,) delays [s] from one number for all inputs or one for each; in discrete time whole samples."""
+def checked_delays(delay: Any, n_inputs: int, dt: float) -> np.ndarray:
+    """Return (n_u,) delays [s] from one number for all inputs or one for each; in discrete time whole samples."""
     if np.ndim(delay) == 0:
         tau = np.full(n_inputs, require_nonnegative("delay", delay))
     else:
@@ -185,71 +192,71 @@ def given_delays(delay: Any, n_inputs: int, dt: float) -> np.ndarray:
     return np.array([delay_samples("delay", float(one), dt) * dt for one in tau]) if dt else tau
 
 
-def estimated_delays(sought: Sought, dt: float) -> tuple[SharedPoles, np.ndarray]:
-    """The model and the delays of the inputs that explain the phases best.
+def estimate_input_delays(sought: MatrixFitProblem, dt: float) -> tuple[SharedPoles, np.ndarray]:
+    """Return the model and the delays of the inputs that explain the phases best.
 
     Each input's column is scanned by itself, then all are refined with the model: a Gauss-Newton step of delays and
     model together moves the delays, the model follows. In discrete time the samples on both sides are tried in turn.
     """
     omega, n_u = sought.omega, sought.G.shape[2]
-    tau = np.array([scanned(sought, i) for i in range(n_u)])
-    model, cost = sought.fitted(tau)
+    tau = np.array([scan_input_delay(sought, i) for i in range(n_u)])
+    model, cost = sought.fit_behind_delays(tau)
     for _ in range(N_ROUNDS):
-        step = joint_step(sought, model, tau)
+        step = delay_step(sought, model, tau)
         for _ in range(6):
             moved = np.maximum(tau + step, 0.0)
-            there, lower = sought.fitted(moved, model)
+            there, lower = sought.fit_behind_delays(moved, model)
             if lower < cost:
                 break
             step = step / 4
         if not lower < cost:
             break
-        done = np.abs(moved - tau).max() * omega.max() < 2 * np.pi * SETTLED
+        done = np.abs(moved - tau).max() * omega.max() < 2 * np.pi * DELAY_TOLERANCE
         model, cost, tau = there, lower, moved
         if done:
             break
     if not dt:
         return model, tau
     samples = np.round(tau / dt)
-    model, cost = sought.fitted(samples * dt, model)
+    model, cost = sought.fit_behind_delays(samples * dt, model)
     for i in range(n_u):
         for move in (-1, 1):
             other = samples.copy()
             other[i] = max(other[i] + move, 0)
-            there, lower = sought.fitted(other * dt, model)
+            there, lower = sought.fit_behind_delays(other * dt, model)
             if lower < cost:
                 model, cost, samples = there, lower, other
     return model, samples * dt
 
 
-def scanned(sought: Sought, i: int) -> float:
-    """The delay of one input by rough fits of its column, up to twice what its phase falls by, an eighth turn apart."""
+def scan_input_delay(sought: MatrixFitProblem, i: int) -> float:
+    """Scan the delay of one input by rough fits of its column, in steps of an eighth of a turn."""
     G, omega = sought.G[:, :, i : i + 1], sought.omega
     rises = np.flatnonzero(np.diff(omega) > 0)  # several levels stand one behind the other
     falls = -np.angle(np.sum(G[rises + 1] * G[rises].conj(), axis=(1, 2))) / np.diff(omega)[rises]
     size = np.sum(np.abs(G[rises + 1] * G[rises]), axis=(1, 2))
     longest = max(2 * float(np.sum(falls * size) / np.sum(size)), 2 * np.pi / omega.max())
     one = replace(sought, G=G, right=np.ones((omega.size, 1, 1)))
-    n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, MOST_TRIALS)
+    n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, MAX_DELAY_TRIALS)
 
     def cost(tau: float) -> float:
-        """What vector fitting alone leaves."""
-        points, G, left, right = one.behind(np.array([tau]))
-        residual = left @ (G - rough_fit(points, G, left, right, **sought.kind).response(points))
+        """Return what vector fitting alone leaves."""
+        points, G, left, right = one.without_delays(np.array([tau]))
+        residual = left @ (G - fit_by_vector_fitting(points, G, left, right, **sought.options).response(points))
         return float(np.sum(np.abs(residual) ** 2))
 
     return float(min(np.linspace(0.0, longest, n), key=cost))
 
 
-def joint_step(sought: Sought, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
-    """(n_u,) by which the delays move in a Gauss-Newton step of delays and model together."""
-    points, G, left, right = sought.behind(tau)
+def delay_step(sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
+    """Return (n_u,) the change of the delays in a Gauss-Newton step of delays and model together."""
+    points, G, left, right = sought.without_delays(tau)
     turned = 1j * sought.omega[:, None, None] * G  # of each column by its own delay
     by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
-    by_model = tangents(points, model, sought.kind["direct"], sought.kind["stable"])
+    by_model = response_derivatives(points, model, sought.options["direct"], sought.options["stable"])
 
     def whitened(X: np.ndarray) -> np.ndarray:
-        """Errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
+        """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
         flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
         return np.concatenate([flat.real, flat.imag], axis=-1)
 
@@ -261,11 +268,13 @@ def joint_step(sought: Sought, model: SharedPoles, tau: np.ndarray) -> np.ndarra
 
 # ---- ``DesignWarning``, and what is warned of: a fit or a weight that is usable but suspicious.
 
-COSTLY = 10.0  # cost over what scatter alone leaves, from which a fit to one record is suspicious
-OUTSIDE = 1.5  # how far outside the band a pole lies at least to be named
-HARMLESS = 1e-3  # of |G|: scatter below it counts as this much, or an exact record would make any model suspicious
-INTEGRATOR = 1e-6  # of the first line: a pole below it is one at zero
-EXCESSIVE = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
+COST_LIMIT = 10.0  # cost over what scatter alone leaves, from which a fit to one record is suspicious
+OUTSIDE_FACTOR = 1.5  # how far outside the band a pole lies at least to be named
+HARMLESS_SHARE = (
+    1e-3  # of |G|: scatter below it counts as this much, or an exact record would make any model suspicious
+)
+INTEGRATOR_RATIO = 1e-6  # of the first line: a pole below it is one at zero
+EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
 
 
 class DesignWarning(UserWarning):
@@ -296,9 +305,9 @@ def warn_of_fit(
     one_record : bool
         Whether it is the BLA of one record: misfit is the point of a family of several levels.
     """
-    omega, var = measured.omega, np.maximum(measured.var, (HARMLESS * np.abs(measured.G)) ** 2)
+    omega, var = measured.omega, np.maximum(measured.var, (HARMLESS_SHARE * np.abs(measured.G)) ** 2)
     ratio = float(np.sum(np.abs(residual) ** 2 / var)) / expected
-    if one_record and ratio > COSTLY:
+    if one_record and ratio > COST_LIMIT:
         warnings.warn(
             f"a nominal model of {G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
             "scatter alone would leave, and the misfit goes into the radius. More poles or a delay: robust orders "
@@ -318,19 +327,19 @@ def warn_of_fit(
 
 
 def poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """Sizes [rad/s] of the poles of a model outside the band of its lines, once a pair; integrators are meant."""
+    """Return the sizes [rad/s] of poles outside the band of the lines, once a pair; without integrators."""
     p = G.poles()
     with np.errstate(divide="ignore"):
         p = np.log(p.astype(complex)) / G.dt if G.dt else p
     size = np.sort(np.abs(p[p.imag >= 0]))
     low, high = omega.min(), omega.max()
-    return size[((size < low / OUTSIDE) & (size > INTEGRATOR * low)) | (size > high * OUTSIDE)]
+    return size[((size < low / OUTSIDE_FACTOR) & (size > INTEGRATOR_RATIO * low)) | (size > high * OUTSIDE_FACTOR)]
 
 
-def suspected(weight: control.StateSpace, omega: np.ndarray, radius: np.ndarray) -> control.StateSpace:
-    """The weight itself, with a warning where it lies far above its radius, in the mean over the lines [rad/s]."""
+def checked_weight(weight: control.StateSpace, omega: np.ndarray, radius: np.ndarray) -> control.StateSpace:
+    """Return the weight, with a warning where its mean over the lines [rad/s] lies far above its radius."""
     excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
-    if excess > EXCESSIVE:
+    if excess > EXCESSIVE_RATIO:
         warnings.warn(
             f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
             f"lines: the set is much larger than what was measured asks for. Give it a higher order",
@@ -412,12 +421,12 @@ class NominalFit:
             f"nominal model: {self.G.nstates} poles, {kind}, delay {told} ms; "
             f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
             + ("" if np.isnan(self.p_value) else f" (p = {self.p_value:.2g})")
-            + told_roots(self.uncertainty, bool(self.G.dt))
+            + format_roots(self.uncertainty, bool(self.G.dt))
         )
 
 
 @value
-class Lines:
+class FrfData:
     """Measured lines of one or several records, one after the other: omega, G, variance, dof (F,); their hold."""
 
     omega: np.ndarray
@@ -428,7 +437,7 @@ class Lines:
 
 
 def frd(bla: Bla) -> control.FrequencyResponseData:
-    """The best linear approximation as a python-control FRF, to plot, multiply and compare with models.
+    """Return the best linear approximation as a python-control FRF, to plot, multiply and compare with models.
 
     Parameters
     ----------
@@ -524,9 +533,11 @@ def fit_nominal(
     """
     dt = require_nonnegative("dt", dt)
     if isinstance(bla, control.FrequencyResponseData) and (bla.ninputs, bla.noutputs) != (1, 1):
-        bla, std = with_deviation(bla, std), None
-    if frms := as_matrices(bla):
-        return NominalFit(**fit_matrix([behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank))
+        bla, std = bla_with_deviation(bla, std), None
+    if frms := matrices_given(bla):
+        return NominalFit(
+            **fit_matrix([bla_behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank)
+        )
     lines = measured_lines(bla, std, dt)
     orders, n_parameters = checked_orders(lines, n_poles, n_zeros, dt, delay)
     if isinstance(delay, str):
@@ -543,8 +554,8 @@ def fit_nominal(
     expected = float(np.sum(lines.dof / np.maximum(lines.dof - 1, np.finfo(float).tiny)) * (left / lines.omega.size))
     free = isinstance(delay, str) and not dt
     scale = np.fmax(cost, expected) / left
-    s = s_points(lines.omega, dt)
-    G = from_roots(*to_plane(zeros, poles, gain, dt, excess), dt)
+    s = s_plane_points(lines.omega, dt)
+    G = from_roots(*map_to_model_plane(zeros, poles, gain, dt, excess), dt)
     one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
     warn_of_fit(G, lines, residual, expected, one_record=one_record)
     return NominalFit(
@@ -566,8 +577,8 @@ def fit_nominal(
     )
 
 
-def with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
-    """The `Bla` of an FRF with the standard deviation of its entries."""
+def bla_with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
+    """Return the `Bla` of an FRF with the standard deviation of its entries."""
     if std is None:
         raise ValueError(
             f"std must be given with an FRF of {frf.ninputs} inputs and {frf.noutputs} outputs; or give "
@@ -579,8 +590,8 @@ def with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
     return bla_from_frf(np.asarray(frf.omega, dtype=float) / (2 * np.pi), G[0, 0] if one else G, std=std, **named)
 
 
-def of_own_fit(bla: Any, nominal: Any) -> Any:
-    """An FRF as a `Bla` by the standard deviation that its fit was given; anything else as it is."""
+def bla_of_fit(bla: Any, nominal: Any) -> Any:
+    """Return an FRF as a `Bla` by the standard deviation that its fit was given; anything else as it is."""
     if not (isinstance(bla, control.FrequencyResponseData) and isinstance(nominal, NominalFit)):
         return bla
     std, fitted = np.asarray(nominal.std), np.asarray(nominal.response + nominal.residual)
@@ -588,13 +599,13 @@ def of_own_fit(bla: Any, nominal: Any) -> Any:
     same = fitted.shape == G.shape and np.allclose(nominal.omega, bla.omega, rtol=1e-9)
     if not (same and np.isfinite(std).all() and np.allclose(fitted, G, rtol=1e-9, atol=0.0)):
         return bla
-    return with_deviation(bla, std)
+    return bla_with_deviation(bla, std)
 
 
 def checked_orders(
-    lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: Any
+    lines: FrfData, n_poles: int, n_zeros: int | None, dt: float, delay: Any
 ) -> tuple[tuple[int, int], int]:
-    """Numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
+    """Return numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
     n_poles = require_integer("n_poles", n_poles, least=0)
     n_zeros = require_integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
     if isinstance(delay, str) and delay != "estimate":
@@ -617,8 +628,8 @@ def checked_orders(
     return (n_poles, n_zeros), n_parameters
 
 
-def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
-    """Lines, variances and degrees of freedom behind whatever was given, behind the hold that a model of dt has."""
+def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> FrfData:
+    """Return lines, variances and degrees of freedom of an FRF, behind the hold that a model of dt has."""
     hold = "unknown"
     if isinstance(bla, control.FrequencyResponseData):
         if (bla.ninputs, bla.noutputs) != (1, 1):
@@ -647,7 +658,7 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
         if std is not None:
             raise ValueError("std must only be given with a FrequencyResponseData, got it with a Bla")
         omega = np.concatenate([b.omega for b in many])
-        many = [behind_hold(b, dt) for b in many]
+        many = [bla_behind_hold(b, dt) for b in many]
         G = np.concatenate([b.G for b in many])
         var = np.concatenate([b.var_bound for b in many])
         dof = np.concatenate([b.dof for b in many])
@@ -658,11 +669,11 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
         raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
     # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
     floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
-    return Lines(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof), hold=hold)
+    return FrfData(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof), hold=hold)
 
 
-def behind_hold(bla: Bla, dt: float) -> Bla:
-    """The same BLA or matrix as a model of sampling time dt describes it: without a hold (dt = 0), or behind one of dt.
+def bla_behind_hold(bla: Bla, dt: float) -> Bla:
+    """Return a BLA as a model of sampling time dt describes it: without a hold (dt = 0), or behind a hold of dt.
 
     What the record's hold was is said by `hold`; where nobody said it, nothing is changed.
     """
@@ -671,11 +682,11 @@ def behind_hold(bla: Bla, dt: float) -> Bla:
 
 
 def best_fit(
-    lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, *, free_delay: bool = False
+    lines: FrfData, orders: tuple[int, int], dt: float, stable: bool, delay: float, *, free_delay: bool = False
 ) -> Roots:
-    """The best of the refined fits from three sets of starting poles."""
-    candidates = [started(lines, orders, dt, stable, delay, spacing) for spacing in ("log", "linear", "peaks")]
-    s, excess = s_points(lines.omega, dt), orders[0] - orders[1]
+    """Return the best of the refined fits from three sets of starting poles."""
+    candidates = [starting_roots(lines, orders, dt, stable, delay, spacing) for spacing in ("log", "linear", "peaks")]
+    s, excess = s_plane_points(lines.omega, dt), orders[0] - orders[1]
 
     def factor(tau: float) -> np.ndarray:
         return known_factor(lines.omega, tau, dt, excess)
@@ -685,26 +696,30 @@ def best_fit(
     return min(refined, key=lambda roots: roots[4])
 
 
-def started(lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, spacing: str) -> Roots:
-    """Zeros and poles to refine from: by vector fitting, or poles on the peaks, from which it can be led astray."""
+def starting_roots(
+    lines: FrfData, orders: tuple[int, int], dt: float, stable: bool, delay: float, spacing: str
+) -> Roots:
+    """Return zeros and poles to refine from: by vector fitting, or poles on the peaks where it fails."""
     n_poles, n_zeros = orders
-    s = s_points(lines.omega, dt)
+    s = s_plane_points(lines.omega, dt)
     q = known_factor(lines.omega, delay, dt, n_poles - n_zeros)
     data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
     low, high = np.abs(s).min(), np.abs(s).max()
-    poles = on_peaks(s, data, n_poles) if spacing == "peaks" else starting_poles(n_poles, low, high, spacing=spacing)
+    poles = (
+        poles_on_peaks(s, data, n_poles) if spacing == "peaks" else starting_poles(n_poles, low, high, spacing=spacing)
+    )
     if n_poles and spacing != "peaks":
         # a wild variance ratio stalls the relocation; the refinement works with the true one
         tame = np.maximum(weight, 1e-3 * weight.max())
         poles = vector_fit(s, data, tame, poles, stable=stable)
         poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
-    zeros, gain = numerator(s, data, weight, poles, n_zeros)
+    zeros, gain = fit_numerator(s, data, weight, poles, n_zeros)
     model = zpk_response(lines.omega, zeros, poles, gain, delay, dt, n_poles - n_zeros)
     return zeros, poles, gain, delay, float(np.sum(np.abs(lines.G - model) ** 2 / lines.var))
 
 
-def on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
-    """(n,) lightly damped poles on the highest peaks, a fifth of their frequency apart or more."""
+def poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
+    """Return (n,) lightly damped poles on the highest peaks, a fifth of their frequency apart or more."""
     x, size = np.abs(s), np.abs(data)
     poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
     while len(poles) < n:
@@ -714,8 +729,8 @@ def on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
     return order_roots(np.array(poles))
 
 
-def estimate_delay(lines: Lines, orders: tuple[int, int], dt: float, stable: bool) -> Roots:
-    """The delay that explains the phase best: a scan, then refined together with the rest (continuous time)."""
+def estimate_delay(lines: FrfData, orders: tuple[int, int], dt: float, stable: bool) -> Roots:
+    """Return the delay that explains the phase best: a scan, then refined together with the rest (continuous time)."""
     order = np.argsort(lines.omega, kind="stable")
     phase = np.unwrap(np.angle(lines.G[order]))
     omega = lines.omega[order]
@@ -726,7 +741,7 @@ def estimate_delay(lines: Lines, orders: tuple[int, int], dt: float, stable: boo
         trials = trials[:: max(1, trials.size // 60)]
     else:
         trials = np.linspace(0.0, longest, 41)
-    costs = np.array([started(lines, orders, dt, stable, tau, "log")[4] for tau in trials])
+    costs = np.array([starting_roots(lines, orders, dt, stable, tau, "log")[4] for tau in trials])
     best = trials[np.argsort(costs)[:3]]
     return min(
         (best_fit(lines, orders, dt, stable, tau, free_delay=not dt) for tau in best), key=lambda roots: roots[4]

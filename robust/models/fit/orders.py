@@ -1,4 +1,4 @@
-"""How many poles a measured FRF asks for: a scan over orders, with a criterion."""
+"""Choice of the number of poles of a nominal model: a scan over orders, with a criterion."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
-from robust.models.fit.nominal import OUTSIDE, DesignWarning, NominalFit, as_matrices, fit_nominal
+from robust.models.fit.nominal import OUTSIDE_FACTOR, DesignWarning, NominalFit, fit_nominal, matrices_given
 
 __all__ = ["OrderScan", "scan_orders"]
 
 
-UNLIKELY = 0.01  # probability of a cost under which scatter does not explain it
-NO_SIGNIFICANCE = 0.5  # standard deviation over its size from which a pole is named
+UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it
+MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
 
 
 @value
@@ -60,21 +60,21 @@ class OrderScan:
 
     @property
     def fit(self) -> NominalFit:
-        """The fit to take, of the best order."""
-        return self.fits[taken(self.criterion, self.fits)]
+        """Return the fit to take, of the best order."""
+        return self.fits[choose_order(self.criterion, self.fits)]
 
     @property
     def delay(self) -> np.ndarray:
-        """(n,) delay of each fit [s]."""
+        """Return (n,) delay of each fit [s]."""
         return np.array([fit.delay for fit in self.fits])
 
     def __str__(self) -> str:
-        best, delayed = taken(self.criterion, self.fits), np.any(self.delay)
+        best, delayed = choose_order(self.criterion, self.fits), np.any(self.delay)
         rows = []
         for i, fit in enumerate(self.fits):
             row = f"{self.n_poles[i]:3d} poles" + (f"  delay {1e3 * fit.delay:8.4g} ms" if delayed else "")
             row += f"  cost {self.cost[i]:10.4g}  {self.cost[i] / self.expected_cost[i]:9.4g} times scatter"
-            doubt = doubtful_poles(fit)
+            doubt = describe_doubtful_poles(fit)
             rows.append(
                 f"{row}  criterion {self.criterion[i]:10.4g}" + " <-" * (i == best) + f"  {doubt}" * bool(doubt)
             )
@@ -130,7 +130,7 @@ def scan_orders(
     excess = require_integer("relative_degree", relative_degree, least=0)
     if not orders or orders[0] < excess:
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
-    several = bool(as_matrices(bla))
+    several = bool(matrices_given(bla))
     if several and excess > 1:
         raise ValueError(f"relative_degree must be 0 or 1 for several channels, got {excess}")
 
@@ -142,7 +142,7 @@ def scan_orders(
         warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
         fits = [fitted(n, 0.0 if delay == "auto" else delay) for n in orders]
         tried = list(zip(orders, fits, strict=True))
-        if delay == "auto" and not several and asks_for_delay(fits):
+        if delay == "auto" and not several and needs_delay(fits):
             delayed = [(n, fitted(n, "estimate")) for n in orders]
             tried = sorted([*tried, *((n, fit) for n, fit in delayed if fit.delay)], key=lambda one: one[0])
     numbers, fits = [n for n, _ in tried], [fit for _, fit in tried]
@@ -157,42 +157,43 @@ def scan_orders(
         cost=cost,
         expected_cost=expected,
         criterion=criterion,
-        best=numbers[taken(criterion, fits)],
+        best=numbers[choose_order(criterion, fits)],
         fits=tuple(fits),
     )
 
 
-def taken(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
+def choose_order(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
     """The smallest criterion of the fits that scatter explains by poles that the data carry; then of those that it
     explains, of those whose poles the data carry, of all."""
-    explained = np.array([fit.p_value > UNLIKELY for fit in fits])
-    carried = np.array([not doubtful_poles(fit) for fit in fits])
+    explained = np.array([fit.p_value > UNLIKELY_COST for fit in fits])
+    carried = np.array([not describe_doubtful_poles(fit) for fit in fits])
     group = next(g for g in (explained & carried, explained, carried, np.ones(len(fits), dtype=bool)) if g.any())
     return int(np.argmin(np.where(group, criterion, np.inf)))
 
 
-def asks_for_delay(fits: Sequence[NominalFit]) -> bool:
-    """Whether no fit without a delay is one that scatter explains, of poles and zeros that the data carry."""
+def needs_delay(fits: Sequence[NominalFit]) -> bool:
+    """Return whether no fit without a delay is one that scatter explains, of poles and zeros that the data carry."""
     return not any(
-        fit.p_value > UNLIKELY and not doubtful_poles(fit) and not np.any(np.real(fit.G.zeros()) > 0) for fit in fits
+        fit.p_value > UNLIKELY_COST and not describe_doubtful_poles(fit) and not np.any(np.real(fit.G.zeros()) > 0)
+        for fit in fits
     )
 
 
-def doubtful_poles(fit: NominalFit) -> str:
-    """In words, the poles of a continuous fit that the data do not carry: far outside the band, or of no significance.
+def describe_doubtful_poles(fit: NominalFit) -> str:
+    """Describe the poles of a continuous fit that the data do not support: far outside the band, or of no significance.
 
     >>> import control
     >>> omega = np.linspace(1, 20, 40)
     >>> measured = control.FrequencyResponseData(1 / (1j * omega + 500), omega)
-    >>> doubtful_poles(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
+    >>> describe_doubtful_poles(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
     'poles outside the band: 79.58 Hz'
     """
     if fit.uncertainty is None or fit.G.dt:
         return ""
     poles, std = fit.uncertainty.poles, fit.uncertainty.std_poles
     size, once = np.abs(poles), poles.imag >= 0
-    outside = (size < fit.omega.min() / OUTSIDE) | (size > fit.omega.max() * OUTSIDE)
-    kinds = {"outside the band": outside, "of no significance": ~outside & (std > NO_SIGNIFICANCE * size)}
+    outside = (size < fit.omega.min() / OUTSIDE_FACTOR) | (size > fit.omega.max() * OUTSIDE_FACTOR)
+    kinds = {"outside the band": outside, "of no significance": ~outside & (std > MAX_RELATIVE_STD * size)}
     return "; ".join(
         f"poles {kind}: {', '.join(f'{w / 2 / np.pi:.4g} Hz' for w in size[here & once])}"
         for kind, here in kinds.items()

@@ -9,21 +9,21 @@ from robust.lti.realisation import order_roots
 
 __all__ = [
     "Roots",
+    "fit_numerator",
     "known_factor",
-    "numerator",
+    "map_to_model_plane",
     "partial_fractions",
-    "relocated",
-    "s_points",
-    "stacked",
+    "relocated_poles",
+    "s_plane_points",
+    "stack_real_imaginary",
     "starting_poles",
-    "to_plane",
     "vector_fit",
     "zpk_response",
 ]
 
 
-FAR = 1e12  # of the largest frequency: a zero out there is one at infinity
-UNDAMPED = 1e-8  # damping under which a pole counts as one on the axis
+FAR_RATIO = 1e12  # of the largest frequency: a zero out there is one at infinity
+MIN_DAMPING = 1e-8  # damping under which a pole counts as one on the axis
 Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane
 
 
@@ -36,7 +36,7 @@ def vector_fit(
     n_iterations: int = 12,
     stable: bool = True,
 ) -> np.ndarray:
-    """Poles of a strictly proper (plus constant) rational function through the data, from starting poles.
+    """Return poles of a strictly proper (plus constant) rational function through the data, from starting poles.
 
     s : (W,) points on the imaginary axis; weight : (W,) multiplies the error; poles : conjugate pairs adjacent,
     upper one first. Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
@@ -50,7 +50,7 @@ def vector_fit(
         if not np.isfinite(basis).all():  # a pole on a point of the data
             return best
         A = np.hstack([basis, ones, -data[:, None] * basis]) * weight[:, None]
-        A, b = stacked(A), stacked(data * weight)
+        A, b = stack_real_imaginary(A), stack_real_imaginary(data * weight)
         scale = np.linalg.norm(A, axis=0)
         scale[scale == 0] = 1.0
         A = A / scale
@@ -60,12 +60,12 @@ def vector_fit(
         if cost < least:
             best, least = poles, cost
         solution = np.linalg.lstsq(A, b, rcond=None)[0] / scale
-        moved = relocated(poles, solution[poles.size + 1 :])
+        moved = relocated_poles(poles, solution[poles.size + 1 :])
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
         # a pole on the axis would stand on a point of the data, fit that one and no other
         moved = np.where(
-            np.abs(moved.real) < UNDAMPED * np.abs(moved), moved.imag * 1j - UNDAMPED * np.abs(moved), moved
+            np.abs(moved.real) < MIN_DAMPING * np.abs(moved), moved.imag * 1j - MIN_DAMPING * np.abs(moved), moved
         )
         moved = order_roots(moved)
         done = moved.size == poles.size and np.all(np.abs(moved - poles) < 1e-10 * np.abs(poles).max())
@@ -76,7 +76,7 @@ def vector_fit(
 
 
 def partial_fractions(s: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """(W, n) basis 1/(s - p) for real poles, and its two real-coefficient combinations for a pair."""
+    """Return (W, n) basis 1/(s - p) for real poles, and its two real-coefficient combinations for a pair."""
     basis = np.empty((s.size, poles.size), dtype=complex)
     k = 0
     while k < poles.size:
@@ -91,8 +91,8 @@ def partial_fractions(s: np.ndarray, poles: np.ndarray) -> np.ndarray:
     return basis
 
 
-def relocated(poles: np.ndarray, residues: np.ndarray) -> np.ndarray:
-    """Zeros of 1 + sum residue/(s - pole): the poles of the next iteration."""
+def relocated_poles(poles: np.ndarray, residues: np.ndarray) -> np.ndarray:
+    """Return zeros of 1 + sum residue/(s - pole): the poles of the next iteration."""
     n = poles.size
     A, b = np.zeros((n, n)), np.zeros(n)
     k = 0
@@ -109,17 +109,17 @@ def relocated(poles: np.ndarray, residues: np.ndarray) -> np.ndarray:
 
 
 def starting_poles(n: int, low: float, high: float, *, spacing: str) -> np.ndarray:
-    """n lightly damped poles over the band [rad/s], one of them real where n is odd."""
+    """Return n lightly damped poles over the band [rad/s], one of them real where n is odd."""
     spread = np.geomspace if spacing == "log" else np.linspace
     imag = spread(low, high, max(n // 2, 1))[: n // 2]
     pairs = np.column_stack([-0.01 * imag + 1j * imag, -0.01 * imag - 1j * imag]).ravel()
     return np.concatenate([[-np.sqrt(low * high) + 0j] * (n % 2), pairs])
 
 
-def numerator(
+def fit_numerator(
     s: np.ndarray, data: np.ndarray, weight: np.ndarray, poles: np.ndarray, n_zeros: int
 ) -> tuple[np.ndarray, float]:
-    """Zeros and gain of the best numerator of that degree over given poles.
+    """Return zeros and gain of the best numerator of that degree over given poles.
 
     The polynomial is written in a basis that is orthonormal on the weighted points (Forsythe), so that any
     degree keeps its digits; its roots are eigenvalues of the recurrence (a comrade matrix).
@@ -130,14 +130,16 @@ def numerator(
         column = s * basis[j] + (up[j] * basis[j - 1] if j else 0.0)
         up[j + 1] = np.linalg.norm(column)
         basis.append(column / up[j + 1])
-    beta = np.linalg.lstsq(stacked(np.column_stack(basis)), stacked(weight * data), rcond=None)[0]
-    zeros = order_roots(roots_of(beta, up))
+    beta = np.linalg.lstsq(
+        stack_real_imaginary(np.column_stack(basis)), stack_real_imaginary(weight * data), rcond=None
+    )[0]
+    zeros = order_roots(roots_of_recurrence(beta, up))
     shape = over * np.prod(s[:, None] - zeros[None, :], axis=1)
     return zeros, float(np.vdot(shape, weight * data).real / np.vdot(shape, shape).real)
 
 
-def roots_of(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}.
+def roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}.
 
     A pencil: where the last coefficients vanish (data of a lower degree) its roots go to infinity, and the others keep
     their digits, which they lose when the last row is divided by that coefficient instead.
@@ -151,19 +153,19 @@ def roots_of(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
     B[-1, -1] = beta[-1] / size
     unit = up[1:].max()
     over, under = scipy.linalg.eig(M / unit, B, right=False, homogeneous_eigvals=True)
-    far = np.abs(under) * FAR < np.abs(over)
-    return np.where(far, -FAR, over / np.where(far, 1.0, under)) * unit
+    far = np.abs(under) * FAR_RATIO < np.abs(over)
+    return np.where(far, -FAR_RATIO, over / np.where(far, 1.0, under)) * unit
 
 
-def stacked(a: np.ndarray) -> np.ndarray:
-    """Real over imaginary parts: least squares over real unknowns."""
+def stack_real_imaginary(a: np.ndarray) -> np.ndarray:
+    """Return real over imaginary parts: least squares over real unknowns."""
     return np.concatenate([a.real, a.imag])
 
 
-def to_plane(
+def map_to_model_plane(
     zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float, excess: int
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Zeros, poles and gain in the plane of the model: unchanged, or from s to z = (1 + s dt/2)/(1 - s dt/2)."""
+    """Return zeros, poles and gain in the plane of the model: unchanged, or from s to z = (1 + s dt/2)/(1 - s dt/2)."""
     if not dt:
         return zeros, poles, gain
     z = order_roots((1 + zeros * dt / 2) / (1 - zeros * dt / 2))
@@ -173,22 +175,22 @@ def to_plane(
     return z, p, float((gain * scale).real * 2.0**excess)
 
 
-def s_points(omega: np.ndarray, dt: float) -> np.ndarray:
-    """j omega, or its bilinear image j 2/dt tan(omega dt/2): both kinds of model are fitted in the s plane."""
+def s_plane_points(omega: np.ndarray, dt: float) -> np.ndarray:
+    """Return j omega, or its bilinear image j 2/dt tan(omega dt/2): both kinds of model are fitted in the s plane."""
     return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
 
 
 def known_factor(omega: np.ndarray, delay: float, dt: float, excess: int) -> np.ndarray:
-    """What the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
+    """Return what the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
     q = np.exp(-1j * omega * delay)
-    return q * (1 - s_points(omega, dt) * dt / 2) ** excess if dt else q
+    return q * (1 - s_plane_points(omega, dt) * dt / 2) ** excess if dt else q
 
 
 def zpk_response(
     omega: np.ndarray, zeros: np.ndarray, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
 ) -> np.ndarray:
-    """(F,) response of the model at the lines."""
-    s = s_points(omega, dt)[:, None]
+    """Return (F,) response of the model at the lines."""
+    s = s_plane_points(omega, dt)[:, None]
     out = gain * known_factor(omega, delay, dt, excess)
     # pole by zero, so that high orders neither overflow nor underflow
     for k in range(poles.size):

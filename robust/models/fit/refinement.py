@@ -9,14 +9,14 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.lti.realisation import order_roots, pair_roots
-from robust.models.fit.rational import Roots, stacked
+from robust.models.fit.rational import Roots, stack_real_imaginary
 
 __all__ = [
-    "Problem",
-    "asymmetric",
+    "MagnitudeProblem",
+    "fit_asymmetric",
     "log_sections",
-    "polished",
-    "problem_on",
+    "magnitude_problem",
+    "polish_by_barrier",
     "refine",
     "roots_from",
     "slope_at_zero",
@@ -34,7 +34,7 @@ def refine(
     omega: np.ndarray | None = None,
     stable: bool = True,
 ) -> Roots:
-    """Levenberg-Marquardt on the weighted error, over coefficients of second-order sections in scaled frequency.
+    """Refine by Levenberg-Marquardt on the weighted error, over second-order sections in scaled frequency.
 
     factor(delay) is what multiplies the rational function; the delay itself is refined where omega is given.
     """
@@ -43,7 +43,7 @@ def refine(
     unit = float(np.exp(np.mean(np.log(np.abs(s)))))
     x = s / unit
     theta = np.concatenate(
-        [[1.0], coefficients(zeros / unit), coefficients(poles / unit, log=stable), [0.0] * free_delay]
+        [[1.0], section_coefficients(zeros / unit), section_coefficients(poles / unit, log=stable), [0.0] * free_delay]
     )
     n_zero, n_pole = zeros.size, poles.size
     base = gain * unit ** float(n_zero - n_pole)
@@ -53,8 +53,8 @@ def refine(
     def model(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
         out = base * theta[0] * factor(tau)
-        top, d_top = sections(x, theta[1 : 1 + n_zero], n_zero)
-        bottom, d_bottom = sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable)
+        top, d_top = evaluate_sections(x, theta[1 : 1 + n_zero], n_zero)
+        bottom, d_bottom = evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable)
         for k in range(max(len(top), len(bottom))):
             out = out * (top[k] if k < len(top) else 1.0) / (bottom[k] if k < len(bottom) else 1.0)
         relative = [np.full(x.size, 1 / theta[0] if theta[0] else 1.0, dtype=complex), *d_top, *(-d for d in d_bottom)]
@@ -65,9 +65,9 @@ def refine(
     def error(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         with np.errstate(all="ignore"):
             out, jacobian = model(theta)
-            e = stacked((data - out) * weight)
+            e = stack_real_imaginary((data - out) * weight)
             cost = float(e @ e)
-        return e, stacked(jacobian * weight[:, None]), cost if np.isfinite(cost) else np.inf
+        return e, stack_real_imaginary(jacobian * weight[:, None]), cost if np.isfinite(cost) else np.inf
 
     e, J, cost = error(theta)
     damping = 1e-3
@@ -96,7 +96,7 @@ def refine(
     return zeros, poles, base * theta[0] * unit ** float(n_pole - n_zero), tau, cost
 
 
-def coefficients(roots: np.ndarray, *, log: bool = False) -> np.ndarray:
+def section_coefficients(roots: np.ndarray, *, log: bool = False) -> np.ndarray:
     """Section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0.
 
     With log, the logarithms of natural frequency and damping instead: stable whatever their values.
@@ -113,10 +113,10 @@ def coefficients(roots: np.ndarray, *, log: bool = False) -> np.ndarray:
     return np.array(out + [np.log(max(-r.real, 1e-12)) if log else -r.real for r in rest])
 
 
-def sections(
+def evaluate_sections(
     x: np.ndarray, theta: np.ndarray, n: int, *, log: bool = False
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Value of each section at x, and the relative derivative by each parameter."""
+    """Return the value of each section at x, and the relative derivative by each parameter."""
     out, slopes = [], []
     for k in range(0, n - n % 2, 2):
         c1, c0 = (2 * np.exp(theta[k] + theta[k + 1]), np.exp(2 * theta[k])) if log else (theta[k], theta[k + 1])
@@ -133,7 +133,7 @@ def sections(
 
 
 def roots_from(theta: np.ndarray, n: int, *, log: bool = False) -> np.ndarray:
-    """The roots of all sections."""
+    """Return the roots of all sections."""
     found: list[complex] = []
     for k in range(0, n - n % 2, 2):
         c1, c0 = (2 * np.exp(theta[k] + theta[k + 1]), np.exp(2 * theta[k])) if log else (theta[k], theta[k + 1])
@@ -156,7 +156,7 @@ def roots_from(theta: np.ndarray, n: int, *, log: bool = False) -> np.ndarray:
 
 
 @value
-class Problem:
+class MagnitudeProblem:
     """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no demand there).
 
     floor (N,) is the log of the smallest zero damping allowed near each point (poles: a third), share (N,) what a
@@ -172,7 +172,7 @@ class Problem:
     log_x: np.ndarray
 
     def excess(self, theta: np.ndarray, log_k: float, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """log |W| - target at the points (then zero and infinity, where demanded), and its Jacobian (2n+1, .)."""
+        """Return log |W| - target at the points (and at zero and infinity), and its Jacobian (2n+1, .)."""
         totals, slopes = log_sections(self.x, theta.reshape(2, order), order)
         N, ends = self.x.size, 2 * bool(np.isfinite(self.low))
         J = np.empty((2 * order + 1, N + ends))
@@ -188,11 +188,11 @@ class Problem:
         return e, J
 
     def mean_excess(self, theta: np.ndarray, log_k: float, order: int) -> float:
-        """Mean of log |W| - target over the points."""
+        """Return the mean of log |W| - target over the points."""
         return float(self.share @ self.excess(theta, log_k, order)[0][: self.x.size])
 
-    def clipped(self, theta: np.ndarray, order: int) -> np.ndarray:
-        """Sections kept near the band, zeros too broad to hide between two points."""
+    def clip_sections(self, theta: np.ndarray, order: int) -> np.ndarray:
+        """Return sections kept near the band, zeros too broad to hide between two points."""
         theta = theta.copy()
         # far outside the band a corner is free to go anywhere, and would
         reach = 2.0 if np.isfinite(self.low) else 7.0
@@ -207,8 +207,8 @@ class Problem:
                 theta[start + order - 1] = min(max(theta[start + order - 1], low), high)
         return theta
 
-    def coarse(self, most: int) -> Problem:
-        """The same demand on fewer points: both ends of each group, with the highest target of the group."""
+    def coarsen(self, most: int) -> MagnitudeProblem:
+        """Return the same demand on fewer points: both ends of each group, with the highest target of the group."""
         if self.x.size <= 1.2 * most:
             return self
         # groups evenly over the index, over log frequency (lines of a multisine crowd at the top of the band), and over
@@ -222,20 +222,20 @@ class Problem:
         pick = np.unique(np.concatenate([edges[:-1], edges[1:] - 1]))
         group = np.searchsorted(edges, pick, side="right") - 1
         share = np.add.reduceat(self.share, edges[:-1])[group] / np.bincount(group)[group]
-        return Problem(
+        return MagnitudeProblem(
             x=self.x[pick],
             target=np.maximum.reduceat(self.target, edges[:-1])[group],
             low=self.low,
             high=self.high,
-            floor=np.maximum(self.floor[pick], floor_of(self.log_x[pick])),
+            floor=np.maximum(self.floor[pick], damping_floor(self.log_x[pick])),
             share=share,
             log_x=self.log_x[pick],
         )
 
-    def thinned(self, most: int) -> Problem:
-        """Every so-manieth point, as it is."""
+    def thin(self, most: int) -> MagnitudeProblem:
+        """Return every k-th point unchanged, at most `most` of them."""
         step = max(1, self.x.size // most)
-        return Problem(
+        return MagnitudeProblem(
             x=self.x[::step],
             target=self.target[::step],
             low=self.low,
@@ -246,27 +246,27 @@ class Problem:
         )
 
 
-def problem_on(x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False) -> Problem:
-    """The demand on all points; with `ends` also at zero and infinity; `free` lets zeros hide between points."""
+def magnitude_problem(x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False) -> MagnitudeProblem:
+    """Return the demand on all points; with `ends` also at zero and infinity; `free` lets zeros hide between points."""
     log_x = np.log(x)
-    return Problem(
+    return MagnitudeProblem(
         x=x,
         target=target,
         low=target[0] if ends else -np.inf,
         high=target[-1] if ends else -np.inf,
-        floor=np.full(x.size, -16.0) if free else floor_of(log_x),
+        floor=np.full(x.size, -16.0) if free else damping_floor(log_x),
         share=np.full(x.size, 1 / x.size),
         log_x=log_x,
     )
 
 
-def floor_of(log_x: np.ndarray) -> np.ndarray:
-    """Log of a damping broad enough to leave no notch, and no unseen peak, between two points."""
+def damping_floor(log_x: np.ndarray) -> np.ndarray:
+    """Return the log of a damping broad enough to leave no notch, and no unseen peak, between two points."""
     return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
 
 
 def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Sums (..., N) of log |section(j x)| for parameters (..., n), and their Jacobians (..., n, N)."""
+    """Return sums (..., N) of log |section(j x)| for parameters (..., n), and their Jacobians (..., n, N)."""
     m = n - n % 2
     shape = theta.shape[:-1]
     total, slopes = np.zeros((*shape, x.size)), np.empty((*shape, n, x.size))
@@ -288,12 +288,12 @@ def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, 
 
 
 def slope_at_zero(n: int) -> np.ndarray:
-    """Derivative of the log gain of the sections at zero frequency by their parameters."""
+    """Return the derivative of the log gain of the sections at zero frequency by their parameters."""
     return np.array([2.0, 0.0] * (n // 2) + [1.0] * (n % 2))
 
 
 def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Roots behind the parameters."""
+    """Return roots behind the parameters."""
     return (
         order_roots(roots_from(theta[:order], order, log=True)),
         order_roots(roots_from(theta[order:], order, log=True)),
@@ -306,23 +306,29 @@ def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarr
 Objective = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
 
 
-def descended(
-    problem: Problem, theta: np.ndarray, log_k: float, order: int, objective: Objective, n_iterations: int, small: float
+def descend_newton(
+    problem: MagnitudeProblem,
+    theta: np.ndarray,
+    log_k: float,
+    order: int,
+    objective: Objective,
+    n_iterations: int,
+    small: float,
 ) -> tuple[np.ndarray, float]:
-    """Newton's method with the exact Hessian, its negative curvatures turned around, damped until it descends."""
+    """Minimise by Newton's method with the exact Hessian, negative curvatures reversed, damped until it descends."""
     e, J = problem.excess(theta, log_k, order)
     value, first, second = objective(e)
     damping = 1e-3
     for _ in range(n_iterations):
         H = (second * J) @ J.T
-        H[:-1, :-1] += curvature(problem, theta, order, first, J)
+        H[:-1, :-1] += section_hessian(problem, theta, order, first, J)
         sizes, axes = np.linalg.eigh(H)
         slope = axes.T @ (J @ first)
         before = value
         for _ in range(10):
             step = -axes @ (slope / (np.abs(sizes) + damping * np.abs(sizes).max()))
             step *= min(1.0, 1.5 / np.abs(step[:-1]).max(initial=1e-300))
-            trial = problem.clipped(theta + step[:-1], order)
+            trial = problem.clip_sections(theta + step[:-1], order)
             e_new, J_new = problem.excess(trial, log_k + step[-1], order)
             value_new, first_new, second_new = objective(e_new)
             if value_new < value:
@@ -336,8 +342,10 @@ def descended(
     return theta, log_k
 
 
-def curvature(problem: Problem, theta: np.ndarray, order: int, first: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section, from the Jacobian there."""
+def section_hessian(
+    problem: MagnitudeProblem, theta: np.ndarray, order: int, first: np.ndarray, J: np.ndarray
+) -> np.ndarray:
+    """Return the Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section."""
     N, m = problem.x.size, order - order % 2
     c, slopes = first[:N], J[:-1, :N].reshape(2, order, N)
     sign = np.array([[1.0], [-1.0]])  # of the roots of W, those above and those below
@@ -355,21 +363,21 @@ def curvature(problem: Problem, theta: np.ndarray, order: int, first: np.ndarray
     return out
 
 
-def asymmetric(
-    problem: Problem, theta: np.ndarray, order: int, below: float, n_iterations: int
+def fit_asymmetric(
+    problem: MagnitudeProblem, theta: np.ndarray, order: int, below: float, n_iterations: int
 ) -> tuple[np.ndarray, float]:
-    """Least squares on the log excess, where lying below the target costs below^2 times as much."""
+    """Return the least squares on the log excess, where lying below the target costs below^2 times as much."""
 
     def objective(e: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         w = np.where(e < 0, 2 * below**2, 2.0) / e.size
         return float(0.5 * w @ e**2), w * e, w
 
     log_k = -float(problem.share @ problem.excess(theta, 0.0, order)[0][: problem.x.size])
-    return descended(problem, theta, log_k, order, objective, n_iterations, 1e-14)
+    return descend_newton(problem, theta, log_k, order, objective, n_iterations, 1e-14)
 
 
-def polished(
-    problem: Problem,
+def polish_by_barrier(
+    problem: MagnitudeProblem,
     theta: np.ndarray,
     log_k: float,
     order: int,
@@ -377,7 +385,7 @@ def polished(
     n_iterations: int,
     deadline: float,
 ) -> tuple[np.ndarray, float]:
-    """Least mean excess with none negative: a logarithmic barrier, lowered step by step, then down to the target."""
+    """Minimise the mean excess with none negative: a logarithmic barrier, lowered step by step, then to the target."""
     n = problem.x.size
     e = problem.excess(theta, log_k, order)[0]
     log_k += 0.02 - e.min()
@@ -393,5 +401,5 @@ def polished(
                 return np.inf, e, e
             return float(share @ e - mu * (weight @ np.log(e))), share - mu * weight / e, mu * weight / (e * e)
 
-        theta, log_k = descended(problem, theta, log_k, order, objective, n_iterations, 1e-3 * mu)
+        theta, log_k = descend_newton(problem, theta, log_k, order, objective, n_iterations, 1e-3 * mu)
     return theta, log_k - float(problem.excess(theta, log_k, order)[0].min())

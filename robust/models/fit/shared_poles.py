@@ -19,15 +19,22 @@ from scipy.linalg import block_diag
 from nlfrf import Bla
 from nlfrf._base.values import value
 from robust.lti.realisation import order_roots
-from robust.models.fit.rational import partial_fractions, relocated, stacked, starting_poles
+from robust.models.fit.rational import partial_fractions, relocated_poles, stack_real_imaginary, starting_poles
 
-__all__ = ["SharedPoles", "fit_shared_poles", "improve", "rough_fit", "tangents", "whitening"]
+__all__ = [
+    "SharedPoles",
+    "fit_by_vector_fitting",
+    "fit_shared_poles",
+    "refine_shared_poles",
+    "response_derivatives",
+    "whitening_roots",
+]
 
 
 N_RELOCATIONS, N_STEPS = 15, 60
-CLOSEST = 1e-6  # damping of the start under which a pole is moved off the axis
+MIN_POLE_DISTANCE = 1e-6  # damping of the start under which a pole is moved off the axis
 CONVERGED = 1e-12
-SMALLEST = 1e-3  # eigenvalue of a covariance over its largest one, at least
+MIN_EIGENVALUE_RATIO = 1e-3  # eigenvalue of a covariance over its largest one, at least
 
 
 @value(copy=False)
@@ -50,27 +57,27 @@ class SharedPoles:
     direct: np.ndarray
 
     def response(self, omega: np.ndarray) -> np.ndarray:
-        """(F, n_y, n_u) at omega [rad/s]."""
-        up, down = self.fractions(omega)
+        """Return (F, n_y, n_u) at omega [rad/s]."""
+        up, down = self.pole_fractions(omega)
         residues = self.left @ np.swapaxes(self.right, 1, 2)
         both = np.einsum("fr,rij->fij", up, residues) + np.einsum("fr,rij->fij", down, residues.conj())
         return both + self.direct
 
-    def fractions(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(F, n) 1/(s - p), and 1/(s - p*) which is zero for a real pole."""
+    def pole_fractions(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (F, n) 1/(s - p), and 1/(s - p*) which is zero for a real pole."""
         s = 1j * omega[:, None]
         return 1 / (s - self.poles), np.where(self.poles.imag == 0, 0.0, 1 / (s - self.poles.conj()))
 
     @property
     def n_parameters(self) -> int:
-        """Free real parameters: scaling C against B costs rank^2 of each residue."""
+        """Return free real parameters: scaling C against B costs rank^2 of each residue."""
         n_y, rank = self.left.shape[1:]
         each = 1 + rank * (n_y + self.right.shape[1]) - rank**2
         real = self.poles.imag == 0
         return int(np.sum(np.where(real, 1, 2) * each)) + int(np.count_nonzero(self.direct))
 
     def state_space(self) -> control.StateSpace:
-        """Real modal form: one block a pole or pair, `rank` times."""
+        """Return the real modal form: one block a pole or pair, `rank` times."""
         A, B, C = [], [], []
         for p, c, b in zip(self.poles, self.left, self.right, strict=True):
             for k in range(c.shape[1]):
@@ -87,8 +94,8 @@ class SharedPoles:
         return control.StateSpace(block_diag(*A), np.vstack(B), np.hstack(C), self.direct, 0)
 
 
-def whitening(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
-    """(F, n_y, n_y) and (F, n_u, n_u) roots that whiten the error of a measured matrix.
+def whitening_roots(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
+    """Return (F, n_y, n_y) and (F, n_u, n_u) roots that whiten the error of a measured matrix.
 
     Directions in which hardly anything scatters are held to a thirtieth of the largest scatter, and to a millionth of
     |G|: below it a variance is rounding, or one nonlinearity alone, and would be all that counts.
@@ -98,9 +105,9 @@ def whitening(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
     rounding = (1e-6) ** 2 * size + np.finfo(float).tiny
 
     def inverse_root(X: np.ndarray, least: np.ndarray | float) -> np.ndarray:
-        """(F, n, n) X^-1/2 of Hermitian matrices."""
+        """Return (F, n, n) X^-1/2 of Hermitian matrices."""
         values, vectors = np.linalg.eigh(X)
-        values = np.maximum(values, np.maximum(SMALLEST * values[:, -1:], least))
+        values = np.maximum(values, np.maximum(MIN_EIGENVALUE_RATIO * values[:, -1:], least))
         return (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
 
     return inverse_root(np.moveaxis(frm.cov_bound, 2, 0), rounding[:, None]), inverse_root(gamma, 0.0)
@@ -117,16 +124,16 @@ def fit_shared_poles(
     direct: bool,
     stable: bool,
 ) -> SharedPoles:
-    """The best fit from two sets of starting poles; left (F, n_y, n_y) and right (F, n_u, n_u) whiten the error."""
+    """Return the best fit from two sets of starting poles; left (F, n_y, n_y), right (F, n_u, n_u) whiten the error."""
     kind: dict[str, Any] = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
     fits = []
     for spacing in ("log", "linear"):
-        start = rough_fit(omega, G, left, right, **kind, spacing=spacing)
-        fits.append(improve(omega, G, left, right, start, direct, stable))
+        start = fit_by_vector_fitting(omega, G, left, right, **kind, spacing=spacing)
+        fits.append(refine_shared_poles(omega, G, left, right, start, direct, stable))
     return min(fits, key=lambda found: found[1])[0]
 
 
-def rough_fit(
+def fit_by_vector_fitting(
     omega: np.ndarray,
     G: np.ndarray,
     left: np.ndarray,
@@ -138,17 +145,19 @@ def rough_fit(
     stable: bool,
     spacing: str = "log",
 ) -> SharedPoles:
-    """By vector fitting alone, from poles of one spacing: what `fit_shared_poles` starts from."""
+    """Fit by vector fitting alone, from poles of one spacing: the start of `fit_shared_poles`."""
     std = 1 / np.sqrt(np.einsum("fjj,fii->fji", left.conj() @ left, right @ right.conj()).real)
     std = np.maximum(std, 1e-3 * std.min(axis=0))
-    poles = relocate(omega, G, std, starting_poles(n_poles, omega.min(), omega.max(), spacing=spacing), direct, stable)
+    poles = relocate_shared_poles(
+        omega, G, std, starting_poles(n_poles, omega.min(), omega.max(), spacing=spacing), direct, stable
+    )
     return residues_of_rank(omega, G, std, poles, rank, direct)
 
 
-def relocate(
+def relocate_shared_poles(
     omega: np.ndarray, G: np.ndarray, std: np.ndarray, poles: np.ndarray, direct: bool, stable: bool
 ) -> np.ndarray:
-    """Poles shared by all entries, by vector fitting: each entry's own unknowns are projected off first."""
+    """Return poles shared by all entries, by vector fitting: each entry's own unknowns are projected off first."""
     s, n = 1j * omega, poles.size
     if not n:
         return poles
@@ -159,8 +168,11 @@ def relocate(
         rows, aims, cost = [], [], 0.0
         for j, i in np.ndindex(G.shape[1:]):
             weight = 1 / std[:, j, i]
-            Q, _ = np.linalg.qr(stacked(own * weight[:, None]))
-            A, b = stacked(-G[:, j, i, None] * basis * weight[:, None]), stacked(G[:, j, i] * weight)
+            Q, _ = np.linalg.qr(stack_real_imaginary(own * weight[:, None]))
+            A, b = (
+                stack_real_imaginary(-G[:, j, i, None] * basis * weight[:, None]),
+                stack_real_imaginary(G[:, j, i] * weight),
+            )
             rest = b - Q @ (Q.T @ b)
             rows.append(A - Q @ (Q.T @ A))
             aims.append(rest)
@@ -169,10 +181,12 @@ def relocate(
             best, least = poles, cost
         # with the sign of `relocated`: sum c/(s - p) - (sum d/(s - p)) G = G
         solution = np.linalg.lstsq(np.vstack(rows), np.concatenate(aims), rcond=None)[0]
-        moved = relocated(poles, solution)
+        moved = relocated_poles(poles, solution)
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
-        moved = np.where(np.abs(moved.real) < CLOSEST * np.abs(moved), moved - CLOSEST * np.abs(moved), moved)
+        moved = np.where(
+            np.abs(moved.real) < MIN_POLE_DISTANCE * np.abs(moved), moved - MIN_POLE_DISTANCE * np.abs(moved), moved
+        )
         poles = order_roots(moved)
     return best
 
@@ -180,7 +194,7 @@ def relocate(
 def residues_of_rank(
     omega: np.ndarray, G: np.ndarray, std: np.ndarray, poles: np.ndarray, rank: int, direct: bool
 ) -> SharedPoles:
-    """Residues over given poles, each cut to its largest singular values."""
+    """Return residues over given poles, each cut to its largest singular values."""
     s = 1j * omega
     basis = partial_fractions(s, poles) if poles.size else np.zeros((s.size, 0))
     own = np.hstack([basis, np.ones((s.size, 1))]) if direct else basis
@@ -188,9 +202,9 @@ def residues_of_rank(
     solution = np.zeros((own.shape[1], n_y, n_u))
     for j, i in np.ndindex(n_y, n_u):
         weight = 1 / std[:, j, i]
-        A = stacked(own * weight[:, None])
+        A = stack_real_imaginary(own * weight[:, None])
         scale = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
-        solution[:, j, i] = np.linalg.lstsq(A / scale, stacked(G[:, j, i] * weight), rcond=None)[0] / scale
+        solution[:, j, i] = np.linalg.lstsq(A / scale, stack_real_imaginary(G[:, j, i] * weight), rcond=None)[0] / scale
     kept, left, right = [], [], []
     rank, k = min(rank, n_y, n_u), 0
     while k < poles.size:
@@ -212,7 +226,7 @@ def residues_of_rank(
     )
 
 
-def improve(
+def refine_shared_poles(
     omega: np.ndarray,
     G: np.ndarray,
     left: np.ndarray,
@@ -221,24 +235,24 @@ def improve(
     direct: bool,
     stable: bool,
 ) -> tuple[SharedPoles, float]:
-    """Levenberg-Marquardt on poles, residues and D; the real part of a stable pole by its logarithm."""
+    """Refine by Levenberg-Marquardt on poles, residues and D; the real part of a stable pole by its logarithm."""
 
     def whitened(X: np.ndarray) -> np.ndarray:
-        """Errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
+        """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
         flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
         return np.concatenate([flat.real, flat.imag], axis=-1)
 
     residual = whitened(G - model.response(omega))
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(N_STEPS):
-        J = whitened(tangents(omega, model, direct, stable)).T
+        J = whitened(response_derivatives(omega, model, direct, stable)).T
         scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
         U, sizes, Vh = np.linalg.svd(J / scale, full_matrices=False)
         along, improved = U.T @ residual, False
         for _ in range(8):
             filtered = sizes / (sizes**2 + damping * sizes[0] ** 2) if sizes.size else sizes
             step = (Vh.T @ (np.where(sizes > 1e-12 * sizes[0], filtered, 0.0) * along)) / scale
-            trial = moved(model, step, direct, stable)
+            trial = step_parameters(model, step, direct, stable)
             new = whitened(G - trial.response(omega))
             new_cost = float(new @ new)
             if np.isfinite(new_cost) and new_cost < cost:
@@ -254,9 +268,9 @@ def improve(
     return model, cost
 
 
-def tangents(omega: np.ndarray, model: SharedPoles, direct: bool, stable: bool) -> np.ndarray:
-    """(n_parameters, F, n_y, n_u) derivatives of the response by the parameters, in the order of `moved`."""
-    up, down = model.fractions(omega)
+def response_derivatives(omega: np.ndarray, model: SharedPoles, direct: bool, stable: bool) -> np.ndarray:
+    """Return (n_parameters, F, n_y, n_u) derivatives of the response by the parameters of `step_parameters`."""
+    up, down = model.pole_fractions(omega)
     out = []
     for r, p in enumerate(model.poles):
         c, b = model.left[r], model.right[r]
@@ -264,7 +278,7 @@ def tangents(omega: np.ndarray, model: SharedPoles, direct: bool, stable: bool) 
         first, second = up[:, r, None, None], down[:, r, None, None]
 
         def both(X: np.ndarray, a: np.ndarray, z: np.ndarray, real: bool) -> list[np.ndarray]:
-            """Derivatives by the real and the imaginary part of a number that multiplies X, and its conjugate."""
+            """Return derivatives by real and imaginary part of a number that multiplies X, and its conjugate."""
             return [a * X + z * X.conj()] if real else [a * X + z * X.conj(), 1j * (a * X - z * X.conj())]
 
         by_pole = both(R, first**2, second**2, real)
@@ -281,8 +295,8 @@ def tangents(omega: np.ndarray, model: SharedPoles, direct: bool, stable: bool) 
     return np.array(out, dtype=complex).reshape(len(out), omega.size, *model.direct.shape)
 
 
-def moved(model: SharedPoles, step: np.ndarray, direct: bool, stable: bool) -> SharedPoles:
-    """The model after a step of its parameters."""
+def step_parameters(model: SharedPoles, step: np.ndarray, direct: bool, stable: bool) -> SharedPoles:
+    """Return the model after a step of its parameters."""
     poles, left, right, at = model.poles.copy(), model.left.copy(), model.right.copy(), 0
 
     def take(real: bool) -> complex:

@@ -18,19 +18,19 @@ from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots, pair_roots
-from robust.models.fit.rational import numerator, starting_poles, to_plane, vector_fit
+from robust.models.fit.rational import fit_numerator, map_to_model_plane, starting_poles, vector_fit
 from robust.models.fit.refinement import (
-    Problem,
-    asymmetric,
+    MagnitudeProblem,
+    fit_asymmetric,
     log_sections,
-    polished,
-    problem_on,
+    magnitude_problem,
+    polish_by_barrier,
     slope_at_zero,
     zeros_and_poles,
 )
 
 __all__ = [
-    "EXACT",
+    "EXACT_TOLERANCE",
     "WeightFit",
     "WeightOrderError",
     "control_weight",
@@ -48,7 +48,7 @@ __all__ = [
 
 
 def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, order: int = 1) -> control.StateSpace:
-    """What the sensitivity must stay under: |S| <= 1/|w_P|, bandwidth omega_B, peak M_S, error A at low frequency.
+    """Make the performance weight w_P, |S| <= 1/|w_P|: bandwidth omega_B, peak M_S, error A at low frequency.
 
     w_P = ((s/M_S^(1/n) + omega_B)/(s + omega_B A^(1/n)))^n.
 
@@ -94,7 +94,7 @@ def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, ord
 
 
 def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order: int = 1) -> control.StateSpace:
-    """What the actuator must not be asked for: |K S| <= 1/|w_u|, M_u at low frequency, A far above omega_bc.
+    """Make the control weight w_u, |K S| <= 1/|w_u|: M_u at low frequency, A far above omega_bc.
 
     w_u = ((s + omega_bc/M_u^(1/n))/(A^(1/n) s + omega_bc))^n.
 
@@ -138,7 +138,7 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
 
 
 def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.StateSpace:
-    """Multiplicative weight that covers any delay up to a maximum and any gain error up to a fraction.
+    """Return a multiplicative weight that covers any delay up to a maximum and any gain error up to a fraction.
 
     Covers |k exp(-s theta) - 1| for 0 <= theta <= delay, 1 - gain <= k <= 1 + gain. The book's rational weights touch
     the exact radius from below in places; here they are lifted until they cover it.
@@ -190,57 +190,59 @@ def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.
 
 
 def delay_radius(x: np.ndarray, gain: float) -> np.ndarray:
-    """(W,) largest |k exp(-j x t) - 1| over 0 <= t <= 1 and |k - 1| <= gain, at x = omega delay."""
+    """Return (W,) largest |k exp(-j x t) - 1| over 0 <= t <= 1 and |k - 1| <= gain, at x = omega delay."""
     return np.where(x < np.pi, np.sqrt(gain**2 + 2 * (1 + gain) * (1 - np.cos(np.minimum(x, np.pi)))), 2 + gain)
 
 
 # ---- The numerical problem behind `fit_weight`: least mean log excess of |W| over a target that it must cover.
 
-EXACT = 1e-4  # log error under which a weight is taken to be the target itself
-FINE = 0.01  # mean log excess, 0.09 dB, under which no other start is tried
+EXACT_TOLERANCE = 1e-4  # log error under which a weight is taken to be the target itself
+FINE_TOLERANCE = 0.01  # mean log excess, 0.09 dB, under which no other start is tried
 Fit = tuple[float, np.ndarray, float]  # how bad, theta, log_k
 
 
-def least_squares(problem: Problem, order: int) -> list[Fit]:
-    """Fits of the target itself from every start, the best first, with their largest error."""
-    few, fits = problem.thinned(150), []
-    for start in starts(few, order):
-        theta, log_k = asymmetric(few, start, order, 1.0, 40)
+def least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
+    """Return fits of the target itself from every start, the best first, with their largest error."""
+    few, fits = problem.thin(150), []
+    for start in starting_parameters(few, order):
+        theta, log_k = fit_asymmetric(few, start, order, 1.0, 40)
         error = float(np.abs(few.excess(theta, log_k, order)[0]).max())
         if error < 1e-2:  # perhaps exact: all the points tell
-            theta, log_k = asymmetric(problem, theta, order, 1.0, 15)
+            theta, log_k = fit_asymmetric(problem, theta, order, 1.0, 15)
             error = float(np.abs(problem.excess(theta, log_k, order)[0]).max())
         fits.append((error, theta, log_k))
-        if error < EXACT:
+        if error < EXACT_TOLERANCE:
             break
     return sorted(fits, key=lambda fit: fit[0])
 
 
-def least_excess(problem: Problem, order: int, fits: list[Fit], deadline: float) -> list[np.ndarray]:
-    """The best parameters found: from every fit on fewer points, and grown; the best two polished on all points."""
-    coarse = problem.coarse(240)
+def least_excess(problem: MagnitudeProblem, order: int, fits: list[Fit], deadline: float) -> list[np.ndarray]:
+    """Minimise the mean excess from every fit on fewer points and section by section; polish the best two."""
+    coarse = problem.coarsen(240)
     # starts that came to the same fit are one start
     begun = [f[1] for k, f in enumerate(fits) if k == 0 or f[0] > fits[k - 1][0] * 1.001]
-    found = [rough(coarse, begun[0], order, deadline)]
-    if found[0][0] > FINE:
-        found += [rough(coarse, theta, order, deadline) for theta in begun[1:]] + [grown(coarse, order, deadline)]
+    found = [fit_quickly(coarse, begun[0], order, deadline)]
+    if found[0][0] > FINE_TOLERANCE:
+        found += [fit_quickly(coarse, theta, order, deadline) for theta in begun[1:]] + [
+            fit_section_by_section(coarse, order, deadline)
+        ]
         found.sort(key=lambda fit: fit[0])
     return [
-        polished(problem, theta, log_k, order, (0.1, 0.02, 0.005, 0.001), 15, deadline)[0]
+        polish_by_barrier(problem, theta, log_k, order, (0.1, 0.02, 0.005, 0.001), 15, deadline)[0]
         for bad, theta, log_k in found[:2]
         if bad <= 1.1 * found[0][0]
     ]
 
 
-def rough(problem: Problem, theta: np.ndarray, order: int, deadline: float) -> Fit:
-    """Mean excess and parameters after a quick fit."""
-    theta, log_k = asymmetric(problem, problem.clipped(theta, order), order, 4.0, 10)
-    theta, log_k = polished(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
+def fit_quickly(problem: MagnitudeProblem, theta: np.ndarray, order: int, deadline: float) -> Fit:
+    """Return the mean excess and parameters after a quick fit."""
+    theta, log_k = fit_asymmetric(problem, problem.clip_sections(theta, order), order, 4.0, 10)
+    theta, log_k = polish_by_barrier(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
     return problem.mean_excess(theta, log_k, order), theta, log_k
 
 
-def grown(problem: Problem, order: int, deadline: float) -> Fit:
-    """Section by section: each new one where the excess is largest, or in the middle of a half of the band."""
+def fit_section_by_section(problem: MagnitudeProblem, order: int, deadline: float) -> Fit:
+    """Add section by section: each new one where the excess is largest, or in the middle of a half of the band."""
     middle = (problem.log_x[0] + problem.log_x[-1]) / 2
     best = (problem.mean_excess(np.zeros(0), float(problem.target.max()), 0), np.zeros(0), float(problem.target.max()))
     for done in range(0, order, 2):
@@ -251,34 +253,34 @@ def grown(problem: Problem, order: int, deadline: float) -> Fit:
         now = min(done + 2, order)
         tries = []
         for place in (problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2):
-            new, gain = asymmetric(problem, with_section(theta, done, now, place, -0.2), now, 4.0, 8)
+            new, gain = fit_asymmetric(problem, add_section(theta, done, now, place, -0.2), now, 4.0, 8)
             lift = -float(problem.excess(new, gain, now)[0].min())
             tries.append((problem.mean_excess(new, gain + lift, now), new, gain))
         _, new, gain = min(tries, key=lambda fit: fit[0])
-        new, gain = polished(problem, new, gain, now, (0.1, 0.02, 0.005), 10, deadline)
+        new, gain = polish_by_barrier(problem, new, gain, now, (0.1, 0.02, 0.005), 10, deadline)
         # a section whose zeros cancel its poles changes nothing: growing never makes it worse
-        same = (best[0], with_section(theta, done, now, middle, 0.0), log_k)
+        same = (best[0], add_section(theta, done, now, middle, 0.0), log_k)
         best = min((problem.mean_excess(new, gain, now), new, gain), same, key=lambda fit: fit[0])
     return best
 
 
-def with_section(theta: np.ndarray, order: int, now: int, place: float, spread: float) -> np.ndarray:
-    """Parameters with one more section, of second order or of first; zeros and poles apart by the spread."""
+def add_section(theta: np.ndarray, order: int, now: int, place: float, spread: float) -> np.ndarray:
+    """Return parameters with one more section, of second order or of first; zeros and poles apart by the spread."""
     zeros, poles = theta[:order], theta[order:]
     if now - order == 1:
         return np.concatenate([zeros, [place + spread], poles, [place - spread]])
     return np.concatenate([zeros, [place, -0.7 + spread], poles, [place, -0.7 - spread]])
 
 
-def starts(problem: Problem, order: int) -> list[np.ndarray]:
-    """Parameters to start from: a rational fit of |W|^2, sections spread over the band, sections on the peaks."""
-    found = [spread(problem, order), on_peaks(problem, order)]
-    fitted = magnitude_fit(problem, order)
+def starting_parameters(problem: MagnitudeProblem, order: int) -> list[np.ndarray]:
+    """Return starting parameters: a rational fit of |W|^2, sections spread over the band, sections on the peaks."""
+    found = [spread_sections(problem, order), sections_on_peaks(problem, order)]
+    fitted = fit_squared_magnitude(problem, order)
     return found if fitted is None else [fitted, *found]
 
 
-def spread(problem: Problem, order: int) -> np.ndarray:
-    """Well damped sections evenly over log frequency, zeros next to poles."""
+def spread_sections(problem: MagnitudeProblem, order: int) -> np.ndarray:
+    """Return well damped sections evenly over log frequency, zeros next to poles."""
     half = order // 2
     centres = np.linspace(np.log(problem.x[0]), np.log(problem.x[-1]), half + order % 2 + 2)[1:-1]
     pairs = np.column_stack([centres[:half], np.zeros(half)]).ravel()
@@ -286,9 +288,9 @@ def spread(problem: Problem, order: int) -> np.ndarray:
     return np.concatenate([zeros + 0.1, zeros - 0.1])
 
 
-def on_peaks(problem: Problem, order: int) -> np.ndarray:
-    """Lightly damped sections on the highest peaks of the target, the rest spread."""
-    theta = spread(problem, order)
+def sections_on_peaks(problem: MagnitudeProblem, order: int) -> np.ndarray:
+    """Return lightly damped sections on the highest peaks of the target, the rest spread."""
+    theta = spread_sections(problem, order)
     log_x, t = np.log(problem.x), problem.target
     width = max(1, t.size // 40)
     taken = np.zeros(t.size, dtype=bool)
@@ -305,8 +307,8 @@ def on_peaks(problem: Problem, order: int) -> np.ndarray:
     return theta
 
 
-def magnitude_fit(problem: Problem, order: int) -> np.ndarray | None:
-    """|W|^2 is rational in y = -x^2: vector fitting there, then the stable square roots of poles and zeros."""
+def fit_squared_magnitude(problem: MagnitudeProblem, order: int) -> np.ndarray | None:
+    """Fit |W|^2, rational in y = -x^2, by vector fitting; take the stable square roots of poles and zeros."""
     scale = np.exp(np.mean(np.log(problem.x)))
     x, power = problem.x / scale, np.exp(2 * (problem.target - problem.target.mean()))
     y = -(x * x) + 0j
@@ -317,19 +319,19 @@ def magnitude_fit(problem: Problem, order: int) -> np.ndarray | None:
         if np.any(np.abs(y[:, None] - q).min(axis=0) < 1e-12 * np.abs(q)):
             return None
         try:
-            z, _ = numerator(y, power + 0j, 1 / power, q, order)
+            z, _ = fit_numerator(y, power + 0j, 1 / power, q, order)
         except np.linalg.LinAlgError:
             return None
     if z.size != order or q.size != order or not (np.isfinite(z).all() and np.isfinite(q).all()):
         return None
-    theta = np.concatenate([from_square(z), from_square(q)])
+    theta = np.concatenate([parameters_of_square(z), parameters_of_square(q)])
     shift = slope_at_zero(order) > 0
     theta[np.concatenate([shift, shift])] += np.log(scale)
-    return problem.clipped(theta, order)
+    return problem.clip_sections(theta, order)
 
 
-def from_square(q: np.ndarray) -> np.ndarray:
-    """Parameters of the stable square roots of q; one on the negative axis would be undamped and gets damping."""
+def parameters_of_square(q: np.ndarray) -> np.ndarray:
+    """Return parameters of the stable square roots of q; undamped ones, on the negative axis, get damping."""
     p = -np.sqrt(q.astype(complex))
     p = np.where(np.abs(p.real) < 1e-9 * np.abs(p), -np.abs(p), p)
     pairs, rest = pair_roots(order_roots(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
@@ -342,9 +344,9 @@ def from_square(q: np.ndarray) -> np.ndarray:
 
 MAX_ORDER = 16
 MAX_MEAN_EXCESS_DB = 30.0
-FINER = 10
-SAFETY = 1e-7  # what a parabola between the finest points could still hide
-MOST_POINTS = 1500
+REFINEMENT = 10
+LIFT = 1e-7  # what a parabola between the finest points could still hide
+MAX_POINTS = 1500
 EXACT_DB = 0.005
 TIME_CAP = 3.0
 DB = 20 / np.log(10)
@@ -385,7 +387,7 @@ class WeightFit:
     exact: bool
 
 
-N_COVER, SLOWEST = 400, 1 / 30  # points, and the first one as a share of the slowest corner
+N_COVER, SLOWEST_RATIO = 400, 1 / 30  # points, and the first one as a share of the slowest corner
 
 
 class WeightOrderError(ValueError):
@@ -449,20 +451,20 @@ def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float =
 
 
 def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
-    """A discrete weight of one channel that covers a continuous one up to the Nyquist frequency, and hugs it.
+    """Fit a discrete weight of one channel that covers a continuous one closely, up to the Nyquist frequency.
 
     A demand on a sampled loop is about |w| at the frequencies that it has; Tustin's image bends that axis, and asks for
     too little near Nyquist. Over weights of first and second order the excess was at most 0.3 dB.
     """
     corners = np.abs(np.concatenate([weight.poles(), weight.zeros()]))
-    first = np.min(corners[corners > 0], initial=np.pi / dt) * SLOWEST
+    first = np.min(corners[corners > 0], initial=np.pi / dt) * SLOWEST_RATIO
     omega = np.geomspace(first, np.pi / dt, N_COVER)
     radius = np.abs(response(weight, omega))
     return fit_weight(omega, radius, order=weight.nstates, dt=dt).W
 
 
 def checked_radius(omega: Any, radius: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """The two arrays, or a refusal."""
+    """Return frequencies and radius, each checked."""
     omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
     dt = require_nonnegative("dt", dt)
     if omega.size < 2 or radius.shape != omega.shape:
@@ -480,49 +482,51 @@ def checked_radius(omega: Any, radius: Any, dt: float) -> tuple[np.ndarray, np.n
 
 
 def best_weight(omega: np.ndarray, radius: np.ndarray, order: int, dt: float) -> WeightFit:
-    """The fit itself: exact where possible, otherwise the least mean excess found, never worse than a constant."""
+    """Fit the weight: exact where possible, otherwise of least mean excess found, never worse than a constant."""
     deadline = time.monotonic() + TIME_CAP
-    x = axis(omega, dt)
+    x = imaginary_axis_frequencies(omega, dt)
     log_r = np.log(radius)
-    fits = [verified(omega, radius, np.zeros(2 * order), order, dt, exact=False)]
-    begun = least_squares(problem_on(x, log_r, ends=False, free=True), order) if order else []
-    if begun and begun[0][0] < EXACT and x.size >= 4 * (2 * order + 1):
+    fits = [verify_and_lift(omega, radius, np.zeros(2 * order), order, dt, exact=False)]
+    begun = least_squares(magnitude_problem(x, log_r, ends=False, free=True), order) if order else []
+    if begun and begun[0][0] < EXACT_TOLERANCE and x.size >= 4 * (2 * order + 1):
         # through that many lines a weight goes by no accident
-        fit = verified(omega, radius, begun[0][1], order, dt, exact=True)
+        fit = verify_and_lift(omega, radius, begun[0][1], order, dt, exact=True)
         if fit.max_excess_db < EXACT_DB:
             return fit
     if order:
-        problem = problem_on(x, envelope(log_r), ends=True).coarse(MOST_POINTS)
+        problem = magnitude_problem(x, neighbour_envelope(log_r), ends=True).coarsen(MAX_POINTS)
         for theta in least_excess(problem, order, begun, deadline):
-            fits.append(verified(omega, radius, theta, order, dt, exact=False))
+            fits.append(verify_and_lift(omega, radius, theta, order, dt, exact=False))
     return min(fits, key=lambda fit: fit.mean_excess_db)
 
 
-def axis(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Frequencies on the imaginary axis: themselves, or 2/dt tan(omega dt/2)."""
+def imaginary_axis_frequencies(omega: np.ndarray, dt: float) -> np.ndarray:
+    """Return frequencies on the imaginary axis: themselves, or 2/dt tan(omega dt/2)."""
     return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else omega
 
 
-def envelope(log_r: np.ndarray) -> np.ndarray:
-    """What a continuous function must reach at each line to be above the larger neighbour on both sides."""
+def neighbour_envelope(log_r: np.ndarray) -> np.ndarray:
+    """Return the log magnitude that each line needs, for a continuous weight to cover the larger neighbour."""
     upper = log_r.copy()
     upper[1:] = np.maximum(upper[1:], log_r[:-1])
     upper[:-1] = np.maximum(upper[:-1], log_r[1:])
     return upper
 
 
-def verified(
+def verify_and_lift(
     omega: np.ndarray, radius: np.ndarray, theta: np.ndarray, order: int, dt: float, *, exact: bool
 ) -> WeightFit:
-    """The weight as a system, looked at on a finer grid and lifted until it covers what it has to."""
-    shape = from_roots(*to_plane(*zeros_and_poles(theta, order), 1.0, dt, 0), dt)
+    """Return the weight as a system, lifted until it covers the radius on a finer grid."""
+    shape = from_roots(*map_to_model_plane(*zeros_and_poles(theta, order), 1.0, dt, 0), dt)
     on_lines = np.abs(response(shape, omega))
     needed = np.max(radius / on_lines)
     if not exact:
         low = float(np.exp(slope_at_zero(order) @ (theta[:order] - theta[order:])))
-        between = shortfall(theta, order, omega, radius, dt)
-        needed = max(needed, np.max(np.exp(envelope(np.log(radius))) / on_lines), between, radius[0] / low, radius[-1])
-    gain = float(needed) * (1 + SAFETY)
+        between = largest_shortfall(theta, order, omega, radius, dt)
+        needed = max(
+            needed, np.max(np.exp(neighbour_envelope(np.log(radius))) / on_lines), between, radius[0] / low, radius[-1]
+        )
+    gain = float(needed) * (1 + LIFT)
     W = control.StateSpace(shape.A, shape.B, shape.C * gain, shape.D * gain, dt)
     excess = DB * np.log(on_lines * gain / radius)
     return WeightFit(
@@ -535,20 +539,20 @@ def verified(
 
 
 def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
-    """|W| with gain one at infinity."""
+    """Return |W| with gain one at infinity."""
     top, bottom = log_sections(x, theta.reshape(2, order), order)[0]
     return np.exp(top - bottom)
 
 
-def shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
-    """Largest of the larger neighbour over |W| between the lines: on a ten times finer grid, then down each dip.
+def largest_shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
+    """Return the largest ratio of larger neighbour to |W| between the lines: on a finer grid, then in each dip.
 
     The grid is one over the imaginary axis: near the Nyquist frequency a little of omega is most of that.
     """
-    x = np.log(axis(omega, dt))
+    x = np.log(imaginary_axis_frequencies(omega, dt))
     x[-1] += 10.0 * (omega[-1] * dt >= np.pi * (1 - 1e-6))  # there it lies at infinity
-    fine = (x[:-1, None] + np.linspace(0, 1, FINER + 1) * np.diff(x)[:, None]).ravel()
-    fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], MOST_POINTS)]))
+    fine = (x[:-1, None] + np.linspace(0, 1, REFINEMENT + 1) * np.diff(x)[:, None]).ravel()
+    fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], MAX_POINTS)]))
     target = np.maximum(radius[1:], radius[:-1])
 
     def ratio(points: np.ndarray) -> np.ndarray:
@@ -572,14 +576,16 @@ def shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarr
 def minimum_phase(
     omega: np.ndarray, d: np.ndarray, dt: float, order: int
 ) -> tuple[control.StateSpace, control.StateSpace]:
-    """A stable minimum-phase function with |D| near d, in the mean of the logarithm, and its inverse."""
+    """Return a stable minimum-phase function with |D| near d, in the mean of the logarithm, and its inverse."""
     if order == 0:
         gain = float(np.exp(np.mean(np.log(d))))
         return control.StateSpace([], [], [], [[gain]], dt), control.StateSpace([], [], [], [[1 / gain]], dt)
-    _, theta, log_k = least_squares(problem_on(axis(omega, dt), np.log(d), ends=False), order)[0]
+    _, theta, log_k = least_squares(
+        magnitude_problem(imaginary_axis_frequencies(omega, dt), np.log(d), ends=False), order
+    )[0]
     zeros, poles = zeros_and_poles(theta, order)
     gain = float(np.exp(log_k))
     return (
-        from_roots(*to_plane(zeros, poles, gain, dt, 0), dt),
-        from_roots(*to_plane(poles, zeros, 1 / gain, dt, 0), dt),
+        from_roots(*map_to_model_plane(zeros, poles, gain, dt, 0), dt),
+        from_roots(*map_to_model_plane(poles, zeros, 1 / gain, dt, 0), dt),
     )

@@ -1,4 +1,8 @@
-"""`uncertainty`: the set around a nominal, from records of any number of channels or from a radius of one's own."""
+"""Sets of plants around a nominal, from records of any number of channels or from a radius of the user.
+
+radius = misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)) on each line, then
+a stable minimum-phase weight over it (SP 7.4, 8.2.3). The misfit excludes the scatter, which is counted by itself.
+"""
 
 from __future__ import annotations
 
@@ -24,39 +28,46 @@ from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
 from robust.lti.sampling import delayed
-from robust.models.fit.nominal import NominalFit, as_matrices, behind_hold, of_own_fit, refuse_other_channels, suspected
+from robust.models.fit.nominal import (
+    NominalFit,
+    bla_behind_hold,
+    bla_of_fit,
+    checked_weight,
+    matrices_given,
+    require_same_channels,
+)
 from robust.models.fit.weights import WeightOrderError, fit_weight
-from robust.models.sets.forms import ADDITIVE, AUTO, ELEMENTS, FORMS, MATRIX_FORMS, RELATIVE, Form
-from robust.models.sets.joint import with_records
+from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, MATRIX_FORMS, Form
+from robust.models.sets.joint import attach_records
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import (
     Extrapolation,
     RadiusSpec,
     block_radius,
+    checked_slope,
     disc_parts,
     element_parts,
+    larger_neighbour,
     nominal_response,
-    of_form,
-    scaled_by,
-    slope,
-    spread_over,
-    total_of,
+    radius_in_form,
+    resolve_scaling,
+    sum_of_parts,
 )
 
 __all__ = ["uncertainty"]
 
 
-PADE_ORDER, PADE_ORDER_SEVERAL = 4, 2  # of the delay in the nominal: each input of several has its own
-FLAT = 1.06  # largest over smallest radius up to which a weight of several channels is a number
-#: Smallest radius of one's own over the largest: a plant that is the nominal on a line leaves none.
-LEAST = 1e-6
+PADE_ORDER, PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
+FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
+#: Smallest over largest radius of the user: a plant equal to the nominal on a line would leave a zero.
+MIN_RADIUS_RATIO = 1e-6
 
 
 def uncertainty(
     bla: Bla | Sequence[Any],
     nominal: Any,
     *,
-    form: str = RELATIVE,
+    form: str = DEFAULT_FORM,
     order: int = 4,
     confidence: float = 0.95,
     simultaneous: bool = False,
@@ -130,10 +141,10 @@ def uncertainty(
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.35))
     ('multiplicative', 'statistical', True)
     """
-    bla = of_own_fit(bla, nominal)
-    recorded: list[Any] = as_matrices(bla)
+    bla = bla_of_fit(bla, nominal)
+    recorded: list[Any] = matrices_given(bla)
     several = bool(recorded)
-    if several and form == RELATIVE:
+    if several and form == DEFAULT_FORM:
         form = ELEMENTS
     if several and form == AUTO:  # the price of looking at both: what may go wrong is shared between them
         asked: dict[str, Any] = {"order": order, "confidence": (1 + require_probability("confidence", confidence)) / 2}
@@ -147,19 +158,19 @@ def uncertainty(
         even=even,
         systematic=None if systematic is None else require_real("systematic", systematic),
     )
-    nominal, delay = matrix_nominal(nominal, recorded[0]) if several else one_nominal(nominal)
-    dt = clock(nominal)
+    nominal, delay = nominal_of_several_channels(nominal, recorded[0]) if several else nominal_of_one_channel(nominal)
+    dt = sampling_time_of(nominal)
     rules, order = (
-        Extrapolation(below=slope("below", below), above=slope("above", above)),
+        Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above)),
         require_integer("order", order, least=0),
     )
     made: dict[str, Any] = {"nominal": nominal, "form": form, "delay": delay, "perturbation": perturbation}
     if not several:
-        if own := own_set(bla, nominal, FORMS[form], rules, dt, order, spec):
+        if own := set_of_user(bla, nominal, FORMS[form], rules, dt, order, spec):
             return UncertaintyModel(**made, **own)
         recorded = list(bla) if isinstance(bla, Sequence) else [bla]
     is_frf = isinstance(nominal, control.FrequencyResponseData)
-    many = recorded if is_frf else [behind_hold(one, dt) for one in recorded]
+    many = recorded if is_frf else [bla_behind_hold(one, dt) for one in recorded]
     scaling: dict[str, Any] = {"W1": W1, "W2": W2}
     model = UncertaintyModel(
         **made,
@@ -173,7 +184,7 @@ def uncertainty(
         inputs=many[0].inputs,
         outputs=many[0].outputs,
     )
-    return with_records(model, many, recorded)
+    return attach_records(model, many, recorded)
 
 
 def disc_set(
@@ -185,17 +196,17 @@ def disc_set(
     spec: RadiusSpec,
     scaling: dict[str, Any],
 ) -> dict[str, Any]:
-    """Radius, its parts and weight of a set of one channel, in the unit of its form."""
-    row, dt = FORMS[form], clock(nominal)
+    """Return radius, its parts and weight of a set of one channel, in the unit of its form."""
+    row, dt = FORMS[form], sampling_time_of(nominal)
     omega, parts, _ = disc_parts(many, [nominal] * len(many), spec)
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
         omega, parts = omega[inside], {name: part[inside] for name, part in parts.items()}
-    absolute = total_of(parts)
-    W1, W2, rules = scaled_by(row, nominal, omega, (scaling["W1"], scaling["W2"]), rules)
-    factor, *covered = of_form(row, omega, absolute, nominal, (W1, W2), rules, dt)
+    absolute = sum_of_parts(parts)
+    W1, W2, rules = resolve_scaling(row, nominal, omega, (scaling["W1"], scaling["W2"]), rules)
+    factor, *covered = radius_in_form(row, omega, absolute, nominal, (W1, W2), rules, dt)
     return {
-        "weight": suspected(fit_extrapolated(covered, rules, order, dt), omega, absolute * factor),
+        "weight": checked_weight(fit_extrapolated(covered, rules, order, dt), omega, absolute * factor),
         "omega": omega,
         "radius": absolute * factor,
         "extrapolation": str(rules),
@@ -214,7 +225,7 @@ def block_set(
     spec: RadiusSpec,
     scaling: dict[str, Any],
 ) -> dict[str, Any]:
-    """Radii and weights of a set of several channels; what is assumed outside the band is said once, of W_l."""
+    """Return radii and weights of a set of several channels; what is assumed outside the band is said once, of W_l."""
     models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
     if form == ELEMENTS:
         omega, parts, radius = element_parts(frms, models, spec)
@@ -225,16 +236,21 @@ def block_set(
         omega, radius = block_radius(frms, models, spec, form)
         n, known = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
     each = [rules] * (n or len(radius)) + [Extrapolation()] * (len(radius) - n if n else 0)
-    weights = tuple(covering(omega, row, order, rule, clock(nominal)) for row, rule in zip(radius, each, strict=True))
+    weights = tuple(
+        fit_covering_weight(omega, row, order, rule, sampling_time_of(nominal))
+        for row, rule in zip(radius, each, strict=True)
+    )
     sides = {"left": weights[:n], "right": weights[n:]}
     return {"omega": omega, "radius": radius, "extrapolation": str(rules), **sides, **known, **scaling}
 
 
-def covering(omega: np.ndarray, radius: np.ndarray, order: int, rules: Extrapolation, dt: float) -> control.StateSpace:
-    """A weight over a radius: a number where that is flat and nothing rises outside the band."""
-    if radius.max() < FLAT * radius.min() and rules.below == rules.above == 0:
+def fit_covering_weight(
+    omega: np.ndarray, radius: np.ndarray, order: int, rules: Extrapolation, dt: float
+) -> control.StateSpace:
+    """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
+    if radius.max() < FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_extrapolated(rules.applied(omega, radius, dt), rules, order, dt)
+    return fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order, dt)
 
 
 def fit_extrapolated(covered: Sequence[np.ndarray], rules: Extrapolation, order: int, dt: float) -> control.StateSpace:
@@ -251,30 +267,30 @@ def fit_extrapolated(covered: Sequence[np.ndarray], rules: Extrapolation, order:
         ) from None
 
 
-def clock(nominal: Any) -> float:
-    """Sampling time [s] of a nominal, 0 of an FRF."""
+def sampling_time_of(nominal: Any) -> float:
+    """Return the sampling time [s] of a nominal, 0 of an FRF."""
     return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
 
 
-def one_nominal(nominal: Any) -> tuple[Any, float]:
-    """The nominal of one channel with its delay inside, and that delay [s]."""
+def nominal_of_one_channel(nominal: Any) -> tuple[Any, float]:
+    """Return the nominal of one channel with its delay inside, and that delay [s]."""
     delay = 0.0
     if isinstance(nominal, NominalFit):
         nominal, delay = delayed(nominal.G, nominal.delay, order=PADE_ORDER), nominal.delay
     return nominal if isinstance(nominal, control.FrequencyResponseData) else state_space("nominal", nominal), delay
 
 
-def matrix_nominal(nominal: Any, frm: Bla) -> tuple[control.StateSpace, float]:
-    """The nominal of several channels with the delay of each input inside, and the longest of them [s]."""
+def nominal_of_several_channels(nominal: Any, frm: Bla) -> tuple[control.StateSpace, float]:
+    """Return the nominal of several channels with the delay of each input inside, and the longest of them [s]."""
     delay = 0.0
     if isinstance(nominal, NominalFit):
-        refuse_other_channels(frm, nominal, "its nominal")
+        require_same_channels(frm, nominal, "its nominal")
         G, delays = nominal.G, nominal.delays
         nominal = G
         if delays is not None and np.any(delays):
             delay = float(np.max(delays))
             through = control.StateSpace([], [], [], [[1.0]], G.dt)
-            each = [delayed(through, float(tau), order=PADE_ORDER_SEVERAL) for tau in delays]
+            each = [delayed(through, float(tau), order=PADE_ORDER_PER_INPUT) for tau in delays]
             nominal = in_series(block_diagonal(each, G.dt), G)
     nominal = multivariable("nominal", nominal)
     if (nominal.noutputs, nominal.ninputs) != (frm.n_outputs, frm.n_inputs):
@@ -286,7 +302,7 @@ def matrix_nominal(nominal: Any, frm: Bla) -> tuple[control.StateSpace, float]:
 
 
 def describe_record(bla: Bla) -> str:
-    """A record in words."""
+    """Describe a record."""
     lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
     if bla.grid == "given":
         what = "an FRF" if bla.is_single else "a matrix of FRFs"
@@ -297,8 +313,8 @@ def describe_record(bla: Bla) -> str:
     return f"{design}{bla.grid} multisine, {lines}, {drawn} x {bla.n_periods} periods, level from {bla.level_source}"
 
 
-def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
+def radius_of_user(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """Return frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
 
     Two arrays are frequencies and radius as they are; FRFs or systems are plants that the set has to hold.
     """
@@ -307,7 +323,7 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
         return None
     if not any(is_plant(part) or isinstance(part, np.ndarray) for part in many):
         raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {short_form(given)}")
-    if form.scaled:
+    if form.depends_on_units:
         raise ValueError(f"form must not depend on units where the radius is your own, got {form.name}")
     if isinstance(given, tuple) and len(many) == 2 and not any(is_plant(part) for part in many):
         omega, radius = require_real_array("omega", many[0], ndim=1), require_real_array("radius", many[1], ndim=1)
@@ -316,7 +332,7 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
         return omega, radius, "a radius that was given"
     if not all(is_plant(part) for part in many):
         raise ValueError("bla must be all plants (FRFs or systems), or (omega, radius), where the radius is your own")
-    lines = plant_lines(many, nominal)
+    lines = frequencies_of_plants(many, nominal)
     each, differs = [], False
     for plant in many:
         omega, G = frequency_response("bla", plant, lines, (nominal, *many))
@@ -328,20 +344,24 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
             raise ValueError(
                 f"bla must leave the radius finite, got a plant or nominal that vanishes: {form.name} form"
             )
-        each.append(spread_over(lines, omega, away))
+        each.append(larger_neighbour(lines, omega, away))
     radius = np.nanmax(each, axis=0)
     if not differs:
         raise ValueError("bla must hold a plant beside the nominal, got none that differs")
-    return lines, np.maximum(radius, LEAST * radius.max()), f"{format_count(len(many), 'plant')} that were given"
+    return (
+        lines,
+        np.maximum(radius, MIN_RADIUS_RATIO * radius.max()),
+        f"{format_count(len(many), 'plant')} that were given",
+    )
 
 
 def is_plant(part: Any) -> bool:
-    """Whether it is an FRF or a system."""
+    """Return whether it is an FRF or a system."""
     return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
 
 
-def plant_lines(many: list[Any], nominal: Any) -> np.ndarray:
-    """All frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
+def frequencies_of_plants(many: list[Any], nominal: Any) -> np.ndarray:
+    """Return all frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
     known = [plant for plant in [*many, nominal] if isinstance(plant, control.FrequencyResponseData)]
     if not known:
         raise ValueError(
@@ -352,15 +372,15 @@ def plant_lines(many: list[Any], nominal: Any) -> np.ndarray:
     return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))
 
 
-def own_set(
+def set_of_user(
     given: Any, nominal: Any, form: Form, rules: Extrapolation, dt: float, order: int, spec: RadiusSpec
 ) -> dict[str, Any]:
-    """The fields of a set with a radius of the user's own, its weight fitted, no confidence claimed; none of Blas."""
-    found = own_radius(given, nominal, form)
+    """Return the fields of a set with a radius of the user and its weight, without a confidence; none for Blas."""
+    found = radius_of_user(given, nominal, form)
     if found is None:
         return {}
     if spec.simultaneous or spec.systematic is not None:
         raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
     omega, radius, source = found
-    weight = suspected(fit_extrapolated(rules.applied(omega, radius, dt), rules, order, dt), omega, radius)
+    weight = checked_weight(fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order, dt), omega, radius)
     return {"omega": omega, "radius": radius, "weight": weight, "extrapolation": str(rules), "source": source}

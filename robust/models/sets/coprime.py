@@ -30,25 +30,25 @@ from robust.lti.realisation import state_space
 from robust.lti.stability import is_stable
 
 __all__ = [
-    "as_shaping",
     "chord",
-    "complement",
     "coprime_factors",
+    "coprime_phase_offset",
     "factor_systems",
-    "other_plant",
-    "refuse_everything",
+    "factors_with_complement",
+    "invertible_scaling",
+    "plant_of_perturbed_factors",
+    "require_below_one",
     "tangent",
     "tangent_system",
-    "turned",
 ]
 
 
-HIDDEN = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
-INEXACT = 1e-8  # chordal distance that the quotient of the factors may have from the plant
+HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
+FACTOR_TOLERANCE = 1e-8  # chordal distance that the quotient of the factors may have from the plant
 
 
-def as_shaping(name: str, W: Any, nominal: Any) -> control.StateSpace:
-    """A scaling of the plant that can be taken back: stable with a stable inverse, on the time base of the plant."""
+def invertible_scaling(name: str, W: Any, nominal: Any) -> control.StateSpace:
+    """Return a scaling of the plant, checked to be stable with a stable inverse, on the time base of the plant."""
     W = state_space(name, 1.0 if W is None else W)
     if (
         not is_constant(W)
@@ -68,7 +68,7 @@ def as_shaping(name: str, W: Any, nominal: Any) -> control.StateSpace:
     return W
 
 
-def refuse_everything(weight: control.StateSpace) -> None:
+def require_below_one(weight: control.StateSpace) -> None:
     """Refuse a weight that reaches one: such a set holds every plant there is."""
     largest, where = hinf_norm(weight)
     if largest >= 1:
@@ -79,7 +79,7 @@ def refuse_everything(weight: control.StateSpace) -> None:
 
 
 def chord(radius: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(W,) eps of the disc of that radius about G, |G| = size: its point nearest to zero is the farthest.
+    """Return (W,) eps of the disc of that radius about G, |G| = size: its point nearest to zero is the farthest.
 
     >>> float(chord(np.array([0.5]), np.array([1.0]))[0])              # from 1 to 1/2: 0.5/sqrt(2 * 1.25)
     0.31622776601683794
@@ -88,16 +88,16 @@ def chord(radius: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def tangent(w: np.ndarray) -> np.ndarray:
-    """(W,) t = w/sqrt(1 - |w|^2), the phase of w kept."""
+    """Return (W,) t = w/sqrt(1 - |w|^2), the phase of w kept."""
     return np.asarray(w / np.sqrt(np.maximum(1 - np.abs(w) ** 2, 1e-300)))
 
 
 def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndarray]:
-    """[N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X.
+    """Return [N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X.
 
     Of several inputs and outputs G = N M^-1; the left factors are the transposed ones of the transposed plant.
     """
-    A, B, C, D = scaled_apart(G)
+    A, B, C, D = scaled_continuous_plant(G)
     R = np.eye(G.ninputs) + D.T @ D
     X = stabilising_riccati(A, B, C.T @ C, R, C.T @ D)
     if X is None:
@@ -110,31 +110,33 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
     return (A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])), X
 
 
-def scaled_apart(G: control.StateSpace) -> Matrices:
-    """The plant in continuous time and well scaled."""
-    return well_scaled(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
+def scaled_continuous_plant(G: control.StateSpace) -> Matrices:
+    """Return the plant in continuous time and well scaled."""
+    return scale_states(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
 
 
-def well_scaled(matrices: Matrices) -> Matrices:
-    """The same system with its states scaled: in those of a companion form the Riccati equation may be hopeless."""
+def scale_states(matrices: Matrices) -> Matrices:
+    """Scale the states of a system: in a companion form the Riccati equation may be ill-conditioned."""
     A, B, C, D = matrices
     if not A.size:
         return matrices
-    weights = balance_matrix(bordered(A, B, C))[1]  # an entry at rounding level says nothing of the size of its state
+    weights = balance_matrix(bordered_matrix(A, B, C))[
+        1
+    ]  # an entry at rounding level says nothing of the size of its state
     units = weights[: len(A)] / weights[-1]
     A, B, C = A * units / units[:, None], B / units[:, None], C * units
     size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
     return A, B * size, C / size, D
 
 
-def bordered(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """[A b; c 0], b and c the sizes of the rows of B and of the columns of C."""
+def bordered_matrix(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return [A b; c 0], b and c the sizes of the rows of B and of the columns of C."""
     b, c = np.linalg.norm(B, axis=1, keepdims=True), np.linalg.norm(C, axis=0, keepdims=True)
     return np.block([[A, b], [c, np.zeros((1, 1))]])
 
 
 def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.StateSpace]:
-    """N and M as systems on the time base of the plant."""
+    """Return N and M as systems on the time base of the plant."""
     (A, B, C, D), _ = coprime_factors("nominal", G)
     dt = timebase(G)
     each = ((A, B, C[[k]], D[[k]]) for k in (0, 1))
@@ -142,58 +144,58 @@ def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.S
     return N, M
 
 
-def complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
-    """[N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass.
+def factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
+    """Return [N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass.
 
     In states whose Gramian X is one, where that needs A + A' + C'C = 0 and B = -C'D and no inverse of X: they are met
     to the last bit, and what rounding is left shows in N/M, which is held against the plant.
     """
     factors, X = coprime_factors("nominal", G)
-    A, C = output_normal(factors, X)
+    A, C = output_normal_form(factors, X)
     D = np.array([[factors[3][0, 0], factors[3][1, 0]], [factors[3][1, 0], -factors[3][0, 0]]])
     A, B = (A - A.T - C.T @ C) / 2, -C.T @ D
     made = (A, B[:, :1], C, D[:, :1])
-    refuse_inexact(G, made, np.linalg.eigvals(factors[0]))
+    require_exact_factors(G, made, np.linalg.eigvals(factors[0]))
     return made, B[:, 1:], D[:, 1:]
 
 
-def output_normal(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A and C of the factors in states whose Gramian is one, by way of balanced ones; without modes that hide."""
+def output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return A and C of the factors in states of unit Gramian, by way of balanced ones, without hidden modes."""
     A, B, C, _ = factors
     if not A.size:
         return A, C
-    reached, seen = root_of(solve_continuous_lyapunov(A, -B @ B.T)), root_of(X)
+    reached, seen = gramian_root(solve_continuous_lyapunov(A, -B @ B.T)), gramian_root(X)
     U, sizes, V = np.linalg.svd(seen.T @ reached)
-    kept = int(np.sum(sizes > HIDDEN * sizes.max(initial=0.0)))
+    kept = int(np.sum(sizes > HIDDEN_MODE_RATIO * sizes.max(initial=0.0)))
     forth, back = U[:, :kept].T @ seen.T, reached @ V[:kept].T / sizes[:kept]
     return forth @ A @ back, C @ back
 
 
-def root_of(gramian: np.ndarray) -> np.ndarray:
-    """L with L L' the positive part of a Gramian."""
+def gramian_root(gramian: np.ndarray) -> np.ndarray:
+    """Return L with L L' the positive part of a Gramian."""
     values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def refuse_inexact(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
+def require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
     """Refuse factors whose quotient is not the plant: what would be made of them lies outside of its set."""
     if not poles.size:
         return
     fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
     x = np.geomspace(1e-2 * slow, 1e2 * fast, 200)
-    plant = replace_infinite(evaluate_transfer(*scaled_apart(G), 1j * x)[:, 0, 0])
+    plant = replace_infinite(evaluate_transfer(*scaled_continuous_plant(G), 1j * x)[:, 0, 0])
     N, M = np.moveaxis(evaluate_transfer(*factors, 1j * x)[:, :, 0], 0, 1)
     off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
-    if not off <= INEXACT:
+    if not off <= FACTOR_TOLERANCE:
         raise ValueError(
             f"nominal must be one whose coprime factors floating point can tell, got factors off by {off:.2g} "
             "(numerical failure). Other units or fewer states may help"
         )
 
 
-def other_plant(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
-    """The plant whose factors are those of G plus X times their complement, X stable."""
-    (A, B, C, D), B_across, D_across = complement(G)
+def plant_of_perturbed_factors(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
+    """Return the plant whose factors are those of G plus X times their complement, X stable."""
+    (A, B, C, D), B_across, D_across = factors_with_complement(G)
     A_X, B_X, C_X, D_X = continuous_image(X) if X.nstates else (X.A, X.B, X.C, X.D)
     n, m = len(A), len(A_X)
     A = np.block([[A, B_across @ C_X], [np.zeros((m, n)), A_X]])
@@ -208,9 +210,9 @@ def other_plant(G: control.StateSpace, X: control.StateSpace) -> control.StateSp
 
 
 def tangent_system(w: control.StateSpace) -> control.StateSpace:
-    """A stable system of gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
+    """Return a stable system of gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
     dt = timebase(w)
-    A, B, C, D = well_scaled(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
+    A, B, C, D = scale_states(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
     # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), by the same equation with R = D'D - 1, which is negative
     Y = stabilising_riccati(A, B, C.T @ C, D.T @ D - 1, C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:
@@ -223,9 +225,9 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(*(to_discrete(A, B, C, D) if dt and len(A) else (A, B, C, D)), dt)
 
 
-def turned(G: control.StateSpace, w: control.StateSpace, omega: float) -> complex:
-    """What Delta is multiplied by, in phase, between `other_plant` on `tangent_system` and the formula above."""
-    (A, B, C, D), B_across, D_across = complement(G)
+def coprime_phase_offset(G: control.StateSpace, w: control.StateSpace, omega: float) -> complex:
+    """Return the phase factor of Delta between `plant_of_perturbed_factors` on `tangent_system` and the formula."""
+    (A, B, C, D), B_across, D_across = factors_with_complement(G)
     dt = timebase(G)
     s = 1j * np.tan(omega * dt / 2) if dt else 1j * omega
     resolved = np.linalg.solve(s * np.eye(len(A)) - A, np.hstack([B, B_across])) if len(A) else np.zeros((0, 2))

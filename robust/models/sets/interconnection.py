@@ -67,7 +67,7 @@ class Block:
         require_choice("kind", self.kind, KINDS)
         require_choice("perturbation", self.perturbation, PERTURBATIONS)
         for name in ("reads", "drives"):
-            object.__setattr__(self, name, signals(name, getattr(self, name)))
+            object.__setattr__(self, name, checked_signals(name, getattr(self, name)))
         if self.kind != "full" and len(self.reads) != len(self.drives):
             raise ValueError(f"drives must name as many signals as reads for a {self.kind} block, {len(self.reads)}")
         size = multivariable("size", self.size)
@@ -84,8 +84,8 @@ class Block:
         return lengths if self.kind == "full" else (*lengths, self.kind)
 
 
-def signals(name: str, given: Any) -> tuple[str, ...]:
-    """Signal names as a tuple, or a refusal."""
+def checked_signals(name: str, given: Any) -> tuple[str, ...]:
+    """Return signal names as a tuple, or a refusal."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, Sequence) or not all(isinstance(one, str) for one in names):
         raise ValueError(f"{name} must hold names of signals, got {short_form(given)}")
@@ -125,24 +125,24 @@ class UncertainSystem:
 
     @property
     def structure(self) -> list[tuple[Any, ...]]:
-        """Blocks as `mu_upper` takes them, for the part of N they close."""
+        """Return blocks as `mu_upper` takes them, for the part of N they close."""
         return [block.shape for block in self.blocks.values()]
 
     @property
     def with_performance(self) -> list[tuple[Any, ...]]:
-        """The same with a full block from outputs to inputs: mu < 1 keeps the gain from inputs to outputs under one."""
+        """Return `structure` and a full block from outputs to inputs: mu < 1 keeps that gain under one."""
         return [*self.structure, (len(self.outputs), len(self.inputs))]
 
     @property
     def loop(self) -> control.StateSpace:
-        """The part of N that the perturbations close."""
+        """Return the part of N that the perturbations close."""
         rows = sum(block[0] for block in self.structure)
         cols = sum(block[1] for block in self.structure)
         N = self.N
         return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt)
 
     def at(self, **values: float) -> control.StateSpace:
-        """The system with numbers in [-1, 1] in place of perturbations of one signal; those not named are zero.
+        """Return the system with numbers in [-1, 1] in place of perturbations of one signal; those not named are zero.
 
         From inputs to outputs; where there are none, from what the blocks drive to what they read.
 
@@ -213,7 +213,7 @@ def interconnection(
         raise ValueError(f"systems must hold at least one system, as a list, got {short_form(systems)}")
     if not isinstance(blocks, Mapping) or not all(isinstance(block, Block) for block in blocks.values()):
         raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {short_form(blocks)}")
-    inputs, outputs = signals("inputs", inputs), signals("outputs", outputs)
+    inputs, outputs = checked_signals("inputs", inputs), checked_signals("outputs", outputs)
     if bool(inputs) != bool(outputs):
         raise ValueError("outputs must be given together with inputs, got only one of them")
     parts = [multivariable(f"systems[{k}]", system) for k, system in enumerate(systems)]
@@ -223,15 +223,15 @@ def interconnection(
     named_out = [label for part in parts for label in part.output_labels]
     read = [*(label for block in blocks.values() for label in block.reads), *outputs]
     external = [*(label for block in blocks.values() for label in block.drives), *inputs]
-    refuse_signals(named_in, named_out, read, external)
-    N = joined_by_name(block_diagonal(parts, dt), (named_in, named_out), external, read)
+    require_known_signals(named_in, named_out, read, external)
+    N = join_parts_by_name(block_diagonal(parts, dt), (named_in, named_out), external, read)
     if weights:
         size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
-        N = in_front(size, N, dt)
+        N = scale_outputs(size, N, dt)
     return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
 
 
-def refuse_signals(named_in: list[str], named_out: list[str], read: list[str], external: list[str]) -> None:
+def require_known_signals(named_in: list[str], named_out: list[str], read: list[str], external: list[str]) -> None:
     """Refuse signals nobody has, and inputs nobody drives."""
     for label in read:
         if label not in named_out:
@@ -248,12 +248,16 @@ def refuse_signals(named_in: list[str], named_out: list[str], read: list[str], e
             raise ValueError(f"systems must have every input driven, got nobody who drives {label!r}")
 
 
-def joined_by_name(
+def join_parts_by_name(
     parts: control.StateSpace, names: tuple[list[str], list[str]], external: list[str], read: list[str]
 ) -> control.StateSpace:
     """From the external signals to those that are read: an input is what outputs and external signals add up to."""
     named_in, named_out = names
-    inside, into, out = selection(named_in, named_out), selection(named_in, external), selection(read, named_out)
+    inside, into, out = (
+        name_matches(named_in, named_out),
+        name_matches(named_in, external),
+        name_matches(read, named_out),
+    )
     # (external, all inputs) -> (read, all outputs)
     P = control.StateSpace(
         parts.A,
@@ -266,20 +270,20 @@ def joined_by_name(
 
 
 def common_timebase(parts: list[control.StateSpace]) -> float:
-    """The sampling time of all parts that have one, or a refusal."""
+    """Return the sampling time of all parts that have one, or a refusal."""
     steps = {timebase(part) for part in parts if not is_clockless(part)}
     if len(steps) > 1:
         raise ValueError(f"systems must have one sampling time, got {', '.join(f'{s:g} s' for s in sorted(steps))}")
     return steps.pop() if steps else 0.0
 
 
-def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """Ones where the names agree."""
+def name_matches(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """Return ones where the names agree."""
     return np.array([[float(row == column) for column in columns] for row in rows]).reshape(len(rows), len(columns))
 
 
-def in_front(size: control.StateSpace, N: control.StateSpace, dt: float) -> control.StateSpace:
-    """size N, all states kept."""
+def scale_outputs(size: control.StateSpace, N: control.StateSpace, dt: float) -> control.StateSpace:
+    """Return size N, all states kept."""
     n, m = size.nstates, N.nstates
     A = np.block([[N.A, np.zeros((m, n))], [size.B @ N.C, size.A]])
     return control.StateSpace(A, np.vstack([N.B, size.B @ N.D]), np.hstack([size.D @ N.C, size.C]), size.D @ N.D, dt)

@@ -1,4 +1,4 @@
-"""The probability that a whole FRF lies in a set, all its lines together, estimated from what the record says.
+"""The probability that a whole FRF lies in a set, all its lines together, estimated by simulation from the record.
 
 A confidence per line says nothing of all of them: 148 independent discs at 95 % would hold a whole FRF once in 2000
 times. What decides is the slack of the weight over the radius, the misfit that is added to the scatter and not squared
@@ -22,30 +22,30 @@ from typing import Any
 import numpy as np
 
 from nlfrf import Bla
-from robust.models.sets.radius import misfits, nominal_response
+from robust.models.sets.radius import entry_misfits, nominal_response
 from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, RecordSummary, summarize_record
 
-__all__ = ["format_probability", "joint_probability", "probability_of_frf", "with_records"]
+__all__ = ["attach_records", "format_probability", "joint_probability", "probability_of_frf"]
 
 
-DRAWS, NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
-LEAST_DRAWS = 400
-FOLLOWS = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
+N_DRAWS, N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
+MIN_DRAWS = 400
+MAX_FOLLOWED_SHARE = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
 
 
-def with_records(model: Any, blas: list[Bla], recorded: list[Bla] | None = None) -> Any:
-    """The model with what it remembers of its records, and the joint probabilities: of several levels the least.
+def attach_records(model: Any, blas: list[Bla], recorded: list[Bla] | None = None) -> Any:
+    """Return the model with a summary of its records and the joint probabilities: of several levels the least.
 
     recorded : the same before the hold of the model was put into them; blas when not given.
     """
     records = tuple(map(summarize_record, blas, recorded or blas))
-    missed = [misfits(bla, nominal_response(model.nominal, bla.omega)) for bla in blas]
+    missed = [entry_misfits(bla, nominal_response(model.nominal, bla.omega)) for bla in blas]
     joint, joint_bla = np.min(list(map(partial(joint_probability, model), blas, records, missed)), axis=0)
     return replace(model, records=records, joint=float(joint), joint_bla=float(joint_bla))
 
 
 def joint_probability(model: Any, bla: Bla, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
-    """Probability that the whole FRF of a new realisation lies in the set of a model, and that the whole BLA does.
+    """Estimate the probability that the whole FRF of a new realisation lies in the set, and that the whole BLA does.
 
     summary, missed : what a set remembers of the record, and the misfit of the nominal on its lines, entry by entry.
     """
@@ -53,22 +53,22 @@ def joint_probability(model: Any, bla: Bla, summary: RecordSummary, missed: np.n
 
 
 def shrunk_residual(r: np.ndarray, v: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, bool]:
-    """m^2/(m^2 + v) of a residual r about the nominal, and whether the nominal follows the record itself."""
+    """Return m^2/(m^2 + v) of a residual r about the nominal, and whether the nominal follows the record itself."""
     square, tiny = missed**2, np.finfo(float).tiny
-    follows = bool(np.mean(np.abs(r) ** 2 / np.maximum(v, tiny)) < FOLLOWS)
+    follows = bool(np.mean(np.abs(r) ** 2 / np.maximum(v, tiny)) < MAX_FOLLOWED_SHARE)
     return square / np.maximum(square + v, tiny), follows
 
 
 def probability_of_frf(model: Any, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
-    """`joint_probability` of one channel, by the level that the roughness of G confirms."""
+    """Return `joint_probability` of one channel, by the level that the roughness of G confirms."""
     inside = (summary.omega >= model.omega[0] * (1 - 1e-9)) & (summary.omega <= model.omega[-1] * (1 + 1e-9))
     omega, G, v, s = (part[inside] for part in (summary.omega, summary.G, summary.variance, summary.scatter))
     G0 = nominal_response(model.nominal, omega)
     shrunk, follows = shrunk_residual(G - G0, v, missed[inside])
     center, around = (G - G0) * shrunk, v * (shrunk + follows)
-    n = int(np.clip(NUMBERS // omega.size, LEAST_DRAWS, DRAWS))
+    n = int(np.clip(N_NUMBERS // omega.size, MIN_DRAWS, N_DRAWS))
     rng = np.random.default_rng(0)  # the same set, the same number
-    g, common, z = (*level_errors(n, omega.size, rng), normals((n, omega.size), rng))
+    g, common, z = (*draw_level_errors(n, omega.size, rng), draw_complex_normals((n, omega.size), rng))
 
     def held(variance: np.ndarray) -> float:
         return float(np.mean(np.all(model.is_within(omega, G0 + center + np.sqrt(variance) * z, G0), axis=1)))
@@ -77,7 +77,7 @@ def probability_of_frf(model: Any, summary: RecordSummary, missed: np.ndarray) -
 
 
 def probability_of_matrix(model: Any, frm: Bla, missed: np.ndarray) -> tuple[float, float]:
-    """`joint_probability` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white."""
+    """Return `joint_probability` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white."""
     n_y, n_u, F = frm.G.shape
     G0 = model.at(frm.omega)
     entries = [summarize_record(frm.entry(j, i)) for j, i in np.ndindex(n_y, n_u)]
@@ -85,12 +85,12 @@ def probability_of_matrix(model: Any, frm: Bla, missed: np.ndarray) -> tuple[flo
     share = np.mean(v / np.maximum(frm.entries(frm.cov_bound), np.finfo(float).tiny), axis=(0, 1))  # of the level
     r = frm.G - G0
     shrunk, follows = shrunk_residual(r, v, missed)
-    n = int(np.clip(NUMBERS // frm.G.size, LEAST_DRAWS, DRAWS))
+    n = int(np.clip(N_NUMBERS // frm.G.size, MIN_DRAWS, N_DRAWS))
     rng = np.random.default_rng(0)
-    g, common, z = (*level_errors(n, F, rng), normals((n, F, n_y, n_u), rng))
-    bound, gamma = (roots(np.moveaxis(C, 2, 0)) for C in (frm.cov_bound, frm.gamma))
+    g, common, z = (*draw_level_errors(n, F, rng), draw_complex_normals((n, F, n_y, n_u), rng))
+    bound, gamma = (hermitian_roots(np.moveaxis(C, 2, 0)) for C in (frm.cov_bound, frm.gamma))
     # as a set scatters most likely, not as far as the peaks of its inputs allow it
-    extra = roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0) / frm.typical)
+    extra = hermitian_roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0) / frm.typical)
     center, kept, nominal = (np.moveaxis(x, 2, 0) for x in (r * shrunk, np.sqrt(shrunk + follows), G0))
     size = np.sqrt(share / g)[..., None, None]
 
@@ -98,32 +98,32 @@ def probability_of_matrix(model: Any, frm: Bla, missed: np.ndarray) -> tuple[flo
         return float(np.mean(np.all(model.is_within(frm.omega, nominal + deviation, nominal), axis=1)))
 
     about = center + size * kept * (bound @ z @ gamma)
-    new = size * np.sqrt(common)[..., None, None] * (extra @ normals(z.shape, rng) @ gamma)
+    new = size * np.sqrt(common)[..., None, None] * (extra @ draw_complex_normals(z.shape, rng) @ gamma)
     return held(about + new), held(about)
 
 
-def roots(C: np.ndarray) -> np.ndarray:
-    """(F, n, n) Hermitian square roots of covariances."""
+def hermitian_roots(C: np.ndarray) -> np.ndarray:
+    """Return (F, n, n) Hermitian square roots of covariances."""
     values, vectors = np.linalg.eigh(C)
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
-def level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Draws of estimated over true level (n, F), shared by neighbours, and of the power that all lines share (n, 1)."""
+def draw_level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Draw estimated over true levels (n, F), shared by neighbours, and the power that all lines share (n, 1)."""
     sums = np.cumsum(rng.exponential(size=(n, n_lines + WINDOW)), axis=1)
     level = (sums[:, WINDOW:] - sums[:, :-WINDOW]) / WINDOW
     common = np.exp(np.sqrt(FEW_LINES / n_lines) * rng.normal(size=(n, 1)))
     return level ** np.sqrt(WINDOW / LEVEL_DOF), common
 
 
-def normals(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """Complex normal numbers of variance one."""
+def draw_complex_normals(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Draw complex normal numbers of variance one."""
     pairs = rng.standard_normal((2, *shape)) * np.sqrt(0.5)
     return np.asarray(pairs[0] + 1j * pairs[1])
 
 
 def format_probability(p: float) -> str:
-    """An estimated probability in words, no finer than it is known."""
+    """Format an estimated probability, no finer than it is known."""
     if p > 0.99:
         return "over 99 %"
     return "under 1 %" if p < 0.01 else f"about {100 * p:.0f} %"

@@ -13,31 +13,31 @@ from robust._base.channels import is_single
 from robust.lti.lti import response, timebase
 from robust.lti.sampling import hold_correction, hold_response
 from robust.models.fit.nominal import DesignWarning, frd
-from robust.models.sets.forms import RELATIVE
+from robust.models.sets.forms import DEFAULT_FORM
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import RadiusSpec, record_disc, total_of
+from robust.models.sets.radius import RadiusSpec, record_radius_parts, sum_of_parts
 
-__all__ = ["as_seen", "on_lines", "sampling_time", "warn_of_unknown_hold"]
-
-
-NEAR = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
+__all__ = ["add_hold_and_delay", "frf_sampling_time", "parts_on_lines", "warn_of_unknown_hold"]
 
 
-def sampling_time(model: Any) -> float:
-    """Of an FRF that says it is a sampled one; 0 otherwise."""
+RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
+
+
+def frf_sampling_time(model: Any) -> float:
+    """Return the sampling time [s] of an FRF that states one; 0 otherwise."""
     source = model.nominal if isinstance(model, UncertaintyModel) else model
     return float(getattr(source, "dt", 0) or 0)
 
 
-def as_seen(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
-    """(W,) an FRF with the delay, and with zero-order hold where the controller is sampled and the FRF is not.
+def add_hold_and_delay(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
+    """Return (W,) an FRF with the delay, and with zero-order hold where the controller is sampled and the FRF is not.
 
     What folds down from above Nyquist is not known and left out.
     """
     hold = getattr(model, "hold", "unknown")
     if hold != "unknown":
         G = G * hold_correction(omega, hold, model.fs, dt)
-    elif dt and not sampling_time(model):
+    elif dt and not frf_sampling_time(model):
         warn_of_unknown_hold(model, dt)
         G = G * hold_response(omega, dt)
     return G * np.exp(-1j * omega * delay)
@@ -48,7 +48,7 @@ def warn_of_unknown_hold(model: Any, dt: float) -> None:
     parametric = isinstance(model, UncertaintyModel) and not model.measured_only
     if (parametric and timebase(model.nominal)) or getattr(model, "hold", "known") != "unknown":
         return
-    if dt * model.fs < NEAR:
+    if dt * model.fs < RATE_RATIO:
         warnings.warn(
             f"hold of the record must be known, at {model.fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
             ' and if u was the command of a converter it was in the record already. Load it with hold="zoh" (u is the '
@@ -58,11 +58,11 @@ def warn_of_unknown_hold(model: Any, dt: float) -> None:
         )
 
 
-def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
-    """Frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
+def parts_on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
+    """Return frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
     if is_single(model):
-        disc = total_of(record_disc(model, frd(model), RadiusSpec()))
-        return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
+        disc = sum_of_parts(record_radius_parts(model, frd(model), RadiusSpec()))
+        return model.omega, model.G, DEFAULT_FORM, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
     if isinstance(model, control.FrequencyResponseData):
         if (model.ninputs, model.noutputs) != (1, 1):
             raise ValueError(f"model must have one input and one output, got {short_form(model)}")
@@ -70,7 +70,7 @@ def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, 
         return (
             omega,
             np.asarray(model.frdata[0, 0]),
-            RELATIVE,
+            DEFAULT_FORM,
             np.full(omega.size, np.nan + 0j),
             "LTI",
             np.ones(omega.size),

@@ -65,19 +65,27 @@ from robust.lti.lti import (
 from robust.lti.realisation import frequency_response, multivariable, repeat_over_channels, rightmost_pole, state_space
 from robust.lti.stability import is_stable
 from robust.models.fit.weights import cover_sampled
-from robust.models.sets.coprime import as_shaping, refuse_everything
-from robust.models.sets.forms import ADDITIVE, ELEMENTS, FORMS, INPUT, MATRIX_FORMS, PERTURBATIONS, of_one_channel
+from robust.models.sets.coprime import invertible_scaling, require_below_one
+from robust.models.sets.forms import (
+    ADDITIVE,
+    ELEMENTS,
+    FORMS,
+    INPUT,
+    MATRIX_FORMS,
+    PERTURBATIONS,
+    reduce_to_one_channel,
+)
 from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.joint import format_probability
-from robust.models.sets.perturbations import perturbed, random_delta, within
-from robust.models.sets.radius import PARTS, frf_at
+from robust.models.sets.perturbations import is_within_set, perturbed_plant, random_delta
+from robust.models.sets.radius import PARTS, frf_on_lines
 from robust.models.sets.records import RecordSummary
 
 __all__ = ["MatrixUncertainty", "UncertaintyModel", "has_several_channels", "require_one_channel", "require_parametric"]
 
 
-ROUNDED = 1 + 1e-9  # a Delta of size one, but for rounding
-TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
+ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
+MAX_TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
 
 
 @value(kw_only=False)
@@ -211,7 +219,7 @@ class UncertaintyModel:
             for name in ("left", "right"):
                 held[name] = tuple(state_space(name, weight) for weight in getattr(self, name))
             G = held["nominal"] = multivariable("nominal", self.nominal)
-            if one := (G.ninputs, G.noutputs) == (1, 1) and of_one_channel(
+            if one := (G.ninputs, G.noutputs) == (1, 1) and reduce_to_one_channel(
                 self.form, self.left, self.right, np.asarray(self.radius)
             ):
                 held.update(one, left=(), right=())
@@ -227,14 +235,14 @@ class UncertaintyModel:
             held["nominal"] = (state_space if single else multivariable)("nominal", self.nominal)
         if single:
             held["weight"] = state_space("weight", self.weight)
-            if FORMS[self.form].scaled:
-                refuse_everything(self.weight)
+            if FORMS[self.form].depends_on_units:
+                require_below_one(self.weight)
         else:
             self._check_blocks()
         self._check_radius()
         for name in ("W1", "W2"):
-            if single and FORMS[self.form].scaled:
-                held[name] = as_shaping(name, getattr(self, name), self.nominal)
+            if single and FORMS[self.form].depends_on_units:
+                held[name] = invertible_scaling(name, getattr(self, name), self.nominal)
             elif getattr(self, name) is not None:
                 raise ValueError(f"{name} must be left out but for the coprime form, got one with {self.form}")
         known = (("u",), ("y",)) if single else signal_names(self.nominal)
@@ -322,67 +330,67 @@ class UncertaintyModel:
 
     @property
     def is_single(self) -> bool:
-        """Whether it is of one input and one output, so that its arrays have no axis of channels."""
+        """Return whether it is of one input and one output, so that its arrays have no axis of channels."""
         return not (self.left or self.right)
 
     @property
     def n_outputs(self) -> int:
-        """Outputs n_y."""
+        """Return outputs n_y."""
         return int(self.nominal.noutputs)
 
     @property
     def n_inputs(self) -> int:
-        """Inputs n_u."""
+        """Return inputs n_u."""
         return int(self.nominal.ninputs)
 
     @property
     def weights(self) -> tuple[control.StateSpace, ...]:
-        """All weights: the one, or those of `left` before those of `right`."""
+        """Return all weights: the one, or those of `left` before those of `right`."""
         return (self.weight,) if self.is_single else (*self.left, *self.right)
 
     @property
     def evidence(self) -> tuple[RecordSummary, ...]:
-        """An older name of `records`."""
+        """Return an older name of `records`."""
         return self.records
 
     measured = evidence
 
     @property
     def other(self) -> UncertaintyModel | None:
-        """An older name of `alternative_form`."""
+        """Return an older name of `alternative_form`."""
         return self.alternative_form
 
     @property
     def measured_only(self) -> bool:
-        """Whether the nominal is an FRF: nothing can be said between and outside its lines."""
+        """Return whether the nominal is an FRF: nothing can be said between and outside its lines."""
         return isinstance(self.nominal, control.FrequencyResponseData)
 
     @property
     def structure(self) -> list[tuple[int, int]]:
-        """The blocks of Delta, as `mu_upper` takes them."""
+        """Return the blocks of Delta, as `mu_upper` takes them."""
         if self.form == ELEMENTS:
             return [(1, 1)] * (self.n_outputs * self.n_inputs)
         return [(1, 1)] if self.is_single else [(len(self.right), len(self.left))]
 
     @property
     def shaping(self) -> control.StateSpace:
-        """W1 W2 as one system; the gain one where the form needs no scaling."""
-        scaled = self.is_single and FORMS[self.form].scaled
+        """Return W1 W2 as one system; the gain one where the form needs no scaling."""
+        scaled = self.is_single and FORMS[self.form].depends_on_units
         return in_series(self.W1, self.W2) if scaled else state_space("shaping", 1.0)
 
     def budget(self) -> dict[str, np.ndarray]:
-        """Name of each known part of the radius -> (W,) or (n, W) its share there."""
+        """Return the name of each known part of the radius -> (W,) or (n, W) its share there."""
         parts = {name: getattr(self, f"radius_{name}") for name in PARTS}
         return {name: part for name, part in parts.items() if np.isfinite(part).any()}
 
     def at(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) or (n_y, n_u, W) complex response of the nominal."""
+        """Return (W,) or (n_y, n_u, W) complex response of the nominal."""
         if self.measured_only:
-            return frf_at(self.nominal, omega)
+            return frf_on_lines(self.nominal, omega)
         return response(self.nominal, omega) if self.is_single else response_by_channel(self.nominal, omega)
 
     def distance(self, plant: Any) -> np.ndarray:
-        """(W,) size of the smallest Delta that turns the nominal into the given FRF, at its own frequencies.
+        """Return (W,) size of the smallest Delta that turns the nominal into the given FRF, at its own frequencies.
 
         plant : control.FrequencyResponseData, or a system, which is then taken at `omega`.
         """
@@ -392,7 +400,7 @@ class UncertaintyModel:
         return self.normalized_distance(omega, *(np.moveaxis(x, -1, 0) for x in (G, nominal)))
 
     def normalized_distance(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """(..., W) size of the smallest Delta that turns responses of a nominal (W,) into G (..., W).
+        """Return (..., W) size of the smallest Delta that turns responses of a nominal (W,) into G (..., W).
 
         Of several channels these are matrices, G (..., W, n_y, n_u) and nominal (W, n_y, n_u).
         """
@@ -402,29 +410,29 @@ class UncertaintyModel:
         return np.max(np.abs(delta), axis=(-2, -1)) if self.form == ELEMENTS else np.linalg.norm(delta, 2, (-2, -1))
 
     def is_within(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """(..., W) whether `normalized_distance` is at most one.
+        """Return (..., W) whether `normalized_distance` is at most one.
 
         Without singular values where the Frobenius norm decides: estimates of a probability ask it of many matrices.
         """
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
-            return np.abs(delta) <= ROUNDED
+            return np.abs(delta) <= ROUNDING_FACTOR
         if self.form == ELEMENTS:
-            return np.all(squared_modulus(delta) <= ROUNDED**2, axis=(-2, -1))
+            return np.all(squared_modulus(delta) <= ROUNDING_FACTOR**2, axis=(-2, -1))
         total = np.add.reduce(squared_modulus(delta), axis=(-2, -1))
-        held = total <= ROUNDED**2
-        close = ~held & (total <= ROUNDED**2 * min(delta.shape[-2:]))
-        held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= ROUNDED
+        held = total <= ROUNDING_FACTOR**2
+        close = ~held & (total <= ROUNDING_FACTOR**2 * min(delta.shape[-2:]))
+        held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= ROUNDING_FACTOR
         return held
 
     def minimal_perturbation(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """(..., W) the smallest Delta of `normalized_distance`; of several channels (..., W, rows, columns).
+        """Return (..., W) the smallest Delta of `normalized_distance`; of several channels (..., W, rows, columns).
 
         Of one channel up to the phase of the weight; of "elements" each number stands in its place.
         """
         sizes = [np.abs(response(weight, omega)) for weight in self.weights]
         if self.is_single:
-            if FORMS[self.form].scaled:  # at a pole too: it is as far from zero as a plant can be
+            if FORMS[self.form].depends_on_units:  # at a pole too: it is as far from zero as a plant can be
                 W = response(self.shaping, omega)
                 G, nominal = W * replace_infinite(G), W * replace_infinite(nominal)
             return FORMS[self.form].deviation(G, nominal) / sizes[0]
@@ -436,7 +444,7 @@ class UncertaintyModel:
         return deviation / np.transpose(sizes[:n])[:, :, None] / np.transpose(sizes[n:])[:, None, :]
 
     def entry_radius(self, omega: np.ndarray) -> np.ndarray:
-        """(n_y, n_u, W) how far the set lets each entry go from the nominal, exactly; of several channels."""
+        """Return (n_y, n_u, W) the largest deviation of each entry from the nominal over the set."""
         require_several_channels(self, "have entries", "nominal and radius say it of one")
         right = np.array([np.abs(response(weight, omega)) for weight in self.right])
         if self.form == ELEMENTS:
@@ -447,17 +455,17 @@ class UncertaintyModel:
         return left[:, None] * right
 
     def contains(self, plant: Any) -> bool:
-        """Whether an FRF (or a system, looked at on the lines) lies in the set at every one of its frequencies."""
-        return bool(np.all(self.distance(plant) <= ROUNDED))
+        """Return whether an FRF (or a system, on the lines) lies in the set at every one of its frequencies."""
+        return bool(np.all(self.distance(plant) <= ROUNDING_FACTOR))
 
     def perturbed(self, Delta: Any) -> control.StateSpace:
-        """The plant of the set that belongs to a perturbation, by itself: to replay the worst one.
+        """Return the plant of the set for one perturbation, to simulate the worst one.
 
         Delta : control.StateSpace from what it reads to what it drives, or a real matrix; of "elements" diagonal.
         """
         require_parametric(self, "to make plants of")
         if self.is_single:
-            return perturbed(self.form, self.nominal, self.weight, state_space("Delta", Delta), self.shaping)
+            return perturbed_plant(self.form, self.nominal, self.weight, state_space("Delta", Delta), self.shaping)
         P, Delta = self.open_loop(), multivariable("Delta", Delta)
         require_sampling_time("Delta", Delta, "the model", common_sampling_time(P))
         n, m = Delta.ninputs, Delta.noutputs
@@ -471,12 +479,12 @@ class UncertaintyModel:
         return lower_lft(turned, Delta)
 
     def sample(self, n: int, rng: np.random.Generator | int | None = None) -> list[Any]:
-        """n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
+        """Return n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
         plants: list[Any] = []
         rng = random_generator("rng", rng)
         # a gain as the weight need not state a clock, nor has one as the nominal to
         dt = max(timebase(w) for w in self.weights) or (0.0 if self.measured_only else timebase(self.nominal))
-        for _ in range(TRIALS * require_integer("n", n, least=0)):
+        for _ in range(MAX_TRIALS * require_integer("n", n, least=0)):
             if len(plants) == n:
                 break
             Delta = random_delta(rng, self.structure, (self.omega[0], self.omega[-1]), dt)
@@ -486,7 +494,7 @@ class UncertaintyModel:
                 plant: Any = control.FrequencyResponseData(deviated, self.omega, self.nominal.dt)
             else:
                 plant = self.perturbed(Delta)
-            if within(self, plant):
+            if is_within_set(self, plant):
                 plants.append(plant)
         if len(plants) < n:
             raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
@@ -526,7 +534,7 @@ class UncertaintyModel:
         return control.StateSpace(A, B, C, D, dt)
 
     def loop(self, K: Any, *, w_P: Any = None) -> UncertainSystem:
-        """The loop u = K (r - y) with the perturbations pulled out, for `check_structure`, `mu_upper`, `dk_iteration`.
+        """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure` and `mu_upper`.
 
         Of several channels.
 
@@ -560,7 +568,7 @@ class UncertaintyModel:
         )
 
     def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
-        """The perturbations by name, of several channels."""
+        """Return the perturbations by name, of several channels."""
         of = {"perturbation": self.perturbation}
         if self.form != ELEMENTS:
             return {self.form: Block([f"z{k}" for k in range(n_z)], [f"d{k}" for k in range(n_d)], **of)}
@@ -573,7 +581,7 @@ MatrixUncertainty = UncertaintyModel
 
 
 def has_several_channels(model: Any) -> TypeGuard[UncertaintyModel]:
-    """Whether it is an `UncertaintyModel` of several inputs or outputs."""
+    """Return whether it is an `UncertaintyModel` of several inputs or outputs."""
     return isinstance(model, UncertaintyModel) and not model.is_single
 
 

@@ -13,44 +13,46 @@ from robust.lti.lti import response, timebase
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-__all__ = ["perturbed", "random_delta", "random_perturbation", "with_phase", "with_phases", "within"]
+__all__ = ["is_within_set", "perturbed_plant", "random_delta", "random_perturbation", "with_phase", "with_phases"]
 
 
-ROUNDING = 1e-7  # by which a plant may be farther from the nominal than its set lets it
+SET_TOLERANCE = 1e-7  # by which a plant may be farther from the nominal than its set lets it
 
 
-def perturbed(
+def perturbed_plant(
     form: str,
     G: control.StateSpace,
     w: control.StateSpace,
     Delta: control.StateSpace,
     W: control.StateSpace | None = None,
 ) -> control.StateSpace:
-    """The perturbed plant as a system, of a plant scaled by W."""
+    """Return the perturbed plant as a system, of a plant scaled by W."""
     row = FORMS[form]
-    if W is None or not row.scaled:
-        return row.system(G, w, Delta)
-    return in_series(row.system(in_series(G, W), w, Delta), inverse_system(W))
+    if W is None or not row.depends_on_units:
+        return row.perturbed_system(G, w, Delta)
+    return in_series(row.perturbed_system(in_series(G, W), w, Delta), inverse_system(W))
 
 
-def within(model: Any, plant: Any) -> bool:
-    """Whether rounding in the realisation has left a plant in the set that it is said to be from.
+def is_within_set(model: Any, plant: Any) -> bool:
+    """Return whether rounding in its realisation has left a plant in the set it was made from.
 
     On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
     """
-    if not np.all(model.distance(plant) <= 1 + ROUNDING):
+    if not np.all(model.distance(plant) <= 1 + SET_TOLERANCE):
         return False
-    if model.measured_only or not model.is_single or not FORMS[model.form].scaled:
+    if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
         return True
     dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
     omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
-    return bool(np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + 10 * ROUNDING))
+    return bool(
+        np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + 10 * SET_TOLERANCE)
+    )
 
 
 def random_delta(
     rng: np.random.Generator, structure: Sequence[tuple[int, int]], band: tuple[float, float], dt: float
 ) -> control.StateSpace:
-    """A random stable perturbation of these blocks (reads, drives), each of gain one or (every other) less.
+    """Return a random stable perturbation of these blocks (reads, drives), each of gain one or (every other) less.
 
     A full block is V diag(all-passes) U^T with random orthogonal U and V: a gain of its own in every direction.
     """
@@ -66,7 +68,7 @@ def random_delta(
 
 
 def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:
-    """A random stable all-pass of one to three sections over the band [rad/s], of gain one or (every other) less."""
+    """Return a random stable all-pass of one to three sections over the band [rad/s], of gain one or less."""
     poles: list[complex] = []
     for _ in range(rng.integers(1, 4)):
         w = np.exp(rng.uniform(np.log(low), np.log(high)))
@@ -77,11 +79,11 @@ def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: f
         else:
             poles.append(complex(-w))
     gain = rng.choice([-1.0, 1.0]) * (1.0 if rng.random() < 0.5 else rng.random())
-    return all_pass(np.array(poles), gain, dt)
+    return all_pass_of_poles(np.array(poles), gain, dt)
 
 
-def all_pass(poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
-    """gain prod (s + p*)/(s - p), or its bilinear image."""
+def all_pass_of_poles(poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
+    """Return gain prod (s + p*)/(s - p), or its bilinear image."""
     if not dt:
         return from_roots(-poles.conj(), poles, gain, 0.0)
     z = (1 + poles * dt / 2) / (1 - poles * dt / 2)
@@ -91,7 +93,7 @@ def all_pass(poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
 
 
 def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
-    """A first-order all-pass times |value| that takes the given complex value at omega [rad/s]."""
+    """Return a first-order all-pass times |value| that takes the given complex value at omega [rad/s]."""
     x = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     angle = float(np.angle(value))
     if abs(np.sin(angle)) < 1e-4:  # as good as real: an all-pass of that phase has a pole next to zero or infinity
@@ -100,11 +102,11 @@ def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
     sign = 1.0 if angle >= 0 else -1.0
     phase = angle if angle >= 0 else angle + np.pi
     b = x / np.tan(np.clip((np.pi - phase) / 2, 1e-9, np.pi / 2 - 1e-9))
-    return all_pass(np.array([complex(-b)]), sign * abs(value), dt)
+    return all_pass_of_poles(np.array([complex(-b)]), sign * abs(value), dt)
 
 
 def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) -> control.StateSpace:
-    """A continuous all-pass that has given phases [rad] at several frequencies omega (n,) [rad/s], of order 2 n.
+    """Return a continuous all-pass that has given phases [rad] at several frequencies omega (n,) [rad/s], of order 2 n.
 
     A section (s + p)(s + p*)/((s - p)(s - p*)) with p = -h + j c, h << c turns once around c and is nearly one
     elsewhere: at omega it has the phase 2 acot((omega - c)/h), so c sets it. What it leaves the others is taken off.
@@ -122,4 +124,4 @@ def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) 
             wanted = (phases[k] - every.sum() + every[k]) % (2 * np.pi)
             centre[k] = w - half[k] / np.tan(np.clip(wanted / 2, 1e-6, np.pi - 1e-6))
     p = -half + 1j * centre
-    return all_pass(np.concatenate([[a, a.conjugate()] for a in p]), 1.0, 0.0)
+    return all_pass_of_poles(np.concatenate([[a, a.conjugate()] for a in p]), 1.0, 0.0)

@@ -1,4 +1,8 @@
-"""How large a set about a nominal (a model or an FRF) has to be on each line, and what that radius is made of."""
+"""The radius of a set about a nominal (a model or an FRF) on each line, and its parts.
+
+noise, odd and even distortion, misfit, level and systematic part; P&S 4.3 for the variances, F quantiles for the discs.
+Full blocks of a matrix take the covariance of all entries, as discs of single entries would ignore what they share.
+"""
 
 from __future__ import annotations
 
@@ -21,28 +25,30 @@ __all__ = [
     "PARTS",
     "Extrapolation",
     "RadiusSpec",
+    "block_radii_of_record",
     "block_radius",
-    "diagonal_over",
+    "checked_slope",
+    "diagonal_bound",
     "disc_parts",
     "element_parts",
-    "frf_at",
-    "full_block",
-    "misfits",
+    "entry_misfits",
+    "frf_on_lines",
+    "larger_neighbour",
     "nominal_response",
-    "of_form",
-    "record_disc",
-    "scaled_by",
-    "slope",
-    "smoothed",
-    "spread_over",
-    "total_of",
+    "radius_in_form",
+    "record_radius_parts",
+    "resolve_scaling",
+    "smooth_covariance",
+    "sum_of_parts",
 ]
 
 
 #: What a radius is made of.
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 MISFIT_WINDOW = 9
-SMOOTHED = 9  # lines over which a covariance is averaged, relative to |G|: an order of weights does not follow scatter
+COVARIANCE_WINDOW = (
+    9  # lines over which a covariance is averaged, relative to |G|: an order of weights does not follow scatter
+)
 DECADES_ABOVE = 2.0
 
 
@@ -70,10 +76,10 @@ class Extrapolation:
     above: float = 0.0
 
     def __str__(self) -> str:
-        return f"below the band {described_slope(self.below)}, above it {described_slope(self.above)}"
+        return f"below the band {describe_slope(self.below)}, above it {describe_slope(self.above)}"
 
-    def applied(self, omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-        """The radius continued outside the band, for the weight to cover."""
+    def extrapolate(self, omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the radius continued outside the band, for the weight to cover."""
         step = np.linspace(0, DECADES_ABOVE, 41)[1:]
         low, high = omega[0] * 10 ** -step[::-1], omega[-1] * 10**step
         if dt:
@@ -83,18 +89,18 @@ class Extrapolation:
         return np.concatenate([low, omega, high]), np.concatenate([radius[0] * under, radius, radius[-1] * over])
 
 
-def slope(name: str, rule: Any) -> float:
-    """dB per decade away from the band."""
+def checked_slope(name: str, rule: Any) -> float:
+    """Return the slope in dB per decade away from the band, checked."""
     return 0.0 if isinstance(rule, str) and require_choice(name, rule, ("flat",)) else require_nonnegative(name, rule)
 
 
-def described_slope(rule: float) -> str:
-    """The extrapolation rule in words."""
+def describe_slope(rule: float) -> str:
+    """Describe the extrapolation rule."""
     return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
 
 
 def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
-    """(W,) or (n_y, n_u, W) response of the nominal; an FRF is interpolated in log magnitude and phase.
+    """Return (W,) or (n_y, n_u, W) response of the nominal; an FRF is interpolated in log magnitude and phase.
 
     It is met on its lines.
     """
@@ -110,19 +116,19 @@ def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
 def disc_parts(
     many: Sequence[Bla], nominals: Sequence[Any], spec: RadiusSpec
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """Frequencies of all records of one channel together, the parts of the largest absolute radius, and that radius.
+    """Return all frequencies of the records of one channel, the parts of the largest absolute radius, and that radius.
 
     Between the lines of a record a part is the larger one of its neighbours, so that the parts add up to more there.
 
     nominals : the nominal of each record; the same model, or its response on the lines of that record.
     """
     omega = np.unique(np.concatenate([b.omega for b in many]))
-    discs = [record_disc(b, nominal, spec) for b, nominal in zip(many, nominals, strict=True)]
+    discs = [record_radius_parts(b, nominal, spec) for b, nominal in zip(many, nominals, strict=True)]
 
     def spread(values: Any) -> np.ndarray:
-        return np.array([spread_over(omega, b.omega, values(disc)) for b, disc in zip(many, discs, strict=True)])
+        return np.array([larger_neighbour(omega, b.omega, values(disc)) for b, disc in zip(many, discs, strict=True)])
 
-    total = spread(total_of)
+    total = spread(sum_of_parts)
     worst = np.nanargmax(np.where(np.isnan(total), -np.inf, total), axis=0)[None, :]
     parts = {name: np.take_along_axis(spread(lambda d, n=name: d[n]), worst, axis=0)[0] for name in PARTS}
     if len(many) > 1:
@@ -136,7 +142,7 @@ def disc_parts(
 def element_parts(
     frms: Sequence[Bla], models: Sequence[np.ndarray], spec: RadiusSpec
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
-    """`disc_parts` of every entry of a matrix, columns one after the other, (n, W) each: all hold together with p.
+    """Return `disc_parts` of every entry of a matrix, column by column, (n, W) each: all hold together with p.
 
     The parts are brought to add up to the radius between the lines of a record too.
 
@@ -150,17 +156,17 @@ def element_parts(
         found.append(disc_parts([frm.entry(j, i) for frm in frms], nominals, each))
     radius = np.array([total for _, _, total in found])
     parts = {name: np.array([parts[name] for _, parts, _ in found]) for name in PARTS}
-    share = radius / total_of(parts)
+    share = radius / sum_of_parts(parts)
     return found[0][0], {name: part * share for name, part in parts.items()}, radius
 
 
-def total_of(parts: dict[str, np.ndarray]) -> np.ndarray:
-    """The parts of a radius added up."""
+def sum_of_parts(parts: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the parts of a radius added up."""
     return np.sum(list(parts.values()), axis=0)
 
 
-def record_disc(bla: Bla, nominal: Any, spec: RadiusSpec) -> dict[str, np.ndarray]:
-    """Parts (F,) of the absolute radius about the nominal that one record of one channel asks for."""
+def record_radius_parts(bla: Bla, nominal: Any, spec: RadiusSpec) -> dict[str, np.ndarray]:
+    """Return parts (F,) of the absolute radius about the nominal that one record of one channel asks for."""
     F = bla.f.size
     quantile = bla.f_quantile(spec.p, simultaneous=spec.simultaneous)
     noise = np.nan_to_num(bla.var_noise)
@@ -171,23 +177,23 @@ def record_disc(bla: Bla, nominal: Any, spec: RadiusSpec) -> dict[str, np.ndarra
         "odd": np.maximum(scatter - noise, 0.0),
         "even": np.nan_to_num(bla.var_even) if spec.even else np.zeros(F),
     }
-    variance = total_of(shares)
+    variance = sum_of_parts(shares)
     radius = np.sqrt(quantile * variance)
     parts = {
         name: radius * np.divide(share, variance, out=np.zeros(F), where=variance > 0) for name, share in shares.items()
     }
     model = nominal_response(nominal, bla.omega)
-    parts["misfit"] = misfit(bla, model)
+    parts["misfit"] = model_misfit(bla, model)
     parts["level"] = np.zeros(F)
     parts["systematic"] = np.zeros(F) if spec.systematic is None else bla.systematic(spec.systematic)
     floor = np.maximum(1e-9 * np.abs(model), np.finfo(float).tiny)
     # a disc has a radius even without any scatter
-    parts["misfit"] = parts["misfit"] + np.maximum(floor - total_of(parts), 0.0)
+    parts["misfit"] = parts["misfit"] + np.maximum(floor - sum_of_parts(parts), 0.0)
     return parts
 
 
-def misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
-    """(F,) what the model misses beyond scatter: windowed mean of |residual|^2 less the variance, as an amplitude.
+def model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
+    """Return (F,) the misfit beyond scatter: windowed mean of |residual|^2 less the variance, as an amplitude.
 
     Relative to the model inside the window, or a resonance would spread over its neighbours. A line that sticks out
     of all scatter by itself counts by itself: a window would hide a narrow error.
@@ -205,8 +211,8 @@ def misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(np.maximum(around, alone), 0.0))
 
 
-def spread_over(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values on other frequencies: the larger neighbour inside the band of the lines, nan outside it."""
+def larger_neighbour(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the values on other frequencies: the larger neighbour inside the band of the lines, nan outside it."""
     right = np.clip(np.searchsorted(lines, omega), 0, lines.size - 1)
     left = np.where(lines[right] == omega, right, np.maximum(right - 1, 0))
     out = np.maximum(values[left], values[right])
@@ -214,7 +220,7 @@ def spread_over(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -> np.
     return out
 
 
-def of_form(
+def radius_in_form(
     form: Form,
     omega: np.ndarray,
     absolute: np.ndarray,
@@ -223,14 +229,14 @@ def of_form(
     rules: Extrapolation,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Factor from an absolute radius to that of the form; frequencies and radii to be covered, outside the band too.
+    """Return the factor from an absolute radius to that of the form, and frequencies and radii for the weight to cover.
 
     For a form that depends on the units of the plant it is the relative radius that is continued, |G| being what it
     is there: its own has a limit.
     """
-    if not form.scaled:
+    if not form.depends_on_units:
         factor = form.radius_factor(omega, absolute, np.abs(nominal_response(nominal, omega)))
-        return factor, *rules.applied(omega, absolute * factor, dt)
+        return factor, *rules.extrapolate(omega, absolute * factor, dt)
 
     def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # |G|, and |W1 W2| of what is given of them
         inside = omega  # an FRF stays what it is at its ends
@@ -241,7 +247,7 @@ def of_form(
 
     size, scale = sizes(omega)
     factor = scale * form.radius_factor(omega, absolute * scale, size * scale)
-    wide, relative = rules.applied(omega, absolute / np.maximum(size, 1e-300), dt)
+    wide, relative = rules.extrapolate(omega, absolute / np.maximum(size, 1e-300), dt)
     size, scale = sizes(wide)
     there = relative * size * scale
     try:
@@ -250,15 +256,15 @@ def of_form(
         raise ValueError(f"below and above must leave a radius outside the band too: {error}") from None
 
 
-def scaled_by(
+def resolve_scaling(
     form: Form, nominal: Any, omega: np.ndarray, shaped_by: tuple[Any, Any], rules: Extrapolation
 ) -> tuple[Any, Any, Extrapolation]:
-    """W1, W2 and the rule outside the band, as they are taken.
+    """Return W1, W2 and the rule outside the band, as they are taken.
 
     Where the form needs a scaling and none is given: unit gain in mid band, so that the mean of |G| in decibels over
     log frequency is zero. Outside the lines of an FRF there is no plant that a radius could be relative to.
     """
-    if not form.scaled:
+    if not form.depends_on_units:
         return *shaped_by, rules
     if isinstance(nominal, control.FrequencyResponseData):
         rules = Extrapolation()
@@ -269,8 +275,8 @@ def scaled_by(
     return 1.0, float(np.exp(-middle)), rules
 
 
-def frf_at(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
-    """(.,) response of a nominal that is known on its lines only, on some of them."""
+def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
+    """Return (.,) response of a nominal that is known on its lines only, on some of them."""
     known = np.asarray(nominal.omega)
     place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
     place = np.where((place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place)
@@ -285,46 +291,48 @@ def frf_at(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndar
 def block_radius(
     frms: Sequence[Bla], models: Sequence[np.ndarray], spec: RadiusSpec, form: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All frequencies, and (n_left + n_right, W) the largest radii of diagonal W_l and W_r over the records there.
+    """Return all frequencies, and (n_left + n_right, W) the largest radii of diagonal W_l and W_r over the records.
 
     A block W_l D W_r lies in every one of larger diagonals. What stands left and what right of it is a matter of scale,
     which a level of excitation changes: of several records each has W_r of mean square one.
     """
-    each = [full_block(frm, G, misfits(frm, G), spec, form) for frm, G in zip(frms, models, strict=True)]
+    each = [
+        block_radii_of_record(frm, G, entry_misfits(frm, G), spec, form) for frm, G in zip(frms, models, strict=True)
+    ]
     if len(frms) == 1:
         return frms[0].omega, np.concatenate(each[0])
     omega, spread = np.unique(np.concatenate([frm.omega for frm in frms])), []
     for frm, (left, right) in zip(frms, each, strict=True):
         scale = np.sqrt(np.mean(right**2, axis=0))
-        spread.append([spread_over(omega, frm.omega, row) for row in (*(left * scale), *(right / scale))])
+        spread.append([larger_neighbour(omega, frm.omega, row) for row in (*(left * scale), *(right / scale))])
     return omega, np.nanmax(spread, axis=0)
 
 
-def misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
-    """(F,) or (n_y, n_u, F) what the nominal misses beyond scatter, entry by entry."""
+def entry_misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
+    """Return (F,) or (n_y, n_u, F) the misfit of the nominal beyond scatter, entry by entry."""
     if frm.is_single:
-        return misfit(frm, model)
+        return model_misfit(frm, model)
     out, spec = np.empty(model.shape), RadiusSpec(even=False)
     for j, i in np.ndindex(model.shape[:2]):
-        out[j, i] = record_disc(frm.entry(j, i), control.frd(model[j, i], frm.omega), spec)["misfit"]
+        out[j, i] = record_radius_parts(frm.entry(j, i), control.frd(model[j, i], frm.omega), spec)["misfit"]
     return out
 
 
-def full_block(
+def block_radii_of_record(
     frm: Bla, model: np.ndarray, missed: np.ndarray, spec: RadiusSpec, form: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Radii (n, F) of diagonal W_l and W_r whose full block holds the matrix of a new set.
+    """Return radii (n, F) of diagonal W_l and W_r whose full block holds the matrix of a new set.
 
     W_l W_l^H >= (1 + 1/t) x_p C + (1 + t) B with the misfit m and B = n_y diag_j sum_i m_ji^2 / gamma_ii, t to make its
     trace least; a Hermitian X lies under the diagonal lambda_max(corr X) X_jj.
     """
     gamma = np.moveaxis(frm.gamma, 2, 0)
-    x = quantiles(frm, spec)
+    x = root_quantiles(frm, spec)
     C = frm.covariance_of("realization")
     if spec.even:
         C = C + frm.n_realizations * np.nan_to_num(frm.cov_even)
     own = np.einsum("iif->if", frm.gamma).real
-    C = x[:, None, None] * smoothed(np.moveaxis(C, 2, 0), model, own)
+    C = x[:, None, None] * smooth_covariance(np.moveaxis(C, 2, 0), model, own)
     n_y = frm.n_outputs
     B = n_y * np.einsum("jif,if->fj", missed**2, 1 / own)
     trace_C, trace_B = np.einsum("fjj->f", C).real, B.sum(axis=1) + np.finfo(float).tiny
@@ -333,29 +341,29 @@ def full_block(
     if form == INPUT:
         inverse = np.linalg.inv(np.moveaxis(model, 2, 0))
         X = inverse @ X @ np.swapaxes(inverse, 1, 2).conj()
-    return diagonal_over(X), diagonal_over(gamma)
+    return diagonal_bound(X), diagonal_bound(gamma)
 
 
-def quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
-    """(F,) the quantile of Roy's root: the block of a `Bla` over its root of the covariance."""
+def root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
+    """Return (F,) the quantile of Roy's root: the block of a `Bla` over its root of the covariance."""
     left, _ = frm.block(spec.p, simultaneous=spec.simultaneous)
     size = np.einsum("jkf,jkf->f", left, left.conj()).real
     return size / np.einsum("jjf->f", frm.cov_bound).real
 
 
-def smoothed(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """(F, n_y, n_y) averaged over neighbouring lines, relative to the size of the nominal's rows."""
+def smooth_covariance(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Return (F, n_y, n_y) averaged over neighbouring lines, relative to the size of the nominal's rows."""
     size = np.sqrt(np.einsum("jif,if->fj", np.abs(model) ** 2, 1 / own))
     relative = C / size[:, :, None] / size[:, None]
-    half, F = SMOOTHED // 2, len(C)
+    half, F = COVARIANCE_WINDOW // 2, len(C)
     sums = np.concatenate([np.zeros((1, *C.shape[1:])), np.cumsum(relative, axis=0)])
-    first = np.clip(np.arange(F) - half, 0, max(F - SMOOTHED, 0))
-    last = np.minimum(first + SMOOTHED, F)
+    first = np.clip(np.arange(F) - half, 0, max(F - COVARIANCE_WINDOW, 0))
+    last = np.minimum(first + COVARIANCE_WINDOW, F)
     return (sums[last] - sums[first]) / (last - first)[:, None, None] * size[:, :, None] * size[:, None]
 
 
-def diagonal_over(X: np.ndarray) -> np.ndarray:
-    """(n, F) roots of the diagonal that lies over a Hermitian (F, n, n): lambda_max of its correlation."""
+def diagonal_bound(X: np.ndarray) -> np.ndarray:
+    """Return (n, F) roots of the diagonal that lies over a Hermitian (F, n, n): lambda_max of its correlation."""
     size = np.sqrt(np.einsum("fjj->fj", X).real)
     correlation = X / size[:, :, None] / size[:, None]
     return (size * np.sqrt(np.linalg.eigvalsh(correlation)[:, -1:])).T

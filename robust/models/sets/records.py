@@ -1,4 +1,4 @@
-"""What a set remembers of a record: the FRF on its lines, and how it scatters."""
+"""Summaries of the records behind a set: the FRF on its lines, and its variance."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LEVEL_DOF = 14.0  # complex degrees of freedom behind a level averaged so
 #: Lines: over the number of lines, the variance of the log power of one realisation's distortion that all lines share.
 #: Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube, 50 for a fifth power.
 FEW_LINES = 8.0
-MOST_DOF = 1e6  # which is as good as infinite, and a number in a file
+MAX_DOF = 1e6  # which is as good as infinite, and a number in a file
 
 
 @value
@@ -74,11 +74,11 @@ class RecordSummary:
 
     @property
     def is_single(self) -> bool:
-        """Whether the record has one input and one output."""
+        """Return whether the record has one input and one output."""
         return self.G.ndim == 1
 
     def on_lines(self, omega: np.ndarray) -> RecordSummary:
-        """The record on other lines, interpolated in log magnitude and phase; exact where the lines are its own."""
+        """Return the record on other lines, interpolated in log magnitude and phase; exact on its own lines."""
         if omega.size == self.omega.size and np.allclose(omega, self.omega, rtol=1e-9, atol=0):
             return self
 
@@ -100,10 +100,10 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
     """
     if not bla.is_single:
         G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov_bound, bla.gamma))
-        return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, MOST_DOF))
+        return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, MAX_DOF))
     # relative to |G|, as a level follows it across a resonance; but not where G itself is below its scatter
     size = np.maximum(np.abs(bla.G) ** 2 + bla.var_bound, np.finfo(float).tiny ** 0.5)
-    level, rough = averaged(bla.var_bound / size), averaged(bla.roughness() / size)
+    level, rough = window_mean(bla.var_bound / size), window_mean(bla.roughness() / size)
     ratio = np.divide(rough, level, out=np.ones(level.size), where=level > 0)
     share = np.minimum(np.where(np.isfinite(ratio), ratio, 1.0), 1.0)
     variance = level * share * size
@@ -120,7 +120,7 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
 
 
 def rms_levels(bla: Bla) -> tuple[float, float]:
-    """Rms of input and output on the excited lines, mean power over realisations; nan where the output is not known.
+    """Return the rms of input and output on the excited lines, of the mean power over realisations; nan if not known.
 
     A Bla keeps Y and not U. Realisations have one amplitude |U|, so that the mean of |Y / U|^2 is |G|^2 + (M - 1) times
     the variance of their mean. Of noise, the coherence is the share of |Y|^2 that G U makes.
@@ -136,8 +136,8 @@ def rms_levels(bla: Bla) -> tuple[float, float]:
     return float(np.sqrt(power_u.sum())), float(np.sqrt(power_y.sum()))
 
 
-def averaged(x: np.ndarray) -> np.ndarray:
-    """(F,) mean over the lines around each, one-sided at the ends."""
+def window_mean(x: np.ndarray) -> np.ndarray:
+    """Return (F,) mean over the lines around each, one-sided at the ends."""
     half = WINDOW // 2
     weights = np.convolve(np.ones(x.size), np.ones(2 * half + 1))[half:-half]
     return np.asarray(np.convolve(x, np.ones(2 * half + 1))[half:-half] / weights)

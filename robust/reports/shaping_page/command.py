@@ -10,8 +10,8 @@ import numpy as np
 
 from nlfrf._base.files import write_text
 from robust.models.fit.weights import performance_weight
+from robust.reports.shaping_page.generated_text import PartSources
 from robust.reports.shaping_page.page import page_content, page_text
-from robust.reports.shaping_page.words import Told
 
 __all__ = ["write_from_files"]
 
@@ -24,7 +24,7 @@ def write_from_files(
     if out.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"out must end in .html, got {out.name!r}")
     bandwidth, peak, error = asked
-    told = Told(
+    told = PartSources(
         names=tuple(path.stem for path in files),
         files=tuple(map(str, files)),
         controller="" if controller is None else str(controller),

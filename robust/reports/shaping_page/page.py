@@ -1,4 +1,4 @@
-"""One HTML file to shape a loop in: it holds its curves, its style and its script, and asks nobody for anything."""
+"""One self-contained HTML file to shape a loop in, with its curves, style and script."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from robust.lti.connections import in_series
 from robust.lti.lti import is_constant, scale_states, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import poles_with_rounding
-from robust.models.sets.forms import FORMS, worst_terms
+from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
-from robust.reports.shaping_page.words import Told, python_to_paste, to_prove
+from robust.reports.shaping_page.generated_text import PartSources, proof_commands, python_script
 from robust.synthesis.shaping import lag, lead, notch, roll_off
 
 __all__ = [
-    "doubtful_poles",
-    "encoded_response",
+    "encode_response",
     "page_content",
     "page_text",
-    "script",
+    "read_script",
+    "read_style",
     "shaped_controller",
-    "style",
+    "uncertain_poles",
     "write_shaping_page",
 ]
 
@@ -43,7 +43,7 @@ __all__ = [
 
 
 def shaped_controller(state: Mapping[str, Any], K: Any, dt: float) -> control.StateSpace:
-    """The controller K to begin with, times the gain and the elements of a state of the page.
+    """Return the controller K to begin with, times the gain and the elements of a state of the page.
 
     >>> state = {"gain": 2.0, "elements": [{"kind": "lead", "f": 1.0, "phase": 30.0}]}
     >>> round(float(abs(shaped_controller(state, 1.0, 0.0)(2j * np.pi))), 9)      # a lead has gain one there
@@ -51,11 +51,11 @@ def shaped_controller(state: Mapping[str, Any], K: Any, dt: float) -> control.St
     """
     K = state_space("K", K)
     gain = control.StateSpace([], [], [], [[float(state.get("gain", 1.0))]], dt)
-    elements = [element_of(element, dt) for element in state.get("elements", ())]
+    elements = [shaping_element(element, dt) for element in state.get("elements", ())]
     return in_series(control.StateSpace(K.A, K.B, K.C, K.D, dt), gain, *elements)
 
 
-def element_of(element: Mapping[str, Any], dt: float) -> control.StateSpace:
+def shaping_element(element: Mapping[str, Any], dt: float) -> control.StateSpace:
     """One element, by the function of `compensators` that the page writes out for it."""
     omega, kind = 2 * np.pi * element["f"], element["kind"]
     if kind == "integrator":
@@ -70,8 +70,8 @@ def element_of(element: Mapping[str, Any], dt: float) -> control.StateSpace:
 # ---- A system as the page computes with it: a Hessenberg form, whose response costs n^2 operations a frequency.
 
 
-def encoded_response(system: control.StateSpace) -> dict[str, Any]:
-    """Numbers from which the page computes C (x I - H)^-1 B + D: x = j omega, or exp(j omega dt) - 1 where sampled.
+def encode_response(system: control.StateSpace) -> dict[str, Any]:
+    """Encode a system for C (x I - H)^-1 B + D: x = j omega, or exp(j omega dt) - 1 where sampled.
 
     A sampled system is given by A - I: its slow poles crowd around one, and would lose their digits there.
     """
@@ -87,8 +87,8 @@ def encoded_response(system: control.StateSpace) -> dict[str, Any]:
     }
 
 
-def doubtful_poles(system: control.StateSpace) -> list[list[float]]:
-    """[re, im] of the poles that are not stable beyond rounding; of a sampled system under s = 2/dt (z - 1)/(z + 1)."""
+def uncertain_poles(system: control.StateSpace) -> list[list[float]]:
+    """Return [re, im] of the poles not stable beyond rounding; of a sampled system in s = 2/dt (z - 1)/(z + 1)."""
     dt = timebase(system)
     poles, moved = poles_with_rounding(system)
     found = poles[(np.abs(poles) - 1 if dt else poles.real) >= -moved]
@@ -99,17 +99,17 @@ def doubtful_poles(system: control.StateSpace) -> list[list[float]]:
 
 # ---- What the page is told: models as a controller sees them, the demand, the controller to begin with.
 
-BEYOND = 1e300
-UNFILTERED = 1e120  # stands for a sum over aliases without a bound: its square is a number still
+LARGEST_NUMBER = 1e300
+UNFILTERED_SIZE = 1e120  # stands for a sum over aliases without a bound: its square is a number still
 #: How far beyond the lines the winding is followed [decades], and points on each of those.
-BELOW, ABOVE, SPARSE = 5, 3, 4
+DECADES_BELOW, DECADES_ABOVE, POINTS_PER_DECADE = 5, 3, 4
 #: Frequencies up to Nyquist, relative to it.
 NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
 #: Lines that are drawn at most, of each model.
-MOST_LINES = 400
+MAX_LINES = 400
 
 
-def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told: Told) -> dict[str, Any]:
+def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told: PartSources) -> dict[str, Any]:
     """Everything the page needs, as JSON holds it."""
     models = list(models) if isinstance(models, Sequence) else [models]
     if not models or not all(isinstance(model, UncertaintyModel) for model in models):
@@ -119,7 +119,7 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
             "model must have a parametric nominal to be shaped on, got one on an FRF. Make it by fit_nominal"
         )
     K, w_P = state_space("K", 1.0 if K is None else K), None if w_P is None else state_space("w_P", w_P)
-    dt = time_step(models, K, dt)
+    dt = loop_sampling_time(models, K, dt)
     start = control.StateSpace(K.A, K.B, K.C, K.D, dt)
     loops = [assemble_loop(model, start, w_P, delay) for model in models]
     if len({loop.dt for loop in loops}) > 1:
@@ -133,18 +133,18 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
         "dt": dt,
         "delay": delay,
         "omega": shared_grid(models, loops),
-        "models": [described(*row) for row in zip(names, models, loops, strict=False)],
-        "w_P": None if w_P is None else encoded_response(loops[0].w_P),
-        "K": encoded_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
-        "K_poles": doubtful_poles(start),
+        "models": [encode_model(*row) for row in zip(names, models, loops, strict=False)],
+        "w_P": None if w_P is None else encode_response(loops[0].w_P),
+        "K": encode_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
+        "K_poles": uncertain_poles(start),
         "begun": not is_constant(start) or float(start.D[0, 0]) != 1.0,
-        "python": python_to_paste(told, models, w_P, start, dt, delay),
-        "command": to_prove(told, w_P, delay),
+        "python": python_script(told, models, w_P, start, dt, delay),
+        "command": proof_commands(told, w_P, delay),
     }
 
 
-def time_step(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
-    """The sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
+def loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
+    """Return the sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
     dt = require_nonnegative("dt", dt)
     known = {timebase(model.nominal) for model in models} | ({0.0} if is_constant(K) else {timebase(K)})
     known = {step for step in known | {dt} if step}
@@ -157,38 +157,38 @@ def time_step(models: list[UncertaintyModel], K: control.StateSpace, dt: float) 
     return known.pop() if known else 0.0
 
 
-def described(name: str, model: UncertaintyModel, loop: Loop) -> dict[str, Any]:
-    """One model: its responses, its bounds on |L|, its poles that are not surely stable."""
+def encode_model(name: str, model: UncertaintyModel, loop: Loop) -> dict[str, Any]:
+    """Encode one model: its responses, its bounds on |L|, its poles that may be unstable."""
     row = FORMS[model.form]
     # without a demand the bounds are those of robust stability: a demand that asks nothing
     demand = control.StateSpace([], [], [], [[1e-9]]) if loop.w_P is None else loop.w_P
     low, high = loop_bounds(model, demand)
     omega = model.omega[model.omega < loop.omega_max]
-    refuse_unknown(model)
+    require_known_form(model)
     return {
         "name": name,
-        "G": encoded_response(loop.undelayed_plant),
+        "G": encode_response(loop.undelayed_plant),
         "shift": loop.plant_delay,
-        "poles": doubtful_poles(loop.undelayed_plant),
-        "w": encoded_response(loop.weight),
-        "read": "".join(factor for factor in row.read if factor != "w"),
+        "poles": uncertain_poles(loop.undelayed_plant),
+        "w": encode_response(loop.weight),
+        "read": "".join(factor for factor in row.rs_factors if factor != "w"),
         "inverse": row.inverse,
         "lines": omega.tolist(),
         # JSON has no infinity: beyond every plot
-        "low": np.minimum(low, BEYOND)[: omega.size].tolist(),
-        "high": np.minimum(high, BEYOND)[: omega.size].tolist(),
-        "set": f"{model.form}, {model.perturbation}" + ", aliases left to the check" * left_out(loop),
-        "aliases": encoded_aliases(loop),
+        "low": np.minimum(low, LARGEST_NUMBER)[: omega.size].tolist(),
+        "high": np.minimum(high, LARGEST_NUMBER)[: omega.size].tolist(),
+        "set": f"{model.form}, {model.perturbation}" + ", aliases left to the check" * omits_aliases(loop),
+        "aliases": encode_aliases(loop),
     }
 
 
-def left_out(loop: Loop) -> bool:
-    """Whether the page shows rs without the aliases: their condition in an inverse form is no size of K S."""
+def omits_aliases(loop: Loop) -> bool:
+    """Return whether the page shows rs without the aliases: their condition in an inverse form is no size of K S."""
     return loop.aliases is not None and loop.aliases.inverse
 
 
-def encoded_aliases(loop: Loop) -> dict[str, Any] | None:
-    """What the page adds up over the aliases of a frequency (`robust.analysis.aliases`); None where there are none."""
+def encode_aliases(loop: Loop) -> dict[str, Any] | None:
+    """Encode the sums over the aliases of a frequency (`robust.analysis.aliases`); None without aliases."""
     aliases = loop.aliases
     if aliases is None or aliases.inverse:
         return None
@@ -197,35 +197,39 @@ def encoded_aliases(loop: Loop) -> dict[str, Any] | None:
         "dt": aliases.dt,
         "delay": aliases.delay,
         "n": int(aliases.single_indices[-1]),
-        "tail": min(tail, UNFILTERED),
+        "tail": min(tail, UNFILTERED_SIZE),
         "operator": aliases.operator,
-        "G": encoded_response(aliases.plant) if aliases.F_includes_plant else None,
+        "G": encode_response(aliases.plant) if aliases.F_includes_plant else None,
     }
 
 
-def refuse_unknown(model: UncertaintyModel) -> None:
+def require_known_form(model: UncertaintyModel) -> None:
     """Refuse a form that is not b = (factors it reads) S with a = 0, or a = those factors where it is inverse."""
     row, rng = FORMS[model.form], np.random.default_rng(0)
     w, G, K = rng.standard_normal((3, 4)) + 1j * rng.standard_normal((3, 4))
     parts = {"w": w, "G": G, "K": K}
-    q = np.prod([parts[name] for name in row.read], axis=0)
-    S, a, b = worst_terms(model.form, w, G, K)
+    q = np.prod([parts[name] for name in row.rs_factors], axis=0)
+    S, a, b = perturbed_sensitivity_terms(model.form, w, G, K)
     if not (np.allclose(b, q * S) and np.allclose(a, q * row.inverse)):
         raise ValueError(f"model must be of a form that the page computes with, got {model.form}: use plot_loop_bounds")
 
 
 def shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[float]:
-    """Frequencies [rad/s] of all models: their lines and modes, sparse for decades on both sides."""
+    """Return frequencies [rad/s] of all models: their lines and modes, sparse for decades on both sides."""
     grids = []
     for model, loop in zip(models, loops, strict=True):
-        lines = model.omega[:: model.omega.size // MOST_LINES + 1]
+        lines = model.omega[:: model.omega.size // MAX_LINES + 1]
         grids.append(loop.grid(lines[lines < loop.omega_max]))
     omega = np.unique(np.concatenate(grids))
     omega = omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-5])]
     low, high = omega[0], omega[-1]
-    far = [low * np.geomspace(10.0**-BELOW, 1, BELOW * SPARSE + 1)[:-1]]
+    far = [low * np.geomspace(10.0**-DECADES_BELOW, 1, DECADES_BELOW * POINTS_PER_DECADE + 1)[:-1]]
     top = loops[0].omega_max
-    beyond = high * np.geomspace(1, 10.0**ABOVE, ABOVE * SPARSE + 1)[1:] if np.isinf(top) else top * (1 - NEAR_NYQUIST)
+    beyond = (
+        high * np.geomspace(1, 10.0**DECADES_ABOVE, DECADES_ABOVE * POINTS_PER_DECADE + 1)[1:]
+        if np.isinf(top)
+        else top * (1 - NEAR_NYQUIST)
+    )
     return np.unique(np.concatenate([omega, *far, beyond[beyond > high]])).tolist()
 
 
@@ -318,27 +322,27 @@ def write_shaping_page(
     path = to_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
-    write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=Told(title=title))))
+    write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=PartSources(title=title))))
 
 
 def page_text(content: dict[str, Any]) -> str:
-    """The page, as text."""
+    """Return the page, as text."""
     # "<" cannot end the script element that holds the content
     text = json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return PAGE.format(title=escape(content["title"]), style=style(), content=text, script=script())
+    return PAGE.format(title=escape(content["title"]), style=read_style(), content=text, script=read_script())
 
 
-def script() -> str:
-    """The module of JavaScript that page and notebook share: `start(element, content, changed)`."""
-    return "\n".join(part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js"))
+def read_script() -> str:
+    """Return the module of JavaScript that page and notebook share: `start(element, content, changed)`."""
+    return "\n".join(read_part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js"))
 
 
-def style() -> str:
+def read_style() -> str:
     """Its style sheet."""
-    return "\n".join(part(name) for name in ("uplot/uPlot.min.css", "shape.css"))
+    return "\n".join(read_part(name) for name in ("uplot/uPlot.min.css", "shape.css"))
 
 
-def part(name: str) -> str:
-    """A file of this wing; a closing tag inside would end the element that holds it."""
+def read_part(name: str) -> str:
+    """Return a file of this package; a closing tag inside would end the element that holds it."""
     text = files("robust.reports.shaping_page").joinpath(name).read_text(encoding="utf-8")
     return text.replace("</script", "<\\/script").replace("</style", "<\\/style")

@@ -8,8 +8,8 @@ from typing import Any
 import control
 
 from nlfrf._base.extras import import_extra
-from robust.reports.shaping_page.page import page_content, script, shaped_controller, style
-from robust.reports.shaping_page.words import Told
+from robust.reports.shaping_page.generated_text import PartSources
+from robust.reports.shaping_page.page import page_content, read_script, read_style, shaped_controller
 
 __all__ = ["shape"]
 
@@ -65,13 +65,13 @@ def shape(model: Any, *, w_P: Any = None, K: Any = None, dt: float = 0.0, delay:
         ...
     ValueError: model must be an UncertaintyModel or a list of them, got []
     """
-    content = page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=Told())
+    content = page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=PartSources())
     return widget_class()(content=content, begun=1.0 if K is None else K)
 
 
 @cache
 def widget_class() -> Any:
-    """The class of the widget, made when the first one is: anywidget is an extra."""
+    """Return the class of the widget, made when the first one is: anywidget is an extra."""
     import_extra("anywidget", "notebook", "shape, unlike write_shaping_page,")
     import anywidget
     import traitlets
@@ -79,8 +79,8 @@ def widget_class() -> Any:
     class LoopShaper(anywidget.AnyWidget):
         """The page in a cell."""
 
-        _esm = script() + RENDER
-        _css = style()
+        _esm = read_script() + RENDER
+        _css = read_style()
         content = traitlets.Dict().tag(sync=True)
         state = traitlets.Dict().tag(sync=True)
 
@@ -90,7 +90,7 @@ def widget_class() -> Any:
 
         @property
         def K(self) -> control.StateSpace:
-            """The controller that stands on the page."""
+            """Return the controller that stands on the page."""
             return shaped_controller(self.state, self.begun, self.content["dt"])
 
     return LoopShaper

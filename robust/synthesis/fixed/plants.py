@@ -18,8 +18,8 @@ from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_featu
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import extend_below, integrator_poles, slope_at_start
-from robust.models.sets.forms import ADDITIVE, FORMS, RELATIVE, relative
-from robust.models.sets.measured import as_seen, on_lines, warn_of_unknown_hold
+from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_radius
+from robust.models.sets.measured import add_hold_and_delay, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 
 __all__ = ["DiscsOnLines", "PlantOnLines", "plant_on_lines", "stacked_plants"]
@@ -104,15 +104,15 @@ def plant_on_lines(
         or isinstance(plant, control.FrequencyResponseData)
         or getattr(plant, "measured_only", False)
     ):
-        omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else on_lines(plant)
+        omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else parts_on_lines(plant)
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:
             raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
-        G = G if given else as_seen(plant, omega, G, dt, delay)
+        G = G if given else add_hold_and_delay(plant, omega, G, dt, delay)
         loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
         n = omega.size
         omega, G = extend_below(omega, G, n_integrators, decades=3.0, points=60)
-        below = np.ones(omega.size - n) if FORMS[form].through else np.abs(G[:-n] / G[-n])
+        below = np.ones(omega.size - n) if FORMS[form].vanishes_with_plant else np.abs(G[:-n] / G[-n])
         w = np.concatenate([w[0] * below, w])
         above = omega[-1] * np.geomspace(1.2, 100, 14)
         above = above[above * dt < 0.99 * np.pi]
@@ -124,7 +124,7 @@ def plant_on_lines(
         if not isinstance(plant, UncertaintyModel):
             G_ss = state_space("plant", plant)
             nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
-            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=RELATIVE, omega=np.zeros(0), shaping=unity)
+            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity)
             plant.perturbation = "LTI"
         step = timebase(plant.nominal)
         if step and dt and abs(step / dt - 1) > 1e-9:
@@ -141,7 +141,7 @@ def plant_on_lines(
         n_integrators = integrator_poles(loop.G, loop.dt)
         known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)
-    inverse, w = FORMS[form].inverse, relative(form, w, size)
+    inverse, w = FORMS[form].inverse, relative_radius(form, w, size)
     disc = w < LARGEST_DISC
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)

@@ -25,9 +25,9 @@ from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_g
 from robust.lti.lti import frequency_response_matrices, response, timebase, with_names
 from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
-from robust.models.sets.measured import as_seen
+from robust.models.sets.measured import add_hold_and_delay
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import RadiusSpec, full_block
+from robust.models.sets.radius import RadiusSpec, block_radii_of_record
 from robust.synthesis.fixed.one_loop import design_loop
 from robust.synthesis.fixed.plants import DiscsOnLines
 from robust.synthesis.hinf.design import Design
@@ -194,8 +194,8 @@ def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> M
     """The matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
-        factor = as_seen(plant, plant.omega, np.ones(plant.f.size, dtype=complex), dt, delay)
-        left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), RadiusSpec(p=CONFIDENCE), ADDITIVE)
+        factor = add_hold_and_delay(plant, plant.omega, np.ones(plant.f.size, dtype=complex), dt, delay)
+        left, right = block_radii_of_record(plant, plant.G, np.zeros(plant.G.shape), RadiusSpec(p=CONFIDENCE), ADDITIVE)
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
         return MatrixOnLines(
             omega=plant.omega,

@@ -101,9 +101,9 @@ def mixsyn(
     dt = step or dt
     weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
     if is_unstructured_model(model):
-        place = FORMS[model.form].tames
+        place = FORMS[model.form].weighted_transfer
         if not place:
-            possible = ", ".join(name for name, form in FORMS.items() if form.tames)
+            possible = ", ".join(name for name, form in FORMS.items() if form.weighted_transfer)
             raise ValueError(f"model must be of the form {possible}, got {model.form}")
         weights[place].append(model.weight)
     stacked = [

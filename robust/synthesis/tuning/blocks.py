@@ -49,9 +49,9 @@ __all__ = [
 ]
 
 #: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
-REACH = 1000.0
+RANGE_RATIO = 1000.0
 #: The fastest pole of a sampled block over 2/T, as in `design_frf`: beyond it the sampled block rings.
-FASTEST_SAMPLED = 5.0
+MAX_SAMPLED_RATE = 5.0
 NO_STATES = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)))
 
 
@@ -77,24 +77,24 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """Unit in which a parameter of any sign is searched for."""
+        """Return the unit in which a parameter of any sign is searched for."""
         return abs(self.start) or min(1.0, self.upper - self.lower)
 
     def to_coordinate(self, number: float) -> float:
-        """Coordinate of the search."""
+        """Return the coordinate of the search."""
         return float(np.log(self.sign * number)) if self.sign else number / self.scale
 
     def from_coordinate(self, x: Any) -> Any:
-        """Number of the block, of a real or complex coordinate."""
+        """Return the number of the block, of a real or complex coordinate."""
         return self.sign * np.exp(x) if self.sign else x * self.scale
 
     def coordinate_bounds(self) -> tuple[float, float]:
-        """Bounds of the coordinate."""
+        """Return bounds of the coordinate."""
         low, high = sorted(self.to_coordinate(number) for number in (self.lower, self.upper))
         return low, high
 
     def label(self, block: str) -> str:
-        """Name with that of its block."""
+        """Return the name with that of its block."""
         place = "[" + ", ".join(map(str, self.index)) + "]" if self.index else ""
         return f"{block}.{self.name}{place}"
 
@@ -149,15 +149,15 @@ class TunableBlock:
                 object.__setattr__(self, name, number)
 
     def present(self) -> list[str]:
-        """Names of the numbers that this block has: a part that is left out has none."""
+        """Return the names of the numbers that this block has: a part that is left out has none."""
         return [name for name in self.NUMBERS if getattr(self, name) is not None]
 
     def free_mask(self, name: str) -> np.ndarray:
-        """Which entries of a number or matrix are free."""
+        """Return which entries of a number or matrix are free."""
         return np.full(np.shape(getattr(self, name)), name not in self.fixed)
 
     def parameters(self, dt: float) -> list[Parameter]:
-        """Free numbers in the order of the fields, with their bounds under a clock dt [s] (0: continuous)."""
+        """Return free numbers in the order of the fields, with their bounds under a clock dt [s] (0: continuous)."""
         found = []
         for name in self.present():
             array, free = np.asarray(getattr(self, name), dtype=float), self.free_mask(name)
@@ -169,10 +169,10 @@ class TunableBlock:
     def parameter(self, name: str, index: tuple[int, ...], start: float, dt: float) -> Parameter:
         """One free number with its bounds, or a refusal of a start outside them."""
         sign = int(np.sign(start)) if name in self.SIGNED else 0
-        reach = REACH * (abs(start) or 1.0)
-        low, high = (start / REACH, start * REACH) if sign else (-reach, reach)
+        reach = RANGE_RATIO * (abs(start) or 1.0)
+        low, high = (start / RANGE_RATIO, start * RANGE_RATIO) if sign else (-reach, reach)
         low, high = min(low, high), max(low, high)
-        least, most = self.meaning(name, dt)
+        least, most = self.natural_bounds(name, dt)
         low, high = max(low, least), min(high, most)
         low, high = self.lower.get(name, low), self.upper.get(name, high)
         if sign and (low * sign <= 0 or high * sign <= 0):
@@ -186,26 +186,26 @@ class TunableBlock:
             )
         return Parameter(name=name, index=index, start=start, lower=low, upper=high, sign=sign)
 
-    def meaning(self, name: str, dt: float) -> tuple[float, float]:
-        """Bounds that follow from what the parameter is."""
+    def natural_bounds(self, name: str, dt: float) -> tuple[float, float]:
+        """Return bounds that follow from what the parameter is."""
         low, high = self.LIMITS.get(name, (-np.inf, np.inf))
-        fastest = FASTEST_SAMPLED * 2 / dt if dt else np.inf
+        fastest = MAX_SAMPLED_RATE * 2 / dt if dt else np.inf
         if name == "omega":
             return low, fastest
         return (max(low, 1 / fastest), high) if name == "filter_time" else (low, high)
 
     def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
-        """A, B, C, D in s for these numbers, which may be complex; complex analytic in them."""
+        """Return A, B, C, D in s for these numbers, which may be complex; complex analytic in them."""
         raise NotImplementedError
 
     @property
     def order(self) -> int:
-        """Number of states."""
+        """Return the number of states."""
         return int(self.state_space(parameter_values(self))[0].shape[0])
 
 
 def signal_names(name: str, given: Any) -> tuple[str, ...]:
-    """Signal names as a tuple, or a refusal."""
+    """Return signal names as a tuple, or a refusal."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, tuple | list) or not names or not all(isinstance(one, str) and one for one in names):
         raise ValueError(f"{name} must name one signal or several, got {short_form(given)}")
@@ -213,12 +213,12 @@ def signal_names(name: str, given: Any) -> tuple[str, ...]:
 
 
 def parameter_values(block: TunableBlock) -> dict[str, np.ndarray]:
-    """Numbers of a block by name."""
+    """Return numbers of a block by name."""
     return {name: np.array(getattr(block, name), dtype=float) for name in block.present()}
 
 
 def with_parameters(block: Any, parameters: list[Parameter], numbers: np.ndarray) -> Any:
-    """The same block with other numbers."""
+    """Return the same block with other numbers."""
     new = parameter_values(block)
     for parameter, number in zip(parameters, numbers, strict=True):
         new[parameter.name][parameter.index] = number
@@ -226,7 +226,7 @@ def with_parameters(block: Any, parameters: list[Parameter], numbers: np.ndarray
 
 
 def block_system(block: TunableBlock, dt: float) -> control.StateSpace:
-    """The block as a system with its signal names, sampled by Tustin where dt [s] is not zero."""
+    """Return the block as a system with its signal names, sampled by Tustin where dt [s] is not zero."""
     A, B, C, D = (np.asarray(part, dtype=float) for part in block.state_space(parameter_values(block)))
     if dt:
         root = np.sqrt(dt / 2)  # s in units of 2/T
@@ -289,15 +289,15 @@ class Gain(TunableBlock):
         free = np.ones(K.shape, bool) if self.free is None else np.atleast_2d(np.asarray(self.free))
         if free.shape != K.shape or free.dtype != bool:
             raise ValueError(f"free must be a matrix of true and false like K, got {short_form(self.free)}")
-        object.__setattr__(self, "K", frozen(K))
-        object.__setattr__(self, "free", frozen(free.copy()))
+        object.__setattr__(self, "K", read_only(K))
+        object.__setattr__(self, "free", read_only(free.copy()))
 
     def free_mask(self, name: str) -> np.ndarray:
-        """Which entries are free."""
+        """Return which entries are free."""
         return self.free & (name not in self.fixed)
 
     def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
-        """No states."""
+        """Return no states."""
         K = np.asarray(numbers["K"])
         return np.zeros((0, 0)), np.zeros((0, K.shape[1])), np.zeros((K.shape[0], 0)), K
 
@@ -366,7 +366,7 @@ class Pid(TunableBlock):
             require_positive("filter_time", self.filter_time)
 
     def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
-        """Integral and derivative side by side."""
+        """Return integral and derivative side by side."""
         rows: list[tuple[Any, Any, Any]] = []
         D = numbers.get("kp", 0.0)
         if "ki" in numbers:
@@ -423,7 +423,7 @@ class Notch(TunableBlock):
     LIMITS = {"omega": (0.0, np.inf), "depth": (1e-3, 1.0), "width": (1e-2, 4.0)}  # noqa: RUF012
 
     def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
-        """States in units of omega, so that both rows of A are alike."""
+        """Return states in units of omega, so that both rows of A are alike."""
         w, depth, width = numbers["omega"], numbers["depth"], numbers["width"]
         A = w * np.array([[0.0 * w, 1.0 + 0 * w], [-1.0 + 0 * w, -width]])
         return A, w * np.array([[0.0], [1.0]]), np.array([[0.0 * w, (depth - 1) * width]]), np.ones((1, 1))
@@ -516,7 +516,7 @@ class Filter2(TunableBlock):
     LIMITS = {"omega": (0.0, np.inf), "zeta": (0.1, 2.0)}  # noqa: RUF012
 
     def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
-        """States in units of omega."""
+        """Return states in units of omega."""
         w, zeta = numbers["omega"], numbers["zeta"]
         A = w * np.array([[0.0 * w, 1.0 + 0 * w], [-1.0 + 0 * w, -2 * zeta]])
         return A, w * np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
@@ -579,22 +579,22 @@ class StateSpace(TunableBlock):
                 raise ValueError(
                     f"{name} must be {start.shape[0]} by {start.shape[1]}, got {given.shape[0]} by {given.shape[1]}"
                 )
-            object.__setattr__(self, name, frozen(given.copy()))
+            object.__setattr__(self, name, read_only(given.copy()))
         object.__setattr__(self, "n_states", n)
 
     def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
-        """The matrices themselves."""
+        """Return the matrices themselves."""
         return tuple(np.asarray(numbers[name]) for name in "ABCD")  # type: ignore[return-value]
 
 
-def frozen(array: np.ndarray) -> np.ndarray:
-    """The array, read-only."""
+def read_only(array: np.ndarray) -> np.ndarray:
+    """Return the array, read-only."""
     array.setflags(write=False)
     return array
 
 
 def require_blocks(blocks: Any) -> dict[str, TunableBlock]:
-    """Blocks by name, or a refusal."""
+    """Check blocks by name, or a refusal."""
     if not isinstance(blocks, Mapping) or not blocks:
         raise ValueError(f"blocks must be named blocks, {{name: robust.tuning.Pid(...)}}, got {short_form(blocks)}")
     for name, block in blocks.items():

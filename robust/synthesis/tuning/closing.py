@@ -22,7 +22,7 @@ from robust.synthesis.tuning.wiring import continuous_matrices, is_well_posed
 __all__ = ["ClosedLoop", "StatePlant", "state_plant"]
 
 #: Condition of the eigenvectors up to which responses on a grid are taken from the modes.
-MODAL = 1e7
+MAX_MODAL_CONDITION = 1e7
 
 
 @value(copy=False)
@@ -40,7 +40,7 @@ class StatePlant:
     D22: np.ndarray
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
-        """The loop closed by the blocks; None where it has no solution."""
+        """Return the loop closed by the blocks; None where it has no solution."""
         around = np.eye(M.shape[1]) - self.D22 @ M
         if self.D22.any():
             if not is_well_posed(around):
@@ -62,7 +62,7 @@ class StatePlant:
 
 
 def state_plant(open_loop: control.StateSpace, n_states: int, n_in: int, n_out: int, dt: float) -> StatePlant:
-    """The open loop, last inputs and outputs those of the blocks, with the states of the blocks put in."""
+    """Return the open loop, last inputs and outputs those of the blocks, with the states of the blocks put in."""
     A, B, C, D = continuous_matrices(open_loop, dt)
     n_w, n_z = B.shape[1] - n_out, C.shape[0] - n_in
 
@@ -104,12 +104,12 @@ class ClosedLoop:
 
     @property
     def matrices(self) -> Matrices:
-        """A, B, C, D from all inputs to all outputs."""
+        """Return A, B, C, D from all inputs to all outputs."""
         return self.A, self.B, self.C, self.D
 
     @cached_property
     def modes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Eigenvalues and eigenvectors of A."""
+        """Return eigenvalues and eigenvectors of A."""
         if not len(self.A):
             return np.zeros(0, complex), np.zeros((0, 0), complex)
         poles, vectors = np.linalg.eig(self.A)
@@ -117,37 +117,37 @@ class ClosedLoop:
 
     @property
     def poles(self) -> np.ndarray:
-        """Eigenvalues of A."""
+        """Return eigenvalues of A."""
         return self.modes[0]
 
     @cached_property
     def modal(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """C V and V^-1 B; None where the eigenvectors nearly coincide."""
+        """Return C V and V^-1 B; None where the eigenvectors nearly coincide."""
         vectors = self.modes[1]
-        if len(vectors) and not np.linalg.cond(vectors) < MODAL:
+        if len(vectors) and not np.linalg.cond(vectors) < MAX_MODAL_CONDITION:
             return None
         return self.C @ vectors, np.linalg.solve(vectors, self.B.astype(complex)) if len(vectors) else self.B
 
     def responses(self, omega: np.ndarray) -> np.ndarray:
-        """(W, outputs, inputs) at s = j omega; omega may be infinite."""
+        """Return (W, outputs, inputs) at s = j omega; omega may be infinite."""
         omega = np.atleast_1d(omega)
         if self.modal is None:
-            return self.exact(omega)
+            return self.responses_by_elimination(omega)
         left, right = self.modal
         poles = self.poles
         with np.errstate(divide="ignore", invalid="ignore"):
             terms = np.where(np.isinf(omega)[:, None], 0.0, 1 / (1j * omega[:, None] - poles))
         return self.D + (left * terms[:, None, :]) @ right
 
-    def exact(self, omega: np.ndarray) -> np.ndarray:
-        """The same by elimination, point by point."""
+    def responses_by_elimination(self, omega: np.ndarray) -> np.ndarray:
+        """Return the same by elimination, point by point."""
         infinite = np.isinf(omega)
         points = np.where(infinite, 0.0, omega) * 1j
         points[infinite] = np.inf
         return evaluate_transfer(self.A, self.B, self.C, self.D, points)
 
-    def sides(self, omega: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """H, L and R at a frequency: dH = L dM R."""
+    def sensitivity_factors(self, omega: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return H, L and R at a frequency: dH = L dM R."""
         P = self.plant
         if np.isinf(omega) or not len(self.A):
             return self.D.astype(complex), P.D12 @ self.E, self.F @ P.D21
@@ -156,8 +156,8 @@ class ClosedLoop:
         X, across = both[:, : self.B.shape[1]], both[:, self.B.shape[1] :]
         return self.C @ X + self.D, (self.C @ across + P.D12) @ self.E, self.F @ (P.C2 @ X + P.D21)
 
-    def pole_sides(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """(m, 1) and (1, m) r and l of a simple pole: d pole = l dM r."""
+    def pole_sensitivity_factors(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return (m, 1) and (1, m) r and l of a simple pole: d pole = l dM r."""
         vectors = self.modes[1]
         try:
             left = np.linalg.solve(vectors.T, np.eye(len(vectors))[:, k])

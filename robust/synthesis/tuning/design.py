@@ -102,7 +102,7 @@ class LimitValue:
 
     @property
     def met(self) -> bool:
-        """Whether the gain stays below its bound."""
+        """Return whether the gain stays below its bound."""
         return bool(self.ratio <= 1)
 
     def __str__(self) -> str:
@@ -181,12 +181,12 @@ class TunedDesign:
 
     @property
     def gamma(self) -> float:
-        """Worst ratio of the soft limits over all plants; nan without soft limits."""
+        """Return the worst ratio of the soft limits over all plants; nan without soft limits."""
         return max((one.ratio for one in self.limits if not one.hard), default=float("nan"))
 
     @property
     def reason(self) -> str:
-        """Why it ended, or which limits are missed and where."""
+        """Return why it ended, or which limits are missed and where."""
         missed = [one for one in self.limits if one.hard and not one.met]
         if not self.limits:
             return f"no stable loop was found, the slowest pole has a real part of {self.excess:.3g} rad/s"
@@ -201,18 +201,18 @@ class TunedDesign:
         return self.ended.value
 
     def controller(self, inputs: Any, outputs: Any) -> control.StateSpace:
-        """All blocks and fixed parts between two signals as one controller, negative feedback: outputs = -K inputs.
+        """Return all blocks and fixed parts between two signals as one controller: outputs = -K inputs.
 
         For `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the outputs and inputs of the
         plant.
         """
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         open_chain = self.joined((), inputs, outputs)
-        K = reachable(open_chain)
+        K = structurally_minimal(open_chain)
         return control.StateSpace(K.A, K.B, -K.C, -K.D, self.dt, inputs=list(inputs), outputs=list(outputs))
 
     def loop(self, inputs: Any, outputs: Any, plant: int = 0) -> control.StateSpace:
-        """The closed loop of one plant between two signals, with all its states."""
+        """Return the closed loop of one plant between two signals, with all its states."""
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         plant = require_integer("plant", plant, least=0)
         if plant >= len(self.plant.models):
@@ -228,7 +228,7 @@ class TunedDesign:
     def joined(
         self, more: Sequence[control.StateSpace], inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> control.StateSpace:
-        """Fixed parts, blocks and whatever else joined by name."""
+        """Return fixed parts, blocks and whatever else joined by name."""
         parts = [*self.system, *(block_system(block, self.dt) for block in self.blocks.values()), *more]
         system = join_by_name(parts, [], external=inputs, looked_at=outputs).system
         names = {"inputs": list(inputs), "outputs": list(outputs)}
@@ -252,8 +252,8 @@ class TunedDesign:
         return "\n".join(rows)
 
 
-def reachable(system: control.StateSpace) -> control.StateSpace:
-    """The states that the inputs reach and the outputs see, by the zeros of A, B and C alone."""
+def structurally_minimal(system: control.StateSpace) -> control.StateSpace:
+    """Return the states that the inputs reach and the outputs see, by the zeros of A, B and C alone."""
     links = system.A != 0
     reached, seen = (system.B != 0).any(axis=1), (system.C != 0).any(axis=0)
     for _ in range(system.nstates):

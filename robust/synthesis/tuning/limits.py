@@ -14,12 +14,12 @@ from robust.lti.realisation import rightmost_pole, state_space
 from robust.lti.stability import is_stable
 from robust.synthesis.tuning.blocks import signal_names
 
-__all__ = ["Channel", "Limit", "largest_over_discs", "require_limits", "slope_of_largest"]
+__all__ = ["Channel", "Limit", "gain_slopes", "largest_over_discs", "require_limits"]
 
 #: 1 - |N11|^2 from which on the worst case is carried on as a hyperbola, so that a start outside has a slope.
 NEAR_ONE = 1e-6
 #: A second singular value this close to the largest is a peak of its own.
-SECOND = 0.9
+SECOND_VALUE_RATIO = 0.9
 
 
 @value(kw_only=False)
@@ -83,11 +83,11 @@ class Limit:
 
     @property
     def is_constant(self) -> bool:
-        """Whether bound and weight are numbers."""
+        """Return whether bound and weight are numbers."""
         return isinstance(self.bound, float) and isinstance(self.weight, float)
 
     def weighting(self, dt: float) -> control.StateSpace | None:
-        """The weight over the bound as a system on the time base of the loop; None where it is not one."""
+        """Return the weight over the bound as a system on the time base of the loop; None where it is not one."""
         if not isinstance(self.bound, float):
             return None
         if isinstance(self.weight, float):
@@ -98,14 +98,14 @@ class Limit:
         return control.StateSpace(W.A, W.B, W.C / self.bound, W.D / self.bound, dt)
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) weight over bound at true frequencies [rad/s]."""
+        """Return (W,) weight over bound at true frequencies [rad/s]."""
         if self.is_constant:
             return np.full(np.size(omega), self.weight / self.bound)
-        return sizes("weight", self.weight, omega) / sizes("bound", self.bound, omega)
+        return evaluate_magnitude("weight", self.weight, omega) / evaluate_magnitude("bound", self.bound, omega)
 
 
 def magnitude(name: str, given: Any) -> Any:
-    """A number, a stable system with one input and output, or a callable; or a refusal."""
+    """Return a number, a stable system with one input and output, or a callable; or a refusal."""
     if isinstance(given, control.StateSpace | control.TransferFunction):
         system = state_space(name, given)
         if not is_stable(system):
@@ -114,8 +114,8 @@ def magnitude(name: str, given: Any) -> Any:
     return given if callable(given) else require_positive(name, given)
 
 
-def sizes(name: str, given: Any, omega: np.ndarray) -> np.ndarray:
-    """(W,) a magnitude over frequency, positive and finite or a refusal."""
+def evaluate_magnitude(name: str, given: Any, omega: np.ndarray) -> np.ndarray:
+    """Return (W,) a magnitude over frequency, positive and finite or a refusal."""
     if isinstance(given, float):
         return np.full(np.size(omega), given)
     if isinstance(given, control.StateSpace):
@@ -132,7 +132,7 @@ def sizes(name: str, given: Any, omega: np.ndarray) -> np.ndarray:
 
 
 def require_limits(name: str, given: Any) -> list[Limit]:
-    """Limits as a list, or a refusal."""
+    """Check limits as a list, or a refusal."""
     limits = [given] if isinstance(given, Limit) else given
     if not isinstance(limits, tuple | list) or not all(isinstance(one, Limit) for one in limits):
         raise ValueError(f"{name} must hold robust.tuning.Limit values, as a list, got {short_form(given)}")
@@ -165,16 +165,18 @@ class Channel:
     perturbation: tuple[int, int, int] | None
 
     def gain(self, H: np.ndarray, discs: tuple[np.ndarray, np.ndarray] | None, *, smooth: bool = True) -> np.ndarray:
-        """(W,) gain of the channel, unweighted, of responses H (W, outputs, inputs); a and g of the discs (W,)."""
+        """Return the unweighted gain (W,) of the channel from responses H (W, outputs, inputs) and discs a, g."""
         nominal = H[:, self.rows[:, None], self.columns]
         if self.perturbation is None:
             return largest_singular_values(nominal)
         assert discs is not None
-        N11, N12, N21 = self.loops(H, *discs)
+        N11, N12, N21 = self.perturbation_loop(H, *discs)
         return largest_over_discs(nominal, N21, N12, N11, smooth=smooth)
 
-    def loops(self, H: np.ndarray, a: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """N11 (W,), N12 (W, inputs), N21 (W, outputs) of the loop with Delta pulled out of (G + g Delta)/(1 + a Delta).
+    def perturbation_loop(
+        self, H: np.ndarray, a: np.ndarray, g: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return N11, N12, N21 of the loop with Delta pulled out of (G + g Delta)/(1 + a Delta).
 
         Delta reads the plant input u; -a Delta u is added there, g Delta u to the plant output.
         """
@@ -187,14 +189,14 @@ class Channel:
 
 
 def largest_singular_values(H: np.ndarray) -> np.ndarray:
-    """(W,) of (W, m, n)."""
+    """Return (W,) of (W, m, n)."""
     if 1 in H.shape[1:]:
         return np.sqrt((np.abs(H) ** 2).sum(axis=(1, 2)))
     return np.linalg.svd(H, compute_uv=False)[:, 0]
 
 
 def distance_to_one(N11: np.ndarray, smooth: bool) -> tuple[np.ndarray, np.ndarray]:
-    """1 - |N11|^2, carried on below NEAR_ONE as a positive hyperbola where smooth; and its slope over |N11|^2."""
+    """Return 1 - |N11|^2, below NEAR_ONE a positive hyperbola where smooth, and its slope over |N11|^2."""
     room = 1 - np.abs(N11) ** 2
     if not smooth:
         return room, -np.ones(room.shape)
@@ -205,7 +207,7 @@ def distance_to_one(N11: np.ndarray, smooth: bool) -> tuple[np.ndarray, np.ndarr
 def largest_over_discs(
     N22: np.ndarray, N21: np.ndarray, N12: np.ndarray, N11: np.ndarray, *, smooth: bool = False
 ) -> np.ndarray:
-    """(W,) largest gain of N22 + N21 Delta N12/(1 - N11 Delta) over |Delta| <= 1; inf where |N11| >= 1.
+    """Return (W,) largest gain of N22 + N21 Delta N12/(1 - N11 Delta) over |Delta| <= 1; inf where |N11| >= 1.
 
     The channel fills a disc with centre N22 + N21 N12 conj(N11)/(1 - |N11|^2) and radius |N21 N12|/(1 - |N11|^2). With
     several inputs or outputs centre plus radius is an upper bound. `smooth` carries it on where |N11| >= 1.
@@ -222,37 +224,39 @@ def largest_over_discs(
     return np.where(inside, largest_singular_values(centre) + edge, np.inf)
 
 
-def slope_of_largest(
+def gain_slopes(
     channel: Channel, H: np.ndarray, discs: tuple[complex, complex] | None
 ) -> list[tuple[float, np.ndarray]]:
-    """Gains at one frequency and their adjoints Q: d gain = Re tr(Q* dH); the second singular value too where close."""
+    """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two where they are close."""
     nominal = H[channel.rows[:, None], channel.columns]
     if channel.perturbation is None:
         found = []
-        for sigma, u, v in leading(nominal):
+        for sigma, u, v in leading_singular_vectors(nominal):
             Q = np.zeros(H.shape, complex)
             np.add.at(Q, (channel.rows[:, None], channel.columns), np.outer(u, v.conj()))
             found.append((sigma, Q))
         return found
     assert discs is not None
-    return [worst_slope(channel, H, *discs)]
+    return [worst_case_slope(channel, H, *discs)]
 
 
-def leading(H: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
-    """The largest singular value with its vectors, and the second where it comes close."""
+def leading_singular_vectors(H: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Return the largest singular value with its vectors, and the second where it comes close."""
     U, sigma, V = np.linalg.svd(H, full_matrices=False)
-    return [(float(s), U[:, k], V[k].conj()) for k, s in enumerate(sigma[:2]) if k == 0 or s > SECOND * sigma[0]]
+    return [
+        (float(s), U[:, k], V[k].conj()) for k, s in enumerate(sigma[:2]) if k == 0 or s > SECOND_VALUE_RATIO * sigma[0]
+    ]
 
 
-def worst_slope(channel: Channel, H: np.ndarray, a: complex, g: complex) -> tuple[float, np.ndarray]:
-    """The smooth worst case and its adjoint.
+def worst_case_slope(channel: Channel, H: np.ndarray, a: complex, g: complex) -> tuple[float, np.ndarray]:
+    """Return the smooth worst case and its adjoint.
 
     With q = |N11|^2, D(q) and p = N21 N12: centre c = N22 + p conj(N11)/D and edge |N21| |N12|/D, term by term.
     """
     assert channel.perturbation is not None
     u_row, at_input, at_output = channel.perturbation
     rows, columns = channel.rows, channel.columns
-    (N11,), (N12,), (N21,) = channel.loops(H[None], np.array([a]), np.array([g]))
+    (N11,), (N12,), (N21,) = channel.perturbation_loop(H[None], np.array([a]), np.array([g]))
     (room,), (slope,) = distance_to_one(np.array([N11]), smooth=True)
     inverse = 1 / room
     centre = H[rows[:, None], columns] + np.outer(N21, N12) * np.conj(N11) * inverse

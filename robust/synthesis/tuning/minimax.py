@@ -16,30 +16,30 @@ import numpy as np
 from scipy import sparse
 
 from nlfrf._base.values import value
-from robust.synthesis.tuning.problem import MARGIN, Evaluation, Problem
-from robust.synthesis.tuning.scene import Peak
+from robust.synthesis.tuning.loops import Peak
+from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, TuningProblem
 
-__all__ = ["Searched", "find_stable", "improve"]
+__all__ = ["SearchResult", "find_stable", "minimise_from"]
 
 #: Relative gain of a round below which the search ends.
 ROUND_GAIN = 2e-5
 #: The same of the points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to 2.528.
 SAMPLED_GAIN = 2e-4
-ROUNDS, N_SQP, N_BFGS = 20, 40, 200
+N_ROUNDS, N_SQP, N_BFGS = 20, 40, 200
 #: Weights of the hard limits, the next where they are still missed.
 PENALTIES = (10.0, 100.0, 1000.0)
 #: How often a closer look sends the search back, and from which excess on (log).
-LOOKS, LOOKED = 3, 2e-6
+N_LOOKS, LOOK_TOLERANCE = 3, 2e-6
 #: Around a stalled design: distances in coordinates, and how many points at most.
-SAMPLING_RADII, MOST_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
+SAMPLING_RADII, MAX_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
 #: Level (log) below that of the start from which on a limit counts as zero.
-NOTHING = float(np.log(1e-10))
+MIN_LOG_GAIN = float(np.log(1e-10))
 WOLFE = 1e-4, 0.5
 
 
 @value(copy=False)
-class Searched:
-    """Where a search ended.
+class SearchResult:
+    """Hold the result of a search.
 
     Fields
     ------
@@ -55,8 +55,8 @@ class Searched:
 # ---- Stability.
 
 
-def find_stable(problem: Problem, x: np.ndarray, n_steps: int = 150) -> Evaluation:
-    """From coordinates towards a design all of whose poles decay as asked for; the last where none was found."""
+def find_stable(problem: TuningProblem, x: np.ndarray, n_steps: int = 150) -> Evaluation:
+    """Search from coordinates for a design whose poles all decay as demanded; else return the last one."""
     low, high = problem.controller.lower, problem.controller.upper
 
     def function(x: np.ndarray) -> tuple[float, np.ndarray, Evaluation]:
@@ -71,7 +71,7 @@ def find_stable(problem: Problem, x: np.ndarray, n_steps: int = 150) -> Evaluati
 
 
 def bfgs(function: Any, x: np.ndarray, n_steps: int, *, enough: float = -np.inf) -> tuple[float, Any]:
-    """BFGS with weak Wolfe steps by bisection, for functions that are smooth almost everywhere."""
+    """Minimise by BFGS with weak Wolfe steps by bisection, for functions that are smooth almost everywhere."""
     f, g, found = function(x)
     H: np.ndarray | None = None
     for _ in range(n_steps):
@@ -122,29 +122,29 @@ def bfgs(function: Any, x: np.ndarray, n_steps: int, *, enough: float = -np.inf)
 # ---- The smallest worst level.
 
 
-def improve(problem: Problem, start: Evaluation) -> Searched:
-    """From a stable design to one that no step improves."""
+def minimise_from(problem: TuningProblem, start: Evaluation) -> SearchResult:
+    """Minimise the merit from a stable design, until no step improves it."""
     current, stationarity = minimise(problem, start, start)
-    for _ in range(LOOKS):
-        closer = looked_at(problem, current)
+    for _ in range(N_LOOKS):
+        closer = evaluate_closely(problem, current)
         if closer is current:
             break
         current, stationarity = minimise(problem, closer, start)
-    return Searched(evaluation=current, stationarity=stationarity)
+    return SearchResult(evaluation=current, stationarity=stationarity)
 
 
-def looked_at(problem: Problem, current: Evaluation) -> Evaluation:
-    """The same design evaluated again where a closer look found a limit above what the search saw of it."""
+def evaluate_closely(problem: TuningProblem, current: Evaluation) -> Evaluation:
+    """Return the same design evaluated again where a closer look found a limit above what the search saw of it."""
     known = highest_levels(current)
     for k, looks in enumerate(problem.look_closely(current.x)):
         for limit, look in looks.items():
-            if look.ratio > 0 and float(np.log(look.ratio)) > known.get((limit, k), -np.inf) + LOOKED:
+            if look.ratio > 0 and float(np.log(look.ratio)) > known.get((limit, k), -np.inf) + LOOK_TOLERANCE:
                 return problem.evaluate(current.x)
     return current
 
 
 def highest_levels(evaluation: Evaluation) -> dict[tuple[int, int], float]:
-    """Highest level of each limit and plant."""
+    """Return the highest level of each limit and plant."""
     known: dict[tuple[int, int], float] = {}
     for peak in evaluation.peaks:
         key = (peak.limit, peak.plant)
@@ -152,40 +152,40 @@ def highest_levels(evaluation: Evaluation) -> dict[tuple[int, int], float]:
     return known
 
 
-def minimise(problem: Problem, current: Evaluation, start: Evaluation) -> tuple[Evaluation, float]:
-    """Rounds of programs and BFGS with growing weights of the hard limits, and the stationarity at the end."""
+def minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) -> tuple[Evaluation, float]:
+    """Minimise by rounds of programs and BFGS with growing penalties; return the stationarity at the end too."""
     stationarity = np.inf
     for rho in PENALTIES:
-        for _ in range(ROUNDS):
+        for _ in range(N_ROUNDS):
             before = current.merit(rho)
             current, stationarity = sequential_programs(problem, current, rho)
-            current = certified(problem, current)
+            current = evaluate_at_exact_peaks(problem, current)
             if is_done(current, start):
                 break
-            current = descend(problem, current, rho)
-            current = certified(problem, current)
+            current = descend_on_penalty(problem, current, rho)
+            current = evaluate_at_exact_peaks(problem, current)
             problem.report(current, rho)
             if is_done(current, start):
                 break
             if not current.merit(rho) < before - ROUND_GAIN:
-                current = certified(problem, sampled_steps(problem, current, rho))
+                current = evaluate_at_exact_peaks(problem, sampled_steps(problem, current, rho))
                 if not current.merit(rho) < before - SAMPLED_GAIN:
                     break
-        if current.hard < 2 * MARGIN or is_done(current, start):
+        if current.hard < 2 * HARD_LIMIT_MARGIN or is_done(current, start):
             break
     return current, stationarity
 
 
 def is_done(current: Evaluation, start: Evaluation) -> bool:
-    """Whether nothing is left to be made smaller: hard limits alone are met, or soft ones are zero to rounding."""
+    """Return whether nothing is left to minimise: hard limits alone are met, or soft ones are zero."""
     has_soft = any(not peak.hard for peak in current.peaks)
     if current.hard > 0:
         return False
-    return not has_soft or current.soft < start.soft + NOTHING
+    return not has_soft or current.soft < start.soft + MIN_LOG_GAIN
 
 
-def certified(problem: Problem, current: Evaluation) -> Evaluation:
-    """The same design, its peaks looked for again where the exact norm was found above them."""
+def evaluate_at_exact_peaks(problem: TuningProblem, current: Evaluation) -> Evaluation:
+    """Return the same design, its peaks looked for again where the exact norm was found above them."""
     for _ in range(3):
         norms = problem.norms(current.x)
         known, missed = highest_levels(current), 0.0
@@ -199,8 +199,8 @@ def certified(problem: Problem, current: Evaluation) -> Evaluation:
     return current
 
 
-def descend(problem: Problem, current: Evaluation, rho: float) -> Evaluation:
-    """BFGS on the exact penalty, bounds by projection of what is tried."""
+def descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
+    """Minimise the exact penalty by BFGS, trial points projected onto the bounds."""
     low, high = problem.controller.lower, problem.controller.upper
     best = current
 
@@ -220,8 +220,8 @@ def descend(problem: Problem, current: Evaluation, rho: float) -> Evaluation:
     return best
 
 
-def sampled_steps(problem: Problem, current: Evaluation, rho: float) -> Evaluation:
-    """Steps on the peaks of points around, where neither programs nor BFGS go on: gradient sampling.
+def sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
+    """Step by gradient sampling: on the peaks of nearby points, where neither programs nor BFGS improve.
 
     Beside a kink the peaks of one point alone say too little of which way all of them fall (Burke, Lewis & Overton
     2005).
@@ -230,11 +230,11 @@ def sampled_steps(problem: Problem, current: Evaluation, rho: float) -> Evaluati
     low, high = problem.controller.lower, problem.controller.upper
     for radius in SAMPLING_RADII:
         cuts: list[tuple[Peak, np.ndarray]] = []
-        for _ in range(min(2 * n, MOST_SAMPLES)):
+        for _ in range(min(2 * n, MAX_SAMPLES)):
             near = np.clip(current.x + radius * rng.uniform(-1, 1, n), low, high)
             tried = problem.evaluate(near, pole_slopes=False)
             if tried.stable:
-                cuts += cuts_of(current, tried, near - current.x)
+                cuts += cuts_of_trial(current, tried, near - current.x)
         if not current.poles:
             current = problem.evaluate(current.x)
         solved = quadratic_program(problem, current, cuts, 1e-3 * np.eye(n), rho, 10 * radius)
@@ -243,13 +243,13 @@ def sampled_steps(problem: Problem, current: Evaluation, rho: float) -> Evaluati
         for shorter in (1.0, 0.5, 0.25, 0.1, 0.03):
             tried = problem.evaluate(np.clip(current.x + shorter * solved[0], low, high))
             if tried.merit(rho) < current.merit(rho):
-                current, _ = lengthen(problem, current, tried, shorter * solved[0], rho)
+                current, _ = lengthen_step(problem, current, tried, shorter * solved[0], rho)
                 break
     return current
 
 
-def sequential_programs(problem: Problem, current: Evaluation, rho: float) -> tuple[Evaluation, float]:
-    """Steps of quadratic programs on the peaks, as long as they gain."""
+def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> tuple[Evaluation, float]:
+    """Step by quadratic programs on the peaks, as long as they improve."""
     n = current.x.size
     if not current.poles:
         current = problem.evaluate(current.x)
@@ -272,20 +272,20 @@ def sequential_programs(problem: Problem, current: Evaluation, rho: float) -> tu
                 accepted = (d, tried, multipliers, predicted)
                 break
             if tried.stable and trial < 4:
-                cuts += cuts_of(current, tried, d)
+                cuts += cuts_of_trial(current, tried, d)
             else:
                 box = min(box, float(np.abs(d).max())) / 3
         if accepted is None:
             break
         d, tried, multipliers, predicted = accepted
-        tried, d = lengthen(problem, current, tried, d, rho)
+        tried, d = lengthen_step(problem, current, tried, d, rho)
         problem.report(tried, rho)
         s = tried.x - current.x
         y = lagrangian_change(current, tried, multipliers)
         H = damped_update(H, s, y, fresh)
         fresh = False
         gained = current.merit(rho) - tried.merit(rho)
-        current = certified(problem, tried)
+        current = evaluate_at_exact_peaks(problem, tried)
         if float(np.abs(d).max()) > 0.9 * box:
             box = min(3.0, 2 * box)
         if gained < 1e-6 * max(1.0, abs(current.merit(rho)) * 1e-2):
@@ -295,10 +295,10 @@ def sequential_programs(problem: Problem, current: Evaluation, rho: float) -> tu
     return current, stationarity
 
 
-def lengthen(
-    problem: Problem, current: Evaluation, tried: Evaluation, d: np.ndarray, rho: float
+def lengthen_step(
+    problem: TuningProblem, current: Evaluation, tried: Evaluation, d: np.ndarray, rho: float
 ) -> tuple[Evaluation, np.ndarray]:
-    """The step doubled as long as the merit falls nearly as steeply."""
+    """Return the step doubled as long as the merit falls nearly as steeply."""
     for _ in range(5):
         longer = problem.evaluate(np.clip(current.x + 2 * d, problem.controller.lower, problem.controller.upper))
         if not longer.merit(rho) < tried.merit(rho) - 0.7 * (current.merit(rho) - tried.merit(rho)):
@@ -307,8 +307,8 @@ def lengthen(
     return tried, d
 
 
-def cuts_of(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple[Peak, np.ndarray]]:
-    """Peaks of a failed trial as rows of the next program, lowered so that they hold where the step begins."""
+def cuts_of_trial(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple[Peak, np.ndarray]]:
+    """Return peaks of a failed trial as rows of the next program, lowered so that they hold where the step begins."""
     highest, rows = highest_levels(current), []
     for peak in tried.peaks:
         if np.isfinite(peak.gradient).all():
@@ -318,7 +318,7 @@ def cuts_of(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple
 
 
 def quadratic_program(
-    problem: Problem,
+    problem: TuningProblem,
     current: Evaluation,
     cuts: list[tuple[Peak, np.ndarray]],
     H: np.ndarray,
@@ -343,7 +343,7 @@ def quadratic_program(
         row[:n] = peak.gradient
         row[n + 1 + groups.index((peak.limit, peak.plant)) if peak.hard else n] = -1.0
         rows.append(row)
-        right.append(-(level + MARGIN) if peak.hard else -level)
+        right.append(-(level + HARD_LIMIT_MARGIN) if peak.hard else -level)
     n_peaks = len(rows)
     if not any(not peak.hard for peak, _ in peaks):
         row = np.zeros(size)
@@ -396,12 +396,12 @@ def quadratic_program(
 
 
 def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, groups: list[tuple[int, int]], rho: float) -> float:
-    """Merit of the linear model at a step."""
+    """Return the merit of the linear model at a step."""
     soft = [level + float(peak.gradient @ d) for peak, level in peaks if not peak.hard]
     total = max(soft) if soft else 0.0
     for group in groups:
         excess = [
-            level + MARGIN + float(peak.gradient @ d)
+            level + HARD_LIMIT_MARGIN + float(peak.gradient @ d)
             for peak, level in peaks
             if peak.hard and (peak.limit, peak.plant) == group
         ]
@@ -410,7 +410,7 @@ def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, groups: list[tup
 
 
 def lagrangian_change(current: Evaluation, tried: Evaluation, multipliers: list[tuple[Peak, float]]) -> np.ndarray:
-    """Change of the slope of the Lagrangian over a step, each peak against the nearest of the same limit and plant."""
+    """Return the change of the Lagrangian's slope over a step, each peak against the nearest of its limit and plant."""
     change = np.zeros(current.x.size)
     for peak, weight in multipliers:
         same = [one for one in tried.peaks if (one.limit, one.plant) == (peak.limit, peak.plant)]
@@ -421,7 +421,7 @@ def lagrangian_change(current: Evaluation, tried: Evaluation, multipliers: list[
 
 
 def frequency_distance(one: float, other: float) -> float:
-    """Distance of two frequencies, zero and infinity being near nothing else."""
+    """Return the distance of two frequencies, zero and infinity being near nothing else."""
     if one == other:
         return 0.0
     if min(one, other) <= 0 or np.isinf(max(one, other)):

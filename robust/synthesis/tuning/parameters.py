@@ -13,9 +13,9 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.synthesis.tuning.blocks import Parameter, TunableBlock, parameter_values, with_parameters
 
-__all__ = ["Controller", "controller_of"]
+__all__ = ["Controller", "controller_of_blocks"]
 
-STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
+COMPLEX_STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
 
 
 @value
@@ -44,25 +44,25 @@ class Controller:
 
     @property
     def labels(self) -> list[str]:
-        """Parameters with the names of their blocks."""
+        """Return parameters with the names of their blocks."""
         return [parameter.label(block) for block, parameter in self.parameters]
 
     def numbers(self, x: np.ndarray) -> np.ndarray:
-        """(p,) numbers of the blocks at the coordinates x."""
+        """Return (p,) numbers of the blocks at the coordinates x."""
         return np.array([p.from_coordinate(float(one)) for (_, p), one in zip(self.parameters, x, strict=True)])
 
     def matrix(self, x: np.ndarray) -> np.ndarray:
-        """M at the coordinates x."""
-        return self.assembled(x, None)
+        """Return M at the coordinates x."""
+        return self.assemble(x, None)
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
-        """(p, rows, columns) dM/dx."""
-        return np.array([self.assembled(x, k) for k in range(len(x))]).reshape(
+        """Return (p, rows, columns) dM/dx."""
+        return np.array([self.assemble(x, k) for k in range(len(x))]).reshape(
             len(x), self.n_states + self.n_out, self.n_states + self.n_in
         )
 
-    def assembled(self, x: np.ndarray, along: int | None) -> np.ndarray:
-        """M, or its derivative along one coordinate, of whose block alone it is made."""
+    def assemble(self, x: np.ndarray, along: int | None) -> np.ndarray:
+        """Return M, or its derivative along one coordinate, of whose block alone it is made."""
         M = np.zeros((self.n_states + self.n_out, self.n_states + self.n_in))
         state, row, column, k = 0, self.n_states, self.n_states, 0
         for name, block in self.blocks.items():
@@ -73,18 +73,18 @@ class Controller:
                 if along is not None:
                     numbers = {key: array.astype(complex) for key, array in numbers.items()}
                 for i, parameter in enumerate(own):
-                    step = 1j * STEP if along == k + i else 0.0
+                    step = 1j * COMPLEX_STEP if along == k + i else 0.0
                     numbers[parameter.name][parameter.index] = parameter.from_coordinate(x[k + i] + step)
                 numbers = {key: array if array.ndim else array[()] for key, array in numbers.items()}
                 parts = block.state_space(numbers)
-                A, B, C, D = (np.asarray(part) if along is None else np.imag(part) / STEP for part in parts)
+                A, B, C, D = (np.asarray(part) if along is None else np.imag(part) / COMPLEX_STEP for part in parts)
                 s, o, i_ = slice(state, state + n), slice(row, row + p), slice(column, column + m)
                 M[s, s], M[s, i_], M[o, s], M[o, i_] = A, B, C, D
             state, row, column, k = state + n, row + p, column + m, k + len(own)
         return M
 
     def blocks_at(self, x: np.ndarray) -> dict[str, TunableBlock]:
-        """The blocks with the numbers at the coordinates x."""
+        """Return the blocks with the numbers at the coordinates x."""
         numbers, found = self.numbers(x), {}
         for name, block in self.blocks.items():
             own = [k for k, (owner, _) in enumerate(self.parameters) if owner == name]
@@ -92,8 +92,8 @@ class Controller:
         return found
 
 
-def controller_of(blocks: Mapping[str, TunableBlock], dt: float) -> Controller:
-    """The blocks under a clock dt [s], or a refusal where nothing is free."""
+def controller_of_blocks(blocks: Mapping[str, TunableBlock], dt: float) -> Controller:
+    """Return the blocks under a clock dt [s], or a refusal where nothing is free."""
     parameters: list[tuple[str, Parameter]] = []
     for name, block in blocks.items():
         try:

@@ -17,17 +17,17 @@ from robust.lti.lti import response, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, hold_correction, hold_response, sampled
 from robust.models.fit.nominal import frd
-from robust.models.sets.forms import FORMS, numerator
-from robust.models.sets.measured import on_lines, sampling_time, warn_of_unknown_hold
+from robust.models.sets.forms import FORMS, plant_numerator
+from robust.models.sets.measured import frf_sampling_time, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.tuning.blocks import signal_names
 
-__all__ = ["UNBOUNDED", "MeasuredPlant", "ModelledPlant", "Plants", "see_plants", "stated_clock"]
+__all__ = ["UNBOUNDED_GAIN", "MeasuredPlant", "ModelledPlant", "Plants", "see_plants", "stated_sampling_time"]
 
 
 #: Order of the Padé approximation of a delay without a clock, as `check` has it.
 #: Stands for a radius that is infinite: its square is still a number.
-UNBOUNDED = 1e30
+UNBOUNDED_GAIN = 1e30
 
 
 @value(kw_only=False)
@@ -136,7 +136,7 @@ class MeasuredPlant:
 
 
 def see_plants(plants: Plants, dt: float, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
-    """Every plant behind hold and delay, with the discs where a limit asks for them."""
+    """Return every plant behind hold and delay, with the discs where a limit asks for them."""
     return [see_plant(f"models[{k}]", model, plants, dt, delay, worst) for k, model in enumerate(plants.models)]
 
 
@@ -159,7 +159,7 @@ def see_plant(
                 "continuous one. Take sampled(nominal, dt), or another form"
             )
         discs = discs_of(loop) if worst else None
-        if discs is not None and np.abs(discs(np.array([0.1 / dt if dt else 1.0]))[1][0]) >= UNBOUNDED:
+        if discs is not None and np.abs(discs(np.array([0.1 / dt if dt else 1.0]))[1][0]) >= UNBOUNDED_GAIN:
             raise ValueError(
                 f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
                 "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
@@ -181,7 +181,7 @@ def see_plant(
 
 
 def is_single_set(model: Any) -> bool:
-    """Whether it is an uncertainty model of one input and one output."""
+    """Return whether it is an uncertainty model of one input and one output."""
     return isinstance(model, UncertaintyModel) and model.is_single
 
 
@@ -196,7 +196,7 @@ def require_set(name: str, model: Any) -> None:
 
 
 def discs_of(loop: Loop) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """a and g of the set of a model, as `check` has it: of a continuous set under a clock with every alias."""
+    """Return a and g of the set of a model, as `check` has it: of a continuous set under a clock with every alias."""
     row = FORMS[loop.form]
 
     def at(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -204,24 +204,24 @@ def discs_of(loop: Loop) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]
         G = loop.plant_response(omega)
         if loop.aliases is not None:
             radius = loop.aliases.sampled_radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
-            return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, UNBOUNDED).astype(complex)
+            return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, UNBOUNDED_GAIN).astype(complex)
         W = np.ones(omega.size, complex)
-        if row.scaled:
+        if row.depends_on_units:
             W = response(loop.shaping, omega) * np.exp(1j * omega * loop.plant_delay)
-        return ag_of(loop.form, response(loop.weight, omega), np.where(np.isfinite(G), G, 1e140), W)
+        return disc_terms(loop.form, response(loop.weight, omega), np.where(np.isfinite(G), G, 1e140), W)
 
     return at
 
 
-def ag_of(form: str, w: np.ndarray, G: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """a and g of (G + g Delta)/(1 + a Delta)."""
+def disc_terms(form: str, w: np.ndarray, G: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a and g of (G + g Delta)/(1 + a Delta)."""
     row, one = FORMS[form], np.ones_like(G)
-    scaled = W * G if row.scaled else G
-    return np.asarray(row.a(w, scaled, one, one)), np.asarray(numerator(form, w, G, W))
+    scaled = W * G if row.depends_on_units else G
+    return np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G, W))
 
 
 def see_measured(name: str, model: Any, n_unstable: int, dt: float, delay: float, worst: bool) -> MeasuredPlant:
-    """An FRF on its lines."""
+    """Return an FRF on its lines."""
     discs = None
     if is_matrix(model):
         data = frd(model)
@@ -229,36 +229,36 @@ def see_measured(name: str, model: Any, n_unstable: int, dt: float, delay: float
     elif isinstance(model, control.FrequencyResponseData):
         omega, G = np.asarray(model.omega, dtype=float), np.asarray(model.frdata)
     else:
-        omega, g, form, w, _, W = on_lines(model)
+        omega, g, form, w, _, W = parts_on_lines(model)
         G = g[None, None]
     if not np.isfinite(G).all():
         raise ValueError(f"{name} must be finite on every line, got nan or infinite numbers. Leave them out")
     order = np.argsort(omega)
     if dt and omega[order][-1] * dt >= np.pi:
         raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega.max())}, got {dt:g} s")
-    seen = G * seen_factor(model, omega, dt, delay)
+    seen = G * hold_and_delay_factor(model, omega, dt, delay)
     if worst:
         ours, measured = seen[0, 0], G[0, 0]
-        a, g_ = ag_of(form, w, ours, np.asarray(W * measured / ours))
+        a, g_ = disc_terms(form, w, ours, np.asarray(W * measured / ours))
         discs = (np.asarray(a)[order], np.asarray(g_)[order])
     return MeasuredPlant(omega=omega[order], G=seen[:, :, order], discs=discs, n_unstable=n_unstable)
 
 
-def seen_factor(model: Any, omega: np.ndarray, dt: float, delay: float) -> np.ndarray:
-    """(W,) hold and delay, as `check` puts them into an FRF."""
+def hold_and_delay_factor(model: Any, omega: np.ndarray, dt: float, delay: float) -> np.ndarray:
+    """Return (W,) hold and delay, as `check` puts them into an FRF."""
     factor = np.exp(-1j * omega * delay)
     hold = getattr(model, "hold", "unknown")
     if hold != "unknown":
         return factor * hold_correction(omega, hold, model.fs, dt)
-    if dt and not sampling_time(model):
+    if dt and not frf_sampling_time(model):
         if isinstance(model, Bla | UncertaintyModel):
             warn_of_unknown_hold(model, dt)
         return factor * hold_response(omega, dt)
     return factor
 
 
-def stated_clock(plants: Sequence[Any]) -> float:
-    """Sampling time [s] that the plants state; 0 where none does."""
+def stated_sampling_time(plants: Sequence[Any]) -> float:
+    """Return the sampling time [s] that the plants state; 0 where none does."""
     steps = set()
     for model in plants:
         source = getattr(model, "nominal", model)

@@ -1,4 +1,4 @@
-"""What the search sees: for coordinates x the poles, the peaks of every limit on every plant, and all their slopes."""
+"""The objective of the search: poles, peaks of every limit on every plant, and their gradients, at coordinates x."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.synthesis.tuning.closing import ClosedLoop
+from robust.synthesis.tuning.loops import CloseLook, MeasuredLoop, ModelledLoop, Peak
 from robust.synthesis.tuning.parameters import Controller
-from robust.synthesis.tuning.scene import LineScene, Look, Peak, StateScene
 
-__all__ = ["MARGIN", "Evaluation", "OutOfTime", "PoleRow", "Problem", "better"]
+__all__ = ["HARD_LIMIT_MARGIN", "Evaluation", "OutOfTime", "PoleRow", "TuningProblem", "is_better"]
 
 #: What hard limits are kept under, relative: what is met to rounding is then met.
-MARGIN = 1e-5
+HARD_LIMIT_MARGIN = 1e-5
 #: Poles that are looked at beside the one that decides.
 N_POLES = 4
-FIXED = 1e-6  # relative distance from a pole that nothing moves
-NOT_STABLE = 1e-9  # of the largest pole: real part from which on a pole that nothing moves is refused
+FIXED_MODE_TOLERANCE = 1e-6  # relative distance from a pole that nothing moves
+STABILITY_TOLERANCE = 1e-9  # of the largest pole: real part from which on a pole that nothing moves is refused
 
 
 class OutOfTime(Exception):
@@ -58,17 +58,17 @@ class Evaluation:
 
     @property
     def stable(self) -> bool:
-        """Whether every pole decays as fast as asked for."""
+        """Return whether every pole decays as fast as asked for."""
         return self.excess < 0
 
     @property
     def soft(self) -> float:
-        """Largest level of the soft limits; zero where there are none."""
+        """Return the largest level of the soft limits; zero where there are none."""
         return max((peak.level for peak in self.peaks if not peak.hard), default=0.0)
 
     @property
     def excesses(self) -> dict[tuple[int, int], Peak]:
-        """Highest peak of each hard limit and plant."""
+        """Return the highest peak of each hard limit and plant."""
         found: dict[tuple[int, int], Peak] = {}
         for peak in self.peaks:
             key = (peak.limit, peak.plant)
@@ -79,31 +79,31 @@ class Evaluation:
     @property
     def hard(self) -> float:
         """Sum of what hard limits are missed by, in logarithms."""
-        return sum(max(0.0, peak.level + MARGIN) for peak in self.excesses.values())
+        return sum(max(0.0, peak.level + HARD_LIMIT_MARGIN) for peak in self.excesses.values())
 
     def merit(self, rho: float) -> float:
-        """Exact penalty: what is made small."""
+        """Return the exact penalty: what is made small."""
         return self.soft + rho * self.hard if self.stable else np.inf
 
     def merit_slope(self, rho: float) -> np.ndarray:
-        """Slope of the merit, of the pieces that decide."""
+        """Return the slope of the merit, of the pieces that decide."""
         slope = np.zeros(self.x.size)
         soft = [peak for peak in self.peaks if not peak.hard]
         if soft:
             slope = slope + max(soft, key=lambda peak: peak.level).gradient
         for peak in self.excesses.values():
-            if peak.level + MARGIN > 0:
+            if peak.level + HARD_LIMIT_MARGIN > 0:
                 slope = slope + rho * peak.gradient
         return slope
 
 
-class Problem:
+class TuningProblem:
     """The loops of all plants with the blocks of a design, evaluated at coordinates."""
 
     def __init__(
         self,
         controller: Controller,
-        scenes: Sequence[StateScene | LineScene],
+        scenes: Sequence[ModelledLoop | MeasuredLoop],
         *,
         decay: float,
         dt: float,
@@ -119,21 +119,21 @@ class Problem:
     # ---- Evaluation.
 
     def evaluate(self, x: np.ndarray, *, peaks: bool = True, pole_slopes: bool = True) -> Evaluation:
-        """Poles, and peaks where every loop is stable."""
+        """Return poles, and peaks where every loop is stable."""
         if time.monotonic() > self.deadline:
             raise OutOfTime
         self.n_evaluated += 1
         with np.errstate(all="ignore"):  # what overflows is no number, and is refused as such
-            return self.evaluated(x, peaks=peaks, pole_slopes=pole_slopes)
+            return self.evaluate_in_time(x, peaks=peaks, pole_slopes=pole_slopes)
 
-    def evaluated(self, x: np.ndarray, *, peaks: bool, pole_slopes: bool) -> Evaluation:
-        """`evaluate`, as long as there is time."""
+    def evaluate_in_time(self, x: np.ndarray, *, peaks: bool, pole_slopes: bool) -> Evaluation:
+        """Return `evaluate`, as long as there is time."""
         M = self.controller.matrix(x)
         loops: list[ClosedLoop | None] = []
         rows: list[tuple[float, int, int]] = []
         for k, scene in enumerate(self.scenes):
-            if isinstance(scene, LineScene):
-                stable, clear = scene.count(M) if np.isfinite(M).all() else (False, False)
+            if isinstance(scene, MeasuredLoop):
+                stable, clear = scene.stability_by_winding(M) if np.isfinite(M).all() else (False, False)
                 loops.append(None)
                 if not (stable and clear):
                     return Evaluation(x=x, excess=np.inf, poles=[], peaks=[])
@@ -143,12 +143,12 @@ class Problem:
                 return Evaluation(x=x, excess=np.inf, poles=[], peaks=[])
             loops.append(loop)
             excesses = self.real_parts(loop.poles) + self.decay
-            rows += [(float(excesses[place]), k, int(place)) for place in self.moved(k, loop.poles)]
+            rows += [(float(excesses[place]), k, int(place)) for place in self.movable_poles(k, loop.poles)]
         rows.sort(reverse=True)
         excess = rows[0][0] if rows else -np.inf
         slopes = self.controller.slopes(x) if (peaks or pole_slopes) else None
         pole_rows = (
-            [self.pole_row(loops[k], place, value_, slopes) for value_, k, place in rows[:N_POLES]]
+            [self.pole_gradient(loops[k], place, value_, slopes) for value_, k, place in rows[:N_POLES]]
             if (pole_slopes and slopes is not None)
             else []
         )
@@ -157,11 +157,11 @@ class Problem:
         assert slopes is not None
         found: list[Peak] = []
         for scene, loop in zip(self.scenes, loops, strict=True):
-            found += scene.peaks(M, slopes) if isinstance(scene, LineScene) else scene.peaks(loop, slopes)  # type: ignore[arg-type]
+            found += scene.peaks(M, slopes) if isinstance(scene, MeasuredLoop) else scene.peaks(loop, slopes)  # type: ignore[arg-type]
         return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=found)
 
     def real_parts(self, poles: np.ndarray) -> np.ndarray:
-        """Real parts in s of poles in the plane of the bilinear map."""
+        """Return real parts in s of poles in the plane of the bilinear map."""
         if not self.dt:
             return poles.real
         half = poles * self.dt / 2
@@ -169,21 +169,21 @@ class Problem:
             found = (np.log(np.abs(1 + half)) - np.log(np.abs(1 - half))) / self.dt
         return np.maximum(found, -1e3 / self.dt)
 
-    def moved(self, scene: int, poles: np.ndarray) -> np.ndarray:
-        """Places of the poles that the blocks move."""
+    def movable_poles(self, scene: int, poles: np.ndarray) -> np.ndarray:
+        """Return places of the poles that the blocks move."""
         left = np.ones(poles.size, bool)
         for mode in self.fixed_modes[scene]:
             distance = np.where(left, np.abs(poles - mode), np.inf)
             k = int(np.argmin(distance))
-            if distance[k] <= FIXED * (1 + abs(mode)):
+            if distance[k] <= FIXED_MODE_TOLERANCE * (1 + abs(mode)):
                 left[k] = False
         return np.flatnonzero(left)
 
-    def pole_row(self, loop: ClosedLoop | None, place: int, excess: float, slopes: np.ndarray | None) -> PoleRow:
-        """Slope of a pole: d pole = l dM r, carried on to s."""
+    def pole_gradient(self, loop: ClosedLoop | None, place: int, excess: float, slopes: np.ndarray | None) -> PoleRow:
+        """Return the slope of a pole: d pole = l dM r, carried on to s."""
         assert loop is not None
         assert slopes is not None
-        right, left = loop.pole_sides(place)
+        right, left = loop.pole_sensitivity_factors(place)
         slope = slopes.reshape(len(slopes), -1) @ (right @ left).T.ravel()
         if self.dt:
             slope = slope / (1 - (loop.poles[place] * self.dt / 2) ** 2)
@@ -199,7 +199,7 @@ class Problem:
             x = self.controller.start + rng.uniform(-0.7, 0.7, low.size)
             tried.append(self.controller.matrix(np.clip(x, low, high)))
         for k, scene in enumerate(self.scenes):
-            if isinstance(scene, LineScene):
+            if isinstance(scene, MeasuredLoop):
                 continue
             loops = [scene.close(M) for M in tried]
             open_poles = np.linalg.eigvals(scene.fixed.A) if len(scene.fixed.A) else np.zeros(0, complex)
@@ -209,7 +209,7 @@ class Problem:
             for loop in loops:
                 assert loop is not None
                 distance = np.abs(open_poles[:, None] - loop.poles[None]).min(axis=1, initial=np.inf)
-                near &= distance <= FIXED / 10 * (1 + np.abs(open_poles))
+                near &= distance <= FIXED_MODE_TOLERANCE / 10 * (1 + np.abs(open_poles))
             n_own = self.controller.n_states  # their rows in A are zero before the loop is closed
             own = np.argsort(np.abs(open_poles), kind="stable")[:n_own] if n_own else np.zeros(0, int)
             near[[place for place in own if abs(open_poles[place]) == 0]] = False
@@ -221,10 +221,10 @@ class Problem:
         for k, modes in enumerate(self.fixed_modes):
             if modes.size:
                 scene = self.scenes[k]
-                assert isinstance(scene, StateScene)
+                assert isinstance(scene, ModelledLoop)
                 size = np.abs(np.linalg.eigvals(scene.fixed.A)).max(initial=0.0)
                 worst = modes[int(np.argmax(modes.real))]
-                if worst.real >= -NOT_STABLE * size * 1e-3:
+                if worst.real >= -STABILITY_TOLERANCE * size * 1e-3:
                     s = (
                         complex(np.log((1 + worst * self.dt / 2) / (1 - worst * self.dt / 2)) / self.dt)
                         if self.dt
@@ -241,7 +241,7 @@ class Problem:
         M = self.controller.matrix(x)
         found = []
         for scene in self.scenes:
-            if isinstance(scene, LineScene):
+            if isinstance(scene, MeasuredLoop):
                 found.append(scene.raise_norms(M))
             else:
                 loop = scene.close(M)
@@ -249,14 +249,14 @@ class Problem:
                 found.append(scene.raise_norms(loop))
         return found
 
-    def look_closely(self, x: np.ndarray) -> list[dict[int, Look]]:
+    def look_closely(self, x: np.ndarray) -> list[dict[int, CloseLook]]:
         """Of each plant every limit, as it is said in the end."""
         M = self.controller.matrix(x)
         return [scene.look_closely(M) for scene in self.scenes]
 
     def report(self, evaluation: Evaluation, rho: float) -> None:
         """Keep the best, and say how far the search is."""
-        if evaluation.stable and (self.best is None or better(evaluation, self.best)):
+        if evaluation.stable and (self.best is None or is_better(evaluation, self.best)):
             self.best = evaluation
         if self.progress is not None:
             best = np.inf if self.best is None else float(np.exp(worst_level(self.best)))
@@ -264,12 +264,12 @@ class Problem:
 
 
 def worst_level(evaluation: Evaluation) -> float:
-    """Level that is shown: the worst hard limit while one is missed, else the soft ones."""
+    """Return the level that is shown: the worst hard limit while one is missed, else the soft ones."""
     hard = max((peak.level for peak in evaluation.excesses.values()), default=-np.inf)
     return hard if hard > 0 or not any(not peak.hard for peak in evaluation.peaks) else evaluation.soft
 
 
-def better(one: Evaluation, other: Evaluation) -> bool:
-    """Whether a design is better: hard limits first, what lies within the margin counts as met."""
-    first, second = (0.0 if e.hard < 2 * MARGIN else e.hard for e in (one, other))
+def is_better(one: Evaluation, other: Evaluation) -> bool:
+    """Return whether a design is better: hard limits first, what lies within the margin counts as met."""
+    first, second = (0.0 if e.hard < 2 * HARD_LIMIT_MARGIN else e.hard for e in (one, other))
     return (first, one.soft) < (second, other.soft)

@@ -1,4 +1,4 @@
-"""The entry point: fixed parts, plants, blocks and limits put together, searched from several starts, and judged."""
+"""`tune`: join fixed parts, plants, blocks and limits, search from several starts, and evaluate the result."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from robust.synthesis.tuning.blocks import Pid, TunableBlock, require_blocks
 from robust.synthesis.tuning.closing import ClosedLoop, state_plant
 from robust.synthesis.tuning.design import Ended, Known, LimitValue, TunedDesign
 from robust.synthesis.tuning.limits import Channel, Limit, require_limits
-from robust.synthesis.tuning.minimax import Searched, find_stable, improve
-from robust.synthesis.tuning.parameters import Controller, controller_of
-from robust.synthesis.tuning.plants import ModelledPlant, Plants, see_plants, stated_clock
-from robust.synthesis.tuning.problem import Evaluation, OutOfTime, Problem, better
-from robust.synthesis.tuning.scene import LineScene, StateScene, true_frequency
+from robust.synthesis.tuning.loops import MeasuredLoop, ModelledLoop, true_frequency
+from robust.synthesis.tuning.minimax import SearchResult, find_stable, minimise_from
+from robust.synthesis.tuning.parameters import Controller, controller_of_blocks
+from robust.synthesis.tuning.plants import ModelledPlant, Plants, see_plants, stated_sampling_time
+from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better
 from robust.synthesis.tuning.wiring import Port, join_by_name
 
 __all__ = ["tune"]
 
 #: Signals of the perturbation, of names that nobody gives.
 AT_INPUT, AT_OUTPUT, PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
-ZERO_CHANNEL = 1e-13
-UNMOVED = 1e-9
+ZERO_GAIN = 1e-13
+UNMOVED_TOLERANCE = 1e-9
 
 
 def tune(
@@ -141,7 +141,7 @@ def tune(
     if not limits:
         raise ValueError("soft must hold a limit, or hard: nothing is asked of the design, got none")
     decay, delay = require_nonnegative("decay", decay), require_nonnegative("delay", delay)
-    dt = require_nonnegative("dt", dt) or stated_clock(plant.models)
+    dt = require_nonnegative("dt", dt) or stated_sampling_time(plant.models)
     n_starts, time_cap, rng = (
         require_integer("n_starts", n_starts, least=1),
         require_positive("time_cap", time_cap),
@@ -150,19 +150,19 @@ def tune(
     if progress is not None and not callable(progress):
         raise ValueError(f"progress must be callable, got {short_form(progress)}")
     parts = fixed_parts(system, dt)
-    controller = controller_of(blocks, dt)
-    scenes = make_scenes(parts, plant, controller, limits, dt, delay)
+    controller = controller_of_blocks(blocks, dt)
+    scenes = make_loops(parts, plant, controller, limits, dt, delay)
     began = time.monotonic()
-    problem = Problem(controller, scenes, decay=decay, dt=dt, deadline=began + time_cap, progress=progress)
+    problem = TuningProblem(controller, scenes, decay=decay, dt=dt, deadline=began + time_cap, progress=progress)
     problem.find_fixed_modes(np.random.default_rng(0))
     require_paths(problem, limits)
     found, spread, ended = search(problem, n_starts, began + time_cap, rng)
     problem.deadline = np.inf
-    return judge(problem, found, spread, ended, limits, parts, plant, dt, delay)
+    return make_design(problem, found, spread, ended, limits, parts, plant, dt, delay)
 
 
 def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
-    """All that is fixed, on the time base of the design, or a refusal."""
+    """Return all that is fixed, on the time base of the design, or a refusal."""
     if isinstance(system, control.StateSpace | control.TransferFunction):
         system = [system]
     if not isinstance(system, list | tuple):
@@ -182,22 +182,22 @@ def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
     return parts
 
 
-def make_scenes(
+def make_loops(
     parts: list[control.StateSpace],
     plants: Plants,
     controller: Controller,
     limits: list[tuple[Limit, bool]],
     dt: float,
     delay: float,
-) -> list[StateScene | LineScene]:
-    """The loop around each plant with its limits."""
+) -> list[ModelledLoop | MeasuredLoop]:
+    """Return the loop around each plant with its limits."""
     worst = any(limit.worst for limit, _ in limits)
     external = list(dict.fromkeys(label for limit, _ in limits for label in limit.inputs))
     looked_at = list(dict.fromkeys(label for limit, _ in limits for label in limit.outputs))
     ports = [Port(reads=block.reads, drives=block.drives) for block in controller.blocks.values()]
     sizes = (controller.n_states, controller.n_in, controller.n_out)
     n_u, n_y = len(plants.inputs), len(plants.outputs)
-    scenes: list[StateScene | LineScene] = []
+    scenes: list[ModelledLoop | MeasuredLoop] = []
     for k, seen in enumerate(see_plants(plants, dt, delay, worst)):
         if isinstance(seen, ModelledPlant):
             G = with_perturbation(seen.system, plants, dt) if worst else named_plant(seen.system, plants, dt)
@@ -206,13 +206,13 @@ def make_scenes(
             joined = join_by_name([*parts, G], ports, external=external + more_in, looked_at=looked_at + more_out)
             fixed = state_plant(joined.system, *sizes, dt)
             channels = channels_of(limits, external, looked_at, worst, n_u)
-            scenes.append(StateScene(k, fixed, seen, channels, dt))
+            scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
             port = Port(reads=plants.inputs, drives=plants.outputs)
             joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
             channels = channels_of(limits, external, looked_at, worst, n_u)
             scenes.append(
-                LineScene(
+                MeasuredLoop(
                     k,
                     joined.system,
                     seen,
@@ -227,19 +227,19 @@ def make_scenes(
 
 
 def perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
-    """Signals through which a perturbation acts, and those it reads."""
+    """Return signals through which a perturbation acts, and those it reads."""
     into = [f"{AT_INPUT}{i}" for i in range(n_u)] + [f"{AT_OUTPUT}{j}" for j in range(n_y)]
     return into, [f"{PLANT_INPUT}{i}" for i in range(n_u)]
 
 
 def named_plant(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
-    """The plant with the names of its signals."""
+    """Return the plant with the names of its signals."""
     names = {"inputs": list(plants.inputs), "outputs": list(plants.outputs)}
     return control.StateSpace(G.A, G.B, G.C, G.D, dt, remove_useless_states=False, **names)
 
 
 def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
-    """The plant with disturbances at inputs and outputs, and its input as an output: where a perturbation hangs."""
+    """Return the plant with disturbances at inputs and outputs, and its input as an output, for a perturbation."""
     n_u, n_y = G.ninputs, G.noutputs
     into, out = perturbation_names(n_u, n_y)
     one, zero = np.eye(n_u), np.zeros((n_u, n_y))
@@ -258,7 +258,7 @@ def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> contr
 def channels_of(
     limits: list[tuple[Limit, bool]], external: list[str], looked_at: list[str], worst: bool, n_u: int
 ) -> list[Channel]:
-    """Which rows and columns of the loop each limit reads."""
+    """Return which rows and columns of the loop each limit reads."""
     perturbation = (len(looked_at), len(external), len(external) + n_u) if worst else None
     return [
         Channel(
@@ -274,12 +274,12 @@ def channels_of(
 
 
 def limit_name(k: int, limits: list[tuple[Limit, bool]]) -> str:
-    """A limit as the user gave it."""
+    """Return a limit as the user gave it."""
     n_hard = sum(is_hard for _, is_hard in limits)
     return f"hard[{k}]" if k < n_hard else f"soft[{k - n_hard}]"
 
 
-def require_paths(problem: Problem, limits: list[tuple[Limit, bool]]) -> None:
+def require_paths(problem: TuningProblem, limits: list[tuple[Limit, bool]]) -> None:
     """Refuse a limit on a channel that is zero whatever the blocks are, and a bound that has no value somewhere."""
     controller = problem.controller
     rng = np.random.default_rng(1)
@@ -294,7 +294,7 @@ def require_paths(problem: Problem, limits: list[tuple[Limit, bool]]) -> None:
     for scene in problem.scenes:
         responses = []
         for M in tried:
-            if isinstance(scene, LineScene):
+            if isinstance(scene, MeasuredLoop):
                 responses.append(scene.responses(M))
             else:
                 loop = scene.close(M)
@@ -303,16 +303,16 @@ def require_paths(problem: Problem, limits: list[tuple[Limit, bool]]) -> None:
                     if loop is None or not loop.poles.size
                     else (np.geomspace(0.1, 10, 5)[:, None] * np.maximum(np.abs(loop.poles), 1e-6)).ravel()
                 )
-                responses.append(None if loop is None else loop.exact(omega))
+                responses.append(None if loop is None else loop.responses_by_elimination(omega))
         for channel in scene.channels:
             size = [np.abs(H[:, channel.rows[:, None], channel.columns]).max() for H in responses if H is not None]
-            if size and max(size) <= ZERO_CHANNEL:
+            if size and max(size) <= ZERO_GAIN:
                 raise ValueError(
                     f"{limit_name(channel.index, limits)} must be on a channel that something goes through, got "
                     f"{channel.limit}, which is zero whatever the blocks are"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
-            if isinstance(scene, LineScene) and not scene.band(channel).any():
+            if isinstance(scene, MeasuredLoop) and not scene.band(channel).any():
                 raise ValueError(
                     f"{limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got none "
                     f"from {channel.limit.band[0]:g} to {channel.limit.band[1]:g} rad/s"
@@ -323,10 +323,10 @@ def require_paths(problem: Problem, limits: list[tuple[Limit, bool]]) -> None:
 
 
 def search(
-    problem: Problem, n_starts: int, deadline: float, rng: np.random.Generator
-) -> tuple[Evaluation | Searched | None, list[float], Ended]:
-    """The best of several starts, what each reached, and why it ended."""
-    best: Searched | None = None
+    problem: TuningProblem, n_starts: int, deadline: float, rng: np.random.Generator
+) -> tuple[Evaluation | SearchResult | None, list[float], Ended]:
+    """Return the best of several starts, what each reached, and why it ended."""
+    best: SearchResult | None = None
     last: Evaluation | None = None
     spread: list[float] = []
     ended = Ended.CONVERGED
@@ -338,7 +338,7 @@ def search(
         problem.deadline = time.monotonic() + left / (n_starts - k)
         problem.best = None
         try:
-            x = start_of(problem, k, rng)
+            x = starting_point(problem, k, rng)
             if x is None:
                 spread.append(np.inf)
                 continue
@@ -350,8 +350,8 @@ def search(
             current = problem.evaluate(current.x)
             problem.report(current, 1.0)
             if best is None:
-                refuse_unmoved(problem, current)
-            found = improve(problem, current)
+                require_movable_limits(problem, current)
+            found = minimise_from(problem, current)
         except (OutOfTime, KeyboardInterrupt) as stop:
             ended = Ended.INTERRUPTED if isinstance(stop, KeyboardInterrupt) else Ended.OUT_OF_TIME
             if problem.best is None:
@@ -359,29 +359,29 @@ def search(
                 if ended is Ended.INTERRUPTED:
                     break
                 continue
-            found = Searched(evaluation=problem.best, stationarity=np.inf)
-        spread.append(reached(found.evaluation))
-        if best is None or better(found.evaluation, best.evaluation):
+            found = SearchResult(evaluation=problem.best, stationarity=np.inf)
+        spread.append(worst_ratio(found.evaluation))
+        if best is None or is_better(found.evaluation, best.evaluation):
             best = found
         if ended is Ended.INTERRUPTED:
             break
     return best if best is not None else last, spread, ended
 
 
-def reached(evaluation: Evaluation) -> float:
-    """The worst hard ratio while one is missed, else the worst soft one."""
+def worst_ratio(evaluation: Evaluation) -> float:
+    """Return the worst hard ratio while one is missed, else the worst soft one."""
     hard = max((peak.level for peak in evaluation.excesses.values()), default=-np.inf)
     has_soft = any(not peak.hard for peak in evaluation.peaks)
     return float(np.exp(hard if hard > 0 or not has_soft else evaluation.soft))
 
 
-def start_of(problem: Problem, k: int, rng: np.random.Generator) -> np.ndarray | None:
-    """Coordinates of a start: the user's, then random ones; with an FRF one that stabilises it, or None."""
+def starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> np.ndarray | None:
+    """Return coordinates of a start: the user's, then random ones; with an FRF one that stabilises it, or None."""
     controller = problem.controller
-    measured = [scene for scene in problem.scenes if isinstance(scene, LineScene)]
+    measured = [scene for scene in problem.scenes if isinstance(scene, MeasuredLoop)]
     if k == 0:
         for scene in measured:
-            stable, clear = scene.count(controller.matrix(controller.start))
+            stable, clear = scene.stability_by_winding(controller.matrix(controller.start))
             if not clear:
                 raise ValueError(
                     f"plant must have lines close enough for the winding number of its loop, got an FRF (plant "
@@ -400,15 +400,15 @@ def start_of(problem: Problem, k: int, rng: np.random.Generator) -> np.ndarray |
             step = rng.normal(size=signs.size) * np.where(signs != 0, 1.2, 1.0) * width
             x = np.clip(controller.start + step, controller.lower, controller.upper)
             M = controller.matrix(x)
-            if all(all(scene.count(M)) for scene in measured):
+            if all(all(scene.stability_by_winding(M)) for scene in measured):
                 return np.asarray(x)
     return None
 
 
-def refuse_unmoved(problem: Problem, current: Evaluation) -> None:
+def require_movable_limits(problem: TuningProblem, current: Evaluation) -> None:
     """Refuse hard limits that are missed and that no block changes."""
     for peak in current.excesses.values():
-        if peak.level > 1e-6 and float(np.abs(peak.gradient).max()) < UNMOVED:
+        if peak.level > 1e-6 and float(np.abs(peak.gradient).max()) < UNMOVED_TOLERANCE:
             limit = next(c.limit for c in problem.scenes[peak.plant].channels if c.index == peak.limit)
             elsewhere = np.clip(current.x + 0.1, problem.controller.lower, problem.controller.upper)
             other = problem.evaluate(elsewhere)
@@ -425,9 +425,9 @@ def refuse_unmoved(problem: Problem, current: Evaluation) -> None:
 # ---- What is said of the design in the end: everything looked at again, more closely.
 
 
-def judge(
-    problem: Problem,
-    found: Evaluation | Searched | None,
+def make_design(
+    problem: TuningProblem,
+    found: Evaluation | SearchResult | None,
     spread: list[float],
     ended: Ended,
     limits: list[tuple[Limit, bool]],
@@ -436,10 +436,10 @@ def judge(
     dt: float,
     delay: float,
 ) -> TunedDesign:
-    """The result, every number of it computed again from the design itself."""
+    """Return the result, every number of it computed again from the design itself."""
     stationarity = np.inf
     evaluation: Evaluation | None
-    if isinstance(found, Searched):
+    if isinstance(found, SearchResult):
         evaluation, stationarity = found.evaluation, found.stationarity
         looks = problem.look_closely(evaluation.x)
     else:
@@ -459,12 +459,12 @@ def judge(
                     omega=omega,
                     known=Known.NORM if look.is_norm else Known.LINES,
                     n_lines=look.n_lines,
-                    **curves_of(problem, k, index, x),
+                    **limit_curves(problem, k, index, x),
                 )
             )
     values.sort(key=lambda one: (not one.hard, -one.ratio))
     excess = np.inf if evaluation is None else evaluation.excess - problem.decay
-    stable = bool(values) and surely_stable(problem, x)
+    stable = bool(values) and is_surely_stable(problem, x)
     return TunedDesign(
         blocks=problem.controller.blocks_at(x),
         met=bool(values) and stable and all(one.met for one in values if one.hard),
@@ -473,8 +473,8 @@ def judge(
         excess=float(excess),
         ended=ended,
         spread=tuple(spread),
-        at_bounds=tuple(at_bounds(problem.controller, x)),
-        not_asked=tuple(not_asked(problem.controller, limits, plants)),
+        at_bounds=tuple(parameters_at_bounds(problem.controller, x)),
+        not_asked=tuple(describe_unlimited(problem.controller, limits, plants)),
         stationarity=float(stationarity),
         n_evaluated=problem.n_evaluated,
         system=tuple(parts),
@@ -484,8 +484,8 @@ def judge(
     )
 
 
-def curves_of(problem: Problem, plant: int, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
-    """Ratio of a limit over frequency, of the design and of the blocks as they were given."""
+def limit_curves(problem: TuningProblem, plant: int, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the ratio of a limit over frequency, of the design and of the blocks as they were given."""
     scene = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
     M, start = problem.controller.matrix(x), problem.controller.start
@@ -500,27 +500,27 @@ def curves_of(problem: Problem, plant: int, limit: int, x: np.ndarray) -> dict[s
     }
 
 
-def surely_stable(problem: Problem, x: np.ndarray) -> bool:
-    """Whether the loop of every plant is stable beyond rounding, on the time base on which it runs."""
+def is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
+    """Return whether the loop of every plant is stable beyond rounding, on the time base on which it runs."""
     M = problem.controller.matrix(x)
     for scene in problem.scenes:
-        if isinstance(scene, LineScene):
-            if not all(scene.count(M)):
+        if isinstance(scene, MeasuredLoop):
+            if not all(scene.stability_by_winding(M)):
                 return False
             continue
         loop = scene.close(M)
         if loop is None:
             return False
-        closed = as_system(loop, problem.dt)
+        closed = system_of_loop(loop, problem.dt)
         if not assess_stability(closed).stable:
             return False
-        if problem.decay and not decays(closed, problem, scene.index):
+        if problem.decay and not has_decay(closed, problem, scene.index):
             return False
     return True
 
 
-def as_system(loop: ClosedLoop, dt: float) -> control.StateSpace:
-    """The loop as a system: under a clock back from the plane of the bilinear map."""
+def system_of_loop(loop: ClosedLoop, dt: float) -> control.StateSpace:
+    """Return the loop as a system: under a clock back from the plane of the bilinear map."""
     A, B, C, D = loop.matrices
     if dt:
         root = np.sqrt(dt / 2)
@@ -528,8 +528,8 @@ def as_system(loop: ClosedLoop, dt: float) -> control.StateSpace:
     return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
 
 
-def decays(closed: control.StateSpace, problem: Problem, scene: int) -> bool:
-    """Whether every pole that a block moves decays as asked for."""
+def has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:
+    """Return whether every pole that a block moves decays as asked for."""
     poles, _ = poles_with_rounding(closed)
     if problem.dt:
         with np.errstate(divide="ignore"):
@@ -537,19 +537,19 @@ def decays(closed: control.StateSpace, problem: Problem, scene: int) -> bool:
         image = 2 / problem.dt * (poles - 1) / np.where(poles == -1, 1e-12, poles + 1)
     else:
         real, image = poles.real, poles
-    moved = problem.moved(scene, image)
+    moved = problem.movable_poles(scene, image)
     return bool(np.all(real[moved] <= -problem.decay * (1 - 1e-6)))
 
 
-def at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
-    """Parameters that ended at a bound."""
+def parameters_at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
+    """Return parameters that ended at a bound."""
     width = controller.upper - controller.lower
     near = np.minimum(x - controller.lower, controller.upper - x) < 1e-4 * width
     return [label for label, at in zip(controller.labels, near, strict=True) if at]
 
 
-def not_asked(controller: Controller, limits: list[tuple[Limit, bool]], plants: Plants) -> list[str]:
-    """What no limit asks for, in words for people."""
+def describe_unlimited(controller: Controller, limits: list[tuple[Limit, bool]], plants: Plants) -> list[str]:
+    """Return what no limit asks for, in words for people."""
     found = []
     integral = [name for name, block in controller.blocks.items() if isinstance(block, Pid) and block.ki is not None]
     free = [name for name in integral if "ki" not in controller.blocks[name].fixed]

@@ -87,7 +87,7 @@ def join_by_name(
 
 
 def is_well_posed(around: np.ndarray) -> bool:
-    """Whether I - D K can be inverted: by its determinant, which units of the signals leave as it is."""
+    """Return whether I - D K can be inverted: by its determinant, which units of the signals leave as it is."""
     return bool(abs(np.linalg.det(around)) > WELL_POSED)
 
 
@@ -126,7 +126,7 @@ def require_signals(
 
 
 def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
-    """Sampling time [s] of all parts that have one, or a refusal."""
+    """Return the sampling time [s] of all parts that have one, or a refusal."""
     steps = sorted({timebase(part) for part in parts if not is_clockless(part)})
     if len(steps) > 1 and max(abs(step / steps[-1] - 1) for step in steps) > 1e-9:
         raise ValueError(
@@ -136,13 +136,13 @@ def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
 
 
 def same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """Ones where the names agree."""
+    """Return ones where the names agree."""
     ones = [[float(row == column) for column in columns] for row in rows]
     return np.array(ones).reshape(len(rows), len(columns))
 
 
 def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
-    """The system in s, or under a clock in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
+    """Return the system in s, or under a clock in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
     matrices = (system.A, system.B, system.C, system.D)
     if not dt or not system.nstates:
         return matrices

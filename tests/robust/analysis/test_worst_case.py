@@ -19,7 +19,7 @@ from robust import (
 )
 from robust.lti.lti import response
 from robust.models.sets import forms
-from robust.models.sets.perturbations import all_pass, perturbed, random_perturbation, with_phase
+from robust.models.sets.perturbations import all_pass_of_poles, perturbed_plant, random_perturbation, with_phase
 from tests.support.bla import make_bla
 
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive", "coprime")
@@ -147,7 +147,7 @@ def test_perturbations_have_the_gain_and_the_value_asked_for(dt):
         value = np.exp(1j * rng.uniform(-np.pi, np.pi)) * rng.uniform(0.1, 1)
         at = rng.uniform(1, 300)
         assert abs(response(with_phase(at, value, dt), np.array([at]))[0] - value) < 1e-6
-    assert np.abs(response(all_pass(np.array([-2.0 + 3j, -2.0 - 3j]), 1.0, dt), omega)) == pytest.approx(1.0)
+    assert np.abs(response(all_pass_of_poles(np.array([-2.0 + 3j, -2.0 - 3j]), 1.0, dt), omega)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("form", FORMS[:4])
@@ -156,14 +156,14 @@ def test_perturbed_systems_are_what_the_formula_says(form):
     Delta = random_perturbation(np.random.default_rng(0), 1, 100, 0)
     omega = np.geomspace(0.1, 100, 30)
     wanted = forms.FORMS[form].perturbed(*(response(s, omega) for s in (G, W, Delta)))
-    assert response(perturbed(form, G, W, Delta), omega) == pytest.approx(wanted, rel=1e-9)
+    assert response(perturbed_plant(form, G, W, Delta), omega) == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.parametrize("form", FORMS[:4])
 def test_loop_bounds_are_sufficient(form):
     """Any L above low or below high meets |w_P| max |S_p| <= 1, whatever its phase."""
     from robust.lti.connections import worst_sensitivity
-    from robust.models.sets.forms import worst_terms
+    from robust.models.sets.forms import perturbed_sensitivity_terms
 
     set_, w_P = model(form, 2.0), performance_weight(2.0, M_S=2.0, A=1e-2)
     low, high = loop_bounds(set_, w_P)
@@ -175,7 +175,7 @@ def test_loop_bounds_are_sufficient(form):
             size = least * 1.0001 if least > 0 else most * 0.9999 if np.isfinite(most) else None
             if size:
                 K = size * np.exp(1j * angle) / G[k : k + 1]
-                terms = worst_terms(form, w[k : k + 1], G[k : k + 1], K)
+                terms = perturbed_sensitivity_terms(form, w[k : k + 1], G[k : k + 1], K)
                 assert p[k] * worst_sensitivity(*terms)[0] <= 1
 
 

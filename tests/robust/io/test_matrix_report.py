@@ -42,7 +42,7 @@ W_P = robust.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
 )
 def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+        report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
     report = robust.write_report(tmp_path / "r.html", MODEL, K, bla=FRM, nominal=FIT, w_P=w_P)
     again = robust.check(MODEL, K, w_P=w_P)

@@ -136,7 +136,7 @@ def test_the_same_run_gives_the_same_pictures(whole):
 def undrawn(monkeypatch):
     """Reports whose words are looked at and whose pictures are not."""
     monkeypatch.setattr(
-        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+        report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
 
 

@@ -16,7 +16,7 @@ from robust import (
     worst_case,
     write_report,
 )
-from robust.reports.parts import roots_text
+from robust.reports.parts import describe_roots
 
 PLANT = control.tf([1], [1, 1])
 MODEL = UncertaintyModel(
@@ -84,10 +84,10 @@ def test_a_report_of_another_set_on_lines_is_refused(tmp_path):
 
 
 def test_integrators_are_named():
-    assert roots_text(np.array([0.0, -1.0]), 0.0) == "0 Hz (integrator); 0.1592 Hz"
-    assert roots_text(np.array([1.0, np.exp(-0.01)]), 0.01) == "0 Hz (integrator); 0.1592 Hz"
-    assert roots_text(np.array([0.0, 0.0]), 0.0) == "0 Hz (integrator); 0 Hz (integrator)"
-    assert roots_text(np.array([2j, -2j]), 0.0) == "0.3183 Hz, damping 0"
+    assert describe_roots(np.array([0.0, -1.0]), 0.0) == "0 Hz (integrator); 0.1592 Hz"
+    assert describe_roots(np.array([1.0, np.exp(-0.01)]), 0.01) == "0 Hz (integrator); 0.1592 Hz"
+    assert describe_roots(np.array([0.0, 0.0]), 0.0) == "0 Hz (integrator); 0 Hz (integrator)"
+    assert describe_roots(np.array([2j, -2j]), 0.0) == "0.3183 Hz, damping 0"
 
 
 def test_another_demand_than_that_of_the_report_is_refused(tmp_path):

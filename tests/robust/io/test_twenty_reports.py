@@ -375,7 +375,7 @@ def told_of_settings(facts, model, K, report):
 @pytest.mark.parametrize("name", DESIGNS)
 def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+        report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
     model, K, asked, given = DESIGNS[name]
     K = control.ss(K) if not isinstance(K, float) else control.ss([], [], [], [[K]])
@@ -420,7 +420,7 @@ def test_there_are_twenty_designs_of_every_kind():
 
 def test_a_plant_on_its_lines_only_is_told_by_its_lines(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+        report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
     model = uncertainty(BLA, frd(BLA), order=4)
     report = check(model, PI)

@@ -6,8 +6,8 @@ import pytest
 from matplotlib.path import Path
 
 import robust
-from robust.models.fit.orders import doubtful_poles
-from robust.plot.loops import ellipse
+from robust.models.fit.orders import describe_doubtful_poles
+from robust.plot.loops import confidence_ellipse
 
 OMEGA = np.linspace(5, 120, 80)
 S = 1j * OMEGA
@@ -30,7 +30,9 @@ def fitted(G, **more):
 def inside(fit, name, truth):
     """Which true roots lie within the ellipses that are drawn; the intervals of real ones."""
     known, true_roots = fit.uncertainty, getattr(truth.uncertainty, name)
-    curves = [ellipse(r, c, 0.95) for r, c in zip(getattr(known, name), getattr(known, f"cov_{name}"), strict=True)]
+    curves = [
+        confidence_ellipse(r, c, 0.95) for r, c in zip(getattr(known, name), getattr(known, f"cov_{name}"), strict=True)
+    ]
     return [
         Path(np.column_stack([curve.real, curve.imag])).contains_point((root.real, root.imag))
         if root.imag
@@ -141,4 +143,4 @@ def test_poles_that_the_data_do_not_carry_are_not_recommended():
         G = 3600 / (S**2 + 4 * S + 3600) + noise(rng, 1e-3)
         frd = control.FrequencyResponseData(G, OMEGA)
         scan = robust.scan_orders(frd, n_poles=(2, 3, 5), std=np.full(OMEGA.size, 1e-3))
-        assert not doubtful_poles(scan.fit)
+        assert not describe_doubtful_poles(scan.fit)

@@ -7,7 +7,7 @@ import pytest
 from robust import fit_weight, performance_weight
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots
-from robust.models.fit.refinement import curvature, problem_on
+from robust.models.fit.refinement import magnitude_problem, section_hessian
 from robust.models.fit.weights import cover_sampled
 
 OMEGA = np.geomspace(1, 1e4, 1000)
@@ -200,12 +200,12 @@ def test_slopes_and_curvature_are_those_of_differences(order):
     """The Newton steps stand on both; sections in, below and above the band, of dampings from 0.007 up."""
     rng = np.random.default_rng(order)
     x = np.geomspace(0.1, 30, 40)
-    problem = problem_on(x, rng.normal(size=x.size), ends=True)
+    problem = magnitude_problem(x, rng.normal(size=x.size), ends=True)
     for _ in range(10):
         theta = rng.uniform(-5.0, 5.0, 2 * order)
         e, J = problem.excess(theta, 0.3, order)
         first = rng.normal(size=e.size)
-        H = curvature(problem, theta, order, first, J)
+        H = section_hessian(problem, theta, order, first, J)
         for i, step in enumerate(1e-5 * np.eye(2 * order)):
             (up, J_up), (down, J_down) = (problem.excess(theta + s, 0.3, order) for s in (step, -step))
             np.testing.assert_allclose((up - down) / 2e-5, J[i], rtol=1e-5, atol=1e-7)

@@ -27,7 +27,7 @@ from robust.analysis.curves import loop_curves
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
 from robust.models.sets.coprime import chord, factor_systems, tangent_system
-from robust.models.sets.forms import FORMS, worst_terms
+from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 from robust.proofs.exact.claim import LoopClaim, to_matrices
 from robust.proofs.exact.loops import verify_loop
 from tests.support.bla import make_bla
@@ -89,8 +89,8 @@ def test_the_set_is_that_of_perturbed_factors():
         rim = row.perturbed(G, np.array([eps]), Delta)
         assert chordal(G, rim) == pytest.approx(eps, rel=1e-9)
         assert np.abs(row.deviation(rim, G)) == pytest.approx(eps, rel=1e-9)
-        S, a, b = worst_terms("coprime", np.array([eps]), np.array([G]), np.array([K]))
-        stays = row.stays(np.array([eps]), b)[0]
+        S, a, b = perturbed_sensitivity_terms("coprime", np.array([eps]), np.array([G]), np.array([K]))
+        stays = row.rs_measure(np.array([eps]), b)[0]
         assert stays == pytest.approx(eps * abs(S[0]) * np.sqrt((1 + abs(K) ** 2) * (1 + abs(G) ** 2)), rel=1e-9)
         assert (stays < 1) == (abs(b[0]) < 1)
         if stays < 0.98:
@@ -98,10 +98,10 @@ def test_the_set_is_that_of_perturbed_factors():
             assert S_p.max() == pytest.approx(worst_sensitivity(S, a, b)[0], rel=1e-3)
             assert np.abs(1 / (1 + K * made)).max() <= worst_sensitivity(S, a, b)[0] * (1 + 1e-9)
             x = 0.5 / stays
-            grown = row.grown(np.array([eps]), np.array([x]))[0]  # a and b times x belong to eps times that
-            assert worst_terms("coprime", np.array([eps * grown]), np.array([G]), np.array([K]))[2] == pytest.approx(
-                x * b
-            )
+            grown = row.scale_for(np.array([eps]), np.array([x]))[0]  # a and b times x belong to eps times that
+            assert perturbed_sensitivity_terms("coprime", np.array([eps * grown]), np.array([G]), np.array([K]))[
+                2
+            ] == pytest.approx(x * b)
 
 
 @pytest.mark.parametrize("name", PLANTS)

@@ -6,7 +6,7 @@ import pytest
 
 from robust import UncertaintyModel, ncfsyn, worst_case
 from robust.lti.lti import response
-from robust.models.sets.coprime import complement, coprime_factors
+from robust.models.sets.coprime import coprime_factors, factors_with_complement
 
 LINES = np.array([0.1, 1.0, 10.0])
 #: A pole of 1e-16 in place of zero, as python-control realises an integrator; states that rounding couples.
@@ -44,7 +44,7 @@ def test_both_columns_are_all_pass_and_hidden_modes_cost_nothing():
     rng = np.random.default_rng(4)
     hides = control.ss(np.diag([-1.0, -3.0, 0.5]), [[1], [0], [1]], [[1, 1, 1]], [[0.2]])
     for G in (*ROUNDED, hides, control.ss([], [], [], [[2.0]])):
-        (A, B, C, D), B_across, D_across = complement(G)
+        (A, B, C, D), B_across, D_across = factors_with_complement(G)
         for x in 10 ** rng.uniform(-3, 3, 20):
             resolved = np.linalg.solve(1j * x * np.eye(len(A)) - A, np.hstack([B, B_across]))
             both = C @ resolved + np.hstack([D, D_across])
@@ -59,6 +59,6 @@ def test_what_rounding_spoils_is_not_returned(monkeypatch):
         patch.setattr("robust.models.sets.coprime.coprime_factors", lambda name, G: ((A * 1.001, B, C, D), X))
         with pytest.raises(ValueError, match=r"got factors off by .* \(numerical failure\)"):
             the_model(G, 0.1).sample(1, rng=0)
-    monkeypatch.setattr("robust.analysis.worst_plant.perturbed", lambda form, G, *rest: 1.5 * G)
+    monkeypatch.setattr("robust.analysis.worst_plant.perturbed_plant", lambda form, G, *rest: 1.5 * G)
     with pytest.raises(ValueError, match="worst plant that floating point can tell, got one outside the set"):
         worst_case(the_model(G, 0.1), ncfsyn(G).K)

@@ -15,7 +15,7 @@ from benchmarks.coverage_matrix import static_record
 from robust import UncertaintyModel, check, frd, load_model, save_model, uncertainty
 from robust.lti.lti import response
 from robust.models.sets import joint
-from robust.models.sets.joint import format_probability, probability_of_frf, with_records
+from robust.models.sets.joint import attach_records, format_probability, probability_of_frf
 from robust.models.sets.records import RecordSummary
 from tests.support.bla import make_bla
 
@@ -47,16 +47,16 @@ def test_wide_sets_hold_everything_and_narrow_ones_nothing():
     assert model.joint > 0.9
     known = response(model.weight, bla.omega)
     half = replace(model, weight=model.weight * 0.2, radius=model.radius * 0.01)
-    assert with_records(half, [bla]).joint < 0.05
+    assert attach_records(half, [bla]).joint < 0.05
     assert np.all(np.abs(known) >= model.radius * (1 - 1e-6))
 
 
 @pytest.mark.parametrize("q", [2.2, 2.6, 3.0])
 def test_closed_form_where_the_scatter_is_known(q, monkeypatch):
     """White scatter s on F lines, discs of radius q s about the BLA: (1 - exp(-q^2))^F; half from v and s each."""
-    monkeypatch.setattr(joint, "level_errors", lambda n, F, rng: (np.ones((n, F)), np.ones((n, 1))))
-    monkeypatch.setattr(joint, "DRAWS", 20_000)
-    monkeypatch.setattr(joint, "NUMBERS", 1 << 22)
+    monkeypatch.setattr(joint, "draw_level_errors", lambda n, F, rng: (np.ones((n, F)), np.ones((n, 1))))
+    monkeypatch.setattr(joint, "N_DRAWS", 20_000)
+    monkeypatch.setattr(joint, "N_NUMBERS", 1 << 22)
     omega, ones = 2 * np.pi * F, np.ones(F.size)
     G = PLANT(1j * omega)
     model = UncertaintyModel(PLANT, 0.05 * q, "multiplicative", omega, 0.05 * ones, 0.95)
@@ -98,7 +98,7 @@ def test_several_levels_tell_the_least_and_sampled_models_tell_it_too():
     one, other = static(seed=1), static(gain=1.1, seed=2)
     model = uncertainty([one, other], frd(one), order=1)
     assert len(model.evidence) == 2
-    alone = [with_records(model, [b]).joint for b in (one, other)]
+    alone = [attach_records(model, [b]).joint for b in (one, other)]
     assert model.joint == min(alone)
     held = replace(one, hold="zoh")
     sampled = uncertainty(held, robust.sampled(control.ss(control.tf([900.0], [1, 900.0])), 1 / 1024), order=2)

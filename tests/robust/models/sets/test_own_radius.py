@@ -10,7 +10,7 @@ from robust.models.sets.forms import FORMS
 
 OMEGA = np.geomspace(0.1, 100, 60)
 NOMINAL = control.ss(control.tf([2.0], [0.2, 1]))
-UNSCALED = [name for name, row in FORMS.items() if not row.scaled]
+UNSCALED = [name for name, row in FORMS.items() if not row.depends_on_units]
 
 
 def plants(n=5):

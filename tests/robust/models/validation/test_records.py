@@ -12,7 +12,7 @@ import robust
 from benchmarks import validation as harness
 from robust import uncertainty, validate
 from robust.models.sets.records import RecordSummary
-from robust.models.validation import local_slope, shape_and_level, shared_lines
+from robust.models.validation import fit_shape_and_level, local_slope, shared_lines
 from tests.support.bla import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25
@@ -110,7 +110,7 @@ def test_score_test_is_chi_square_for_known_directions():
     p = []
     for _ in range(2000):
         z = sizes * (rng.normal(size=80) + 1j * rng.normal(size=80))
-        p.append(shape_and_level(x, np.ones(3), z)["p_value"])
+        p.append(fit_shape_and_level(x, np.ones(3), z)["p_value"])
     assert kstest(p, "uniform").statistic < 0.06  # 0.03 at 5 %: 80 lines of very different size count for fewer
 
 

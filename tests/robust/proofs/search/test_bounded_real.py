@@ -11,7 +11,7 @@ from robust import certify_norm
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
 from robust.lti.realisation import from_roots, order_roots
-from robust.models.fit.rational import to_plane
+from robust.models.fit.rational import map_to_model_plane
 from robust.proofs.search.bounded_real import judge_inequality
 from robust.proofs.search.intervals import magnitude_of
 
@@ -29,7 +29,7 @@ def random_system(rng, n, dt=0.0):
     p = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
     z = p * rng.choice([0.6, 1.3], n // 2)
     both = [order_roots(np.concatenate([r, r.conj()])) for r in (z, p)]
-    return from_roots(*to_plane(*both, 1.0, dt, 0), dt)
+    return from_roots(*map_to_model_plane(*both, 1.0, dt, 0), dt)
 
 
 @pytest.mark.parametrize("zeta", [0.5, 0.05, 0.001])

@@ -7,7 +7,7 @@ import pytest
 from robust import UncertaintyModel, loop_bounds, performance_weight
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
-from robust.models.sets.forms import worst_terms
+from robust.models.sets.forms import perturbed_sensitivity_terms
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")
@@ -29,7 +29,9 @@ def test_loop_bounds_are_exact_over_the_phase(form):
 
         def holds(k, level, g=g, p=p, w=w, phases=phases):
             K = level * phases / g[k]
-            worst = worst_sensitivity(*worst_terms(form, np.full(K.size, w + 0j), np.full(K.size, g[k]), K))
+            worst = worst_sensitivity(
+                *perturbed_sensitivity_terms(form, np.full(K.size, w + 0j), np.full(K.size, g[k]), K)
+            )
             return np.max(p[k] * worst) <= 1
 
         for k in range(3):

@@ -6,10 +6,10 @@ import pytest
 
 from robust import tuning
 from robust.synthesis.tuning.blocks import block_system
-from robust.synthesis.tuning.parameters import controller_of
-from robust.synthesis.tuning.plants import stated_clock
-from robust.synthesis.tuning.problem import Problem
-from robust.synthesis.tuning.tune import fixed_parts, make_scenes
+from robust.synthesis.tuning.parameters import controller_of_blocks
+from robust.synthesis.tuning.plants import stated_sampling_time
+from robust.synthesis.tuning.problem import TuningProblem
+from robust.synthesis.tuning.tune import fixed_parts, make_loops
 from robust.synthesis.tuning.wiring import Port, join_by_name
 from tests.support.random_tunings import joined_as_control, random_tuning
 
@@ -27,12 +27,12 @@ BLOCKS = [
 
 def problem_of(arguments):
     """The problem that `tune` makes of its arguments."""
-    plant, dt = arguments["plant"], arguments["dt"] or stated_clock(arguments["plant"].models)
-    controller = controller_of(arguments["blocks"], dt)
+    plant, dt = arguments["plant"], arguments["dt"] or stated_sampling_time(arguments["plant"].models)
+    controller = controller_of_blocks(arguments["blocks"], dt)
     limits = [(limit, True) for limit in arguments["hard"]] + [(limit, False) for limit in arguments["soft"]]
     parts = fixed_parts(arguments["system"], dt)
-    scenes = make_scenes(parts, plant, controller, limits, dt, arguments["delay"])
-    return Problem(controller, scenes, decay=0.0, dt=dt, deadline=np.inf, progress=None)
+    scenes = make_loops(parts, plant, controller, limits, dt, arguments["delay"])
+    return TuningProblem(controller, scenes, decay=0.0, dt=dt, deadline=np.inf, progress=None)
 
 
 def differences(function, x, step=1e-6):
@@ -50,7 +50,7 @@ def differences(function, x, step=1e-6):
 @pytest.mark.parametrize("dt", [0.0, 0.02])
 def test_a_block_is_what_it_says(block, dt):
     """Its response is that of its formula, sampled by Tustin; its slopes are those of differences."""
-    controller = controller_of({"K": block}, dt)
+    controller = controller_of_blocks({"K": block}, dt)
     s = 1j * np.array([0.3, 2.0, 9.0])
     system = block_system(block, dt)
     z = (1 + s * dt / 2) / (1 - s * dt / 2) if dt else s

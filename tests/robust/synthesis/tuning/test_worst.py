@@ -6,7 +6,7 @@ import pytest
 
 import robust
 from robust import tuning
-from robust.models.sets.forms import FORMS, numerator
+from robust.models.sets.forms import FORMS, plant_numerator
 from robust.synthesis.tuning.limits import largest_over_discs
 
 ERROR = control.summing_junction(["r", "-y"], "e")
@@ -34,7 +34,7 @@ def test_the_inverse_form_keeps_its_numerator():
     S, w = 0.1, 0.5
     G = np.array([9.0 + 0j])
     row = FORMS["inverse-multiplicative"]
-    a, g = row.a(np.array([w]), G, G, G / G), numerator("inverse-multiplicative", np.array([w]), G)
+    a, g = row.a(np.array([w]), G, G, G / G), plant_numerator("inverse-multiplicative", np.array([w]), G)
     assert abs(g[0]) < 1e-15
     # d and -a Delta act before the plant, S is seen before that: u' = S (d - a Delta), f = S d + (1 - S) a Delta
     N11, N12, N21, N22 = -a * S, np.array([[S]]), (a * (1 - S))[None], np.array([[[S]]])

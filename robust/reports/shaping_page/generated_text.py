@@ -1,4 +1,4 @@
-"""What the page writes out: Python to paste into a script, and the command that proves what the page only shows."""
+"""The texts that the page generates: Python to paste into a script, and the command that proves the loop."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import control
 
 from nlfrf._base.values import value
 
-__all__ = ["PLACE_OF_K", "Told", "python_to_paste", "to_prove"]
+__all__ = ["PLACE_OF_K", "PartSources", "proof_commands", "python_script"]
 
 #: Where the page puts the controller that was shaped.
 PLACE_OF_K = "# shaped"
 
 
 @value
-class Told:
+class PartSources:
     """Where the parts came from, for the words of the page; empty where they came from memory.
 
     Fields
@@ -43,8 +43,10 @@ class Told:
     title: str = "Shape a loop"
 
 
-def python_to_paste(told: Told, models: list[Any], w_P: Any, K: control.StateSpace, dt: float, delay: float) -> str:
-    """A script that checks, and proves where it can, the controller that stands at its place in it."""
+def python_script(
+    told: PartSources, models: list[Any], w_P: Any, K: control.StateSpace, dt: float, delay: float
+) -> str:
+    """Return a script that checks, and proves where it can, the controller that stands at its place in it."""
     files = told.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
     several = len(files) > 1
     rows = ["import control", "import numpy as np", "import robust", ""]
@@ -55,29 +57,29 @@ def python_to_paste(told: Told, models: list[Any], w_P: Any, K: control.StateSpa
     else:
         rows.append(f"model = robust.load_model({files[0]!r})")
     if w_P is not None:
-        rows.append(f"w_P = {told.demand or literal(w_P)}")
-    rows += [f"dt = {dt!r}", begun(told, K, dt), PLACE_OF_K, ""]
+        rows.append(f"w_P = {told.demand or state_space_literal(w_P)}")
+    rows += [f"dt = {dt!r}", starting_controller(told, K, dt), PLACE_OF_K, ""]
     asked = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
     check = f"print(robust.check(model, K{asked}))"
     rows += ["for model in models:", f"    {check}"] if several else [check]
     return "\n".join([*rows, 'robust.save_controller(K, "controller.json")', ""])
 
 
-def begun(told: Told, K: control.StateSpace, dt: float) -> str:
-    """The controller to begin with; its gain alone is part of what is shaped."""
+def starting_controller(told: PartSources, K: control.StateSpace, dt: float) -> str:
+    """Return the controller to begin with; its gain alone is part of what is shaped."""
     if told.controller:
         return f"K = robust.load_controller({told.controller!r})"
-    return "K = " + (literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
+    return "K = " + (state_space_literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
 
 
-def literal(system: control.StateSpace) -> str:
-    """A state space with every digit."""
+def state_space_literal(system: control.StateSpace) -> str:
+    """Return a state space with every digit."""
     matrices = ", ".join(repr(getattr(system, name).tolist()) for name in "ABCD")
     return f"control.ss({matrices}, {0 if system.dt is None else system.dt!r})"
 
 
-def to_prove(told: Told, w_P: Any, delay: float) -> list[str]:
-    """The commands that prove it, one a model; none where a file or the demand is not known to the command."""
+def proof_commands(told: PartSources, w_P: Any, delay: float) -> list[str]:
+    """Return the commands that prove it, one a model; none where a file or the demand is not known to the command."""
     if not told.files or (w_P is not None and not told.options):
         return []
     asked = f" {told.options}" * bool(told.options) + (f" --delay {delay:g}" if delay else "")

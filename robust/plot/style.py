@@ -1,4 +1,4 @@
-"""The measured band in every picture over frequency: white, and what was not measured grey; how far the axis goes."""
+"""Colours, line styles, axis limits, and the measured band that every picture over frequency marks in white."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["BESIDE", "COLOR", "MEASURED", "OVER", "STYLE", "hz", "mark_band", "show_all_of"]
+__all__ = ["BAND_MARGIN", "COLOR", "MEASURED", "OVER_NOTE", "STYLE", "fit_vertical_axis", "mark_band", "to_hertz"]
 
 
-BESIDE = np.sqrt(10.0)  # half a decade beside the band is shown
-OVER = "over 100 %: the set holds 0"  # of a band without a lower edge
-ROOM = 1.3  # around something that happens further out
+BAND_MARGIN = np.sqrt(10.0)  # half a decade beside the band is shown
+OVER_NOTE = "over 100 %: the set holds 0"  # of a band without a lower edge
+AXIS_MARGIN = 1.3  # around something that happens further out
 
 
 def mark_band(ax: Any, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
@@ -22,10 +22,10 @@ def mark_band(ax: Any, band: tuple[float, float], *, happens: Iterable[float] = 
     `top`.
     """
     low, high = band
-    start, end = low / BESIDE, high * BESIDE
+    start, end = low / BAND_MARGIN, high * BAND_MARGIN
     for f in happens:
         if np.isfinite(f) and f > 0:
-            start, end = min(start, f / ROOM), max(end, f * ROOM)
+            start, end = min(start, f / AXIS_MARGIN), max(end, f * AXIS_MARGIN)
     end = max(min(end, top), high)
     ax.set_xlim(start, end)
     for one, other in ((start, low), (high, end)):
@@ -33,7 +33,7 @@ def mark_band(ax: Any, band: tuple[float, float], *, happens: Iterable[float] = 
             ax.axvspan(one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured")
 
 
-def show_all_of(ax: Any, most: float = 80.0) -> None:
+def fit_vertical_axis(ax: Any, most: float = 80.0) -> None:
     """Fit the vertical axis to the curves inside the frame, no more than so many decibels from the top."""
     start, end = ax.get_xlim()
     seen = []
@@ -76,6 +76,6 @@ STYLE = {
 }
 
 
-def hz(omega: Any) -> Any:
-    """rad/s to Hz."""
+def to_hertz(omega: Any) -> Any:
+    """Convert rad/s to Hz."""
     return omega / (2 * np.pi)

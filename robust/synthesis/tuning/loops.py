@@ -1,4 +1,4 @@
-"""One plant with all that is fixed around it, and every limit on its loop: gains over frequency, peaks, slopes."""
+"""The loop of one plant with its fixed parts, and every limit on it: gains over frequency, peaks, slopes."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from robust.lti.lti import evaluate_transfer
 from robust.lti.norms import crossings, to_discrete, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
-from robust.synthesis.tuning.limits import Channel, slope_of_largest
-from robust.synthesis.tuning.plants import UNBOUNDED, MeasuredPlant, ModelledPlant
+from robust.synthesis.tuning.limits import Channel, gain_slopes
+from robust.synthesis.tuning.plants import UNBOUNDED_GAIN, MeasuredPlant, ModelledPlant
 from robust.synthesis.tuning.wiring import continuous_matrices, is_well_posed
 
-__all__ = ["LineScene", "Look", "Peak", "StateScene", "image_of", "true_frequency"]
+__all__ = ["CloseLook", "MeasuredLoop", "ModelledLoop", "Peak", "bilinear_frequency", "true_frequency"]
 
-N_LINES, N_PEAKS, ROUNDS = 70, 6, 4
+N_LINES, N_PEAKS, N_ROUNDS = 70, 6, 4
 #: Frequencies on which a limit that is no norm is looked at in the end, and around each lightly damped pole.
 N_DENSE, N_AROUND, N_BAND = 1500, 41, 300
 #: Local maxima that count: at least so much of the highest.
-NEARLY_HIGHEST = 0.7
+NEAR_PEAK_RATIO = 0.7
 #: How far above a value the exact norm may be before a frequency is added, relative.
-RAISED = 1e-8
+NORM_TOLERANCE = 1e-8
 #: Steps above a value at which the exact norm is looked for, the first ones for a value close to a singular value of D.
-STEPS = (1e-3, 1e-5, 1e-7)
-KEPT = 24
+DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
+MAX_KEPT = 24
 
 
-def image_of(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Frequencies in the plane of the bilinear map, 2/T tan(omega T/2) [rad/s]."""
+def bilinear_frequency(omega: np.ndarray, dt: float) -> np.ndarray:
+    """Return frequencies in the plane of the bilinear map, 2/T tan(omega T/2) [rad/s]."""
     if not dt:
         return np.asarray(omega, dtype=float)
     half = np.minimum(np.asarray(omega, dtype=float) * dt / 2, np.pi / 2)
@@ -40,7 +40,7 @@ def image_of(omega: np.ndarray, dt: float) -> np.ndarray:
 
 
 def true_frequency(image: np.ndarray, dt: float) -> np.ndarray:
-    """Frequencies [rad/s] of those in the plane of the bilinear map."""
+    """Return frequencies [rad/s] of those in the plane of the bilinear map."""
     return 2 / dt * np.arctan(np.asarray(image) * dt / 2) if dt else np.asarray(image, dtype=float)
 
 
@@ -69,8 +69,8 @@ class Peak:
 
 
 @value(copy=False)
-class Look:
-    """A limit on one plant, looked at closely.
+class CloseLook:
+    """Hold the value of a limit on one plant, from its norm or from dense lines.
 
     Fields
     ------
@@ -88,8 +88,8 @@ class Look:
     n_lines: int
 
 
-class StateScene:
-    """The loop of a plant that is known at every frequency."""
+class ModelledLoop:
+    """Evaluate the loop of a plant that is known at every frequency."""
 
     def __init__(
         self, index: int, fixed: StatePlant, plant: ModelledPlant, channels: Sequence[Channel], dt: float
@@ -98,37 +98,37 @@ class StateScene:
         #: Frequencies at which a limit was found above its value on the grid, kept for good: by limit.
         self.added: dict[int, list[float]] = {channel.index: [] for channel in channels}
         lines = plant.lines[(plant.lines > 0)]
-        self.lines = image_of(lines[lines * dt < np.pi] if dt else lines, dt)
+        self.lines = bilinear_frequency(lines[lines * dt < np.pi] if dt else lines, dt)
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
-        """The loop with the blocks M."""
+        """Return the loop with the blocks M."""
         return self.fixed.close(M)
 
     def band(self, channel: Channel) -> tuple[float, float]:
-        """Band of a limit in the plane of the bilinear map [rad/s]."""
+        """Return the band of a limit in the plane of the bilinear map [rad/s]."""
         if channel.limit.band is None:
             return 0.0, np.inf
-        low, high = image_of(np.array(channel.limit.band), self.dt)
+        low, high = bilinear_frequency(np.array(channel.limit.band), self.dt)
         return float(low), float(high)
 
     def levels(self, channel: Channel, omega: np.ndarray, H: np.ndarray, *, smooth: bool = True) -> np.ndarray:
-        """(W,) gain times weight over bound, of responses H at frequencies of the plane."""
+        """Return (W,) gain times weight over bound, of responses H at frequencies of the plane."""
         true = true_frequency(omega, self.dt)
         factor = channel.limit.factor(np.minimum(true, 1e12))
         if channel.perturbation is None:
             return channel.gain(H, None) * factor
         a, g = self.discs(true)
-        known = np.maximum(np.abs(a), np.abs(g)) < UNBOUNDED  # at a pole on the axis it is looked at beside it
+        known = np.maximum(np.abs(a), np.abs(g)) < UNBOUNDED_GAIN  # at a pole on the axis it is looked at beside it
         gain = channel.gain(H, (np.where(known, a, 0), np.where(known, g, 0)), smooth=smooth)
         return np.where(known, gain * factor, 0.0)
 
     def discs(self, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """a and g of the set."""
+        """Return a and g of the set."""
         assert self.plant.discs is not None
         return self.plant.discs(true)
 
     def grid(self, loop: ClosedLoop) -> np.ndarray:
-        """Frequencies that see every mode of the loop [rad/s], zero and infinity among them."""
+        """Return frequencies that see every mode of the loop [rad/s], zero and infinity among them."""
         poles = loop.poles
         size = np.abs(poles)
         size = size[size > 1e-12 * size.max(initial=0.0)] if size.size else np.ones(1)
@@ -138,7 +138,7 @@ class StateScene:
             np.concatenate([[0.0, 1e-4 * size.min(), np.inf], wide, size, np.abs(poles.imag), self.lines, kept])
         )
 
-    def tops(self, loop: ClosedLoop) -> list[tuple[Channel, np.ndarray, np.ndarray]]:
+    def highest_maxima(self, loop: ClosedLoop) -> list[tuple[Channel, np.ndarray, np.ndarray]]:
         """For each limit the frequencies of its highest local maxima, and the levels there, highest first."""
         omega = self.grid(loop)
         H = loop.responses(omega)
@@ -153,24 +153,24 @@ class StateScene:
                 at, first = np.unique(at, return_index=True)
                 values = values[first]
             level = self.levels(channel, at, values)
-            found.append((channel, *self.climb(loop, channel, at, level)))
+            found.append((channel, *self.refine_maxima(loop, channel, at, level)))
         return found
 
-    def climb(
+    def refine_maxima(
         self,
         loop: ClosedLoop,
         channel: Channel,
         omega: np.ndarray,
         level: np.ndarray,
         *,
-        rounds: int = ROUNDS,
+        rounds: int = N_ROUNDS,
         exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Local maxima refined: brackets are closed to a quarter, so many times; exact: as they are said in the end."""
-        respond = loop.exact if exact else loop.responses
+        """Refine local maxima: brackets are closed to a quarter, so many times; exact: as they are said in the end."""
+        respond = loop.responses_by_elimination if exact else loop.responses
         padded = np.concatenate([[-np.inf], level, [-np.inf]])
         top = (level >= padded[:-2]) & (level >= padded[2:])
-        places = np.flatnonzero(top & (level >= NEARLY_HIGHEST * level.max(initial=0.0)))
+        places = np.flatnonzero(top & (level >= NEAR_PEAK_RATIO * level.max(initial=0.0)))
         places = places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
         best, value_ = omega[places], level[places]
         left, right = omega[np.maximum(places - 1, 0)], omega[np.minimum(places + 1, omega.size - 1)]
@@ -195,20 +195,20 @@ class StateScene:
         return best[order], value_[order]
 
     def peaks(self, loop: ClosedLoop, slopes: np.ndarray) -> list[Peak]:
-        """The peaks of every limit with their gradients."""
+        """Return the peaks of every limit with their gradients."""
         found = []
         sides: dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        for channel, omega, _ in self.tops(loop):
+        for channel, omega, _ in self.highest_maxima(loop):
             for w in omega:
                 if w not in sides:
-                    sides[float(w)] = loop.sides(float(w))
+                    sides[float(w)] = loop.sensitivity_factors(float(w))
                 found += self.peaks_at(channel, float(w), sides[float(w)], slopes)
         return found
 
     def peaks_at(
         self, channel: Channel, omega: float, sides: tuple[np.ndarray, np.ndarray, np.ndarray], slopes: np.ndarray
     ) -> list[Peak]:
-        """A limit at one frequency: its level and slope, and those of a second singular value."""
+        """Return a limit at one frequency: its level and slope, and those of a second singular value."""
         H, L, R = sides
         true = true_frequency(np.array([omega]), self.dt)
         discs = None
@@ -216,42 +216,42 @@ class StateScene:
             a, g = self.discs(true)
             discs = (complex(a[0]), complex(g[0]))
         factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
-        return graded(channel, self.index, omega, factor, slope_of_largest(channel, H, discs), (L, R), slopes)
+        return peaks_of_gains(channel, self.index, omega, factor, gain_slopes(channel, H, discs), (L, R), slopes)
 
     def raise_norms(
         self, loop: ClosedLoop, floors: dict[int, float] | None = None
     ) -> dict[int, tuple[float, float, bool]]:
-        """Largest level of each limit, where, and whether no frequency has a higher one (Bruinsma & Steinbuch 1990).
+        """Find the largest level of each limit, its frequency, and whether none is higher (Bruinsma & Steinbuch 1990).
 
         Frequencies found above the grid are kept for good.
         """
         found = {}
-        for channel, omega, _ in self.tops(loop):
-            exact = self.levels(channel, omega, loop.exact(omega), smooth=False)
+        for channel, omega, _ in self.highest_maxima(loop):
+            exact = self.levels(channel, omega, loop.responses_by_elimination(omega), smooth=False)
             k = int(np.argmax(exact))
             best, where = float(exact[k]), float(omega[k])
             certain = False
             weighting = channel.limit.weighting(self.dt) if channel.perturbation is None else None
             if weighting is not None and best > 0:
-                matrices = weighted(loop, channel, weighting, self.dt)
-                best, where, certain = highest_of(matrices, best, where, self.band(channel))
+                matrices = weighted_channel(loop, channel, weighting, self.dt)
+                best, where, certain = norm_over_band(matrices, best, where, self.band(channel))
             self.keep(channel.index, where)
             found[channel.index] = (best, where, certain)
         return found
 
-    def look_closely(self, M: np.ndarray) -> dict[int, Look]:
-        """Every limit: as a norm where it is one, else on lines much denser than those of the search."""
+    def look_closely(self, M: np.ndarray) -> dict[int, CloseLook]:
+        """Return every limit: as a norm where it is one, else on lines much denser than those of the search."""
         loop = self.close(M)
         assert loop is not None
         norms, looks = self.raise_norms(loop), {}
         for channel in self.channels:
             level, omega, certain = norms[channel.index]
-            norm = Look(ratio=level, omega=omega, is_norm=True, n_lines=0)
+            norm = CloseLook(ratio=level, omega=omega, is_norm=True, n_lines=0)
             looks[channel.index] = norm if certain else self.look_densely(loop, channel, level, omega)
         return looks
 
-    def look_densely(self, loop: ClosedLoop, channel: Channel, level: float, where: float) -> Look:
-        """A limit that is no norm, by a weight over frequency or a set, on a dense grid."""
+    def look_densely(self, loop: ClosedLoop, channel: Channel, level: float, where: float) -> CloseLook:
+        """Return a limit that is no norm, by a weight over frequency or a set, on a dense grid."""
         poles, (low, high) = loop.poles, self.band(channel)
         size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
         light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
@@ -262,25 +262,25 @@ class StateScene:
             omega.append(np.geomspace(max(low, 1e-3 * high), high, N_BAND))
         at = np.unique(np.concatenate([*omega, [where]]))
         at = at[(at >= low) & (at <= high)]
-        levels = self.levels(channel, at, loop.exact(at), smooth=False)
+        levels = self.levels(channel, at, loop.responses_by_elimination(at), smooth=False)
         k = int(np.argmax(levels))
         if levels[k] > level * (1 - 1e-3):  # the top between two lines of the grid
             peak = slice(max(k - 1, 0), k + 2)
-            tops, heights = self.climb(loop, channel, at[peak], levels[peak], rounds=3 * ROUNDS, exact=True)
+            tops, heights = self.refine_maxima(loop, channel, at[peak], levels[peak], rounds=3 * N_ROUNDS, exact=True)
             if heights[0] > level:
                 level, where = float(heights[0]), float(tops[0])
                 self.keep(channel.index, where)
-        return Look(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
+        return CloseLook(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
 
     def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """(W,) ratio of a limit over frequencies of the plane."""
+        """Return (W,) ratio of a limit over frequencies of the plane."""
         loop = self.close(M)
         if loop is None:
             return np.full(omega.size, np.nan)
-        return self.levels(channel, omega, loop.exact(omega), smooth=False)
+        return self.levels(channel, omega, loop.responses_by_elimination(omega), smooth=False)
 
     def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
-        """Frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
+        """Return frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
         loop = self.close(M)
         assert loop is not None
         size = np.abs(loop.poles)[np.abs(loop.poles) > 0] if loop.poles.size else np.ones(1)
@@ -295,11 +295,13 @@ class StateScene:
         kept = self.added[limit]
         if np.isfinite(omega) and omega > 0 and not any(abs(omega - one) <= 1e-6 * omega for one in kept):
             kept.append(omega)
-            del kept[:-KEPT]
+            del kept[:-MAX_KEPT]
 
 
-def weighted(loop: ClosedLoop, channel: Channel, weighting: control.StateSpace, dt: float) -> tuple[np.ndarray, ...]:
-    """Matrices of a channel with its weight behind it, on each output."""
+def weighted_channel(
+    loop: ClosedLoop, channel: Channel, weighting: control.StateSpace, dt: float
+) -> tuple[np.ndarray, ...]:
+    """Return matrices of a channel with its weight behind it, on each output."""
     A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
     Aw, Bw, Cw, Dw = continuous_matrices(weighting, dt)
     p = len(channel.rows)
@@ -313,28 +315,28 @@ def weighted(loop: ClosedLoop, channel: Channel, weighting: control.StateSpace, 
     )
 
 
-def highest_of(
+def norm_over_band(
     matrices: tuple[np.ndarray, ...], best: float, where: float, band: tuple[float, float]
 ) -> tuple[float, float, bool]:
-    """The norm over a band from a value in it, where it is, and whether the Hamiltonian has no crossing above it."""
+    """Return the norm over a band, its frequency, and whether the Hamiltonian has no crossing above it."""
     A, B, C, D = well_conditioned(matrices)  # type: ignore[arg-type]  # four matrices
     certain = False
     for _ in range(20):
         raised = False
-        for step in STEPS:
+        for step in DIFFERENCE_STEPS:
             found = crossings((A, B, C, D), best * (1 + step))
             if found is None:
                 continue
             omega = np.unique(found[0])
             omega = omega[(omega >= band[0]) & (omega <= band[1])]
-            certain = step == STEPS[-1]
+            certain = step == DIFFERENCE_STEPS[-1]
             if not omega.size:
                 continue
             points = np.concatenate([omega, (omega[1:] + omega[:-1]) / 2])
             H = evaluate_transfer(matrices[0], matrices[1], matrices[2], matrices[3], 1j * points)
             gains = np.linalg.svd(H, compute_uv=False)[:, 0]
             k = int(np.argmax(gains))
-            if gains[k] > best * (1 + RAISED):
+            if gains[k] > best * (1 + NORM_TOLERANCE):
                 best, where, raised = float(gains[k]), float(points[k]), True
                 break
         if not raised:
@@ -342,7 +344,7 @@ def highest_of(
     return best, where, certain and not raised
 
 
-def graded(
+def peaks_of_gains(
     channel: Channel,
     plant: int,
     omega: float,
@@ -351,7 +353,7 @@ def graded(
     sides: tuple[np.ndarray, np.ndarray],
     slopes: np.ndarray,
 ) -> list[Peak]:
-    """Peaks from gains and their adjoints: gradient of log gain = Re tr(R Q* L dM_k)/gain."""
+    """Return peaks from gains and their adjoints: gradient of log gain = Re tr(R Q* L dM_k)/gain."""
     L, R = sides
     peaks = []
     for gain, Q in found:
@@ -372,8 +374,8 @@ def graded(
     return peaks
 
 
-class LineScene:
-    """The loop of a plant that is known on lines: nothing is looked at between them."""
+class MeasuredLoop:
+    """Evaluate the loop of a plant that is known on lines: nothing is computed between them."""
 
     def __init__(
         self,
@@ -391,7 +393,7 @@ class LineScene:
         self.index, self.plant, self.channels, self.dt = index, plant, channels, dt
         self.n_states, self.n_in, self.n_out = sizes
         n_y, n_u = plant.G.shape[:2]
-        self.image = image_of(plant.omega, dt)
+        self.image = bilinear_frequency(plant.omega, dt)
         matrices = continuous_matrices(fixed, dt)
         self.around = matrices, n_external, n_looked_at
         P = evaluate_transfer(*matrices, 1j * self.image)
@@ -423,7 +425,7 @@ class LineScene:
         self.added: dict[int, list[float]] = {}
 
     def blocks_at(self, M: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """K, [C Phi, I] and [Phi B; I] of the blocks on the lines."""
+        """Return K, [C Phi, I] and [Phi B; I] of the blocks on the lines."""
         n = self.n_states
         A, B, C, D = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
         W = len(self.image)
@@ -433,7 +435,7 @@ class LineScene:
         return D + C @ Phi @ B, left, right
 
     def responses(self, M: np.ndarray) -> np.ndarray | None:
-        """(W, outputs, inputs) on the lines; None where the loop has no solution on one."""
+        """Return (W, outputs, inputs) on the lines; None where the loop has no solution on one."""
         K, _, _ = self.blocks_at(M)
         try:
             return self.P11 + self.P12 @ K @ np.linalg.solve(np.eye(self.n_in) - self.P22 @ K, self.P21)
@@ -441,19 +443,19 @@ class LineScene:
             return None
 
     def band(self, channel: Channel) -> np.ndarray:
-        """Lines of a limit."""
+        """Return lines of a limit."""
         omega = self.plant.omega
         low, high = channel.limit.band or (0.0, np.inf)
         return (omega >= low) & (omega <= high)
 
     def levels(self, channel: Channel, H: np.ndarray, *, smooth: bool = True) -> np.ndarray:
-        """(W,) gain times weight over bound on the lines; zero outside the band."""
+        """Return (W,) gain times weight over bound on the lines; zero outside the band."""
         discs = self.plant.discs if channel.perturbation is not None else None
         level = channel.gain(H, discs, smooth=smooth) * channel.limit.factor(self.plant.omega)
         return np.where(self.band(channel), level, 0.0)
 
     def peaks(self, M: np.ndarray, slopes: np.ndarray) -> list[Peak]:
-        """Peaks on the lines with their gradients."""
+        """Return peaks on the lines with their gradients."""
         H = self.responses(M)
         if H is None:
             return []
@@ -462,7 +464,7 @@ class LineScene:
         for channel in self.channels:
             level = self.levels(channel, H)
             padded = np.concatenate([[-np.inf], level, [-np.inf]])
-            top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEARLY_HIGHEST * level.max())
+            top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEAR_PEAK_RATIO * level.max())
             places = np.flatnonzero(top)
             for k in places[np.argsort(-level[places], kind="stable")][:N_PEAKS]:
                 if level[k] <= 0:
@@ -475,12 +477,12 @@ class LineScene:
                     assert self.plant.discs is not None
                     discs = complex(self.plant.discs[0][k]), complex(self.plant.discs[1][k])
                 factor = float(channel.limit.factor(self.plant.omega[[k]])[0])
-                slope = slope_of_largest(channel, H[k], discs)
-                found += graded(channel, self.index, float(self.image[k]), factor, slope, (L, R), slopes)
+                slope = gain_slopes(channel, H[k], discs)
+                found += peaks_of_gains(channel, self.index, float(self.image[k]), factor, slope, (L, R), slopes)
         return found
 
     def raise_norms(self, M: np.ndarray) -> dict[int, tuple[float, float, bool]]:
-        """Largest level of each limit on the lines, and where in the plane of the bilinear map."""
+        """Return the largest level of each limit on the lines, and where in the plane of the bilinear map."""
         H = self.responses(M)
         found = {}
         for channel in self.channels:
@@ -490,23 +492,23 @@ class LineScene:
         return found
 
     def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """(W,) ratio of a limit on its lines."""
+        """Return (W,) ratio of a limit on its lines."""
         H = self.responses(M)
         return np.full(omega.size, np.nan) if H is None else self.levels(channel, H, smooth=False)[self.band(channel)]
 
     def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
-        """Lines of a limit, in the plane of the bilinear map [rad/s]."""
+        """Return lines of a limit, in the plane of the bilinear map [rad/s]."""
         return self.image[self.band(channel)]
 
-    def look_closely(self, M: np.ndarray) -> dict[int, Look]:
-        """Every limit on the lines of its band."""
+    def look_closely(self, M: np.ndarray) -> dict[int, CloseLook]:
+        """Return every limit on the lines of its band."""
         return {
-            channel.index: Look(ratio=level, omega=omega, is_norm=False, n_lines=int(self.band(channel).sum()))
+            channel.index: CloseLook(ratio=level, omega=omega, is_norm=False, n_lines=int(self.band(channel).sum()))
             for channel, (level, omega, _) in zip(self.channels, self.raise_norms(M).values(), strict=True)
         }
 
     def seen_by_plant(self, M: np.ndarray) -> control.StateSpace | None:
-        """What closes the plant: from its outputs to its inputs, through fixed parts and blocks; None: no solution."""
+        """Return the controller that fixed parts and blocks make of plant outputs to inputs; None: no solution."""
         (A, B, C, D), n_w, n_z = self.around
         n_y, n_u = self.plant.G.shape[:2]
         n = self.n_states
@@ -531,8 +533,8 @@ class LineScene:
                 return None
         return control.StateSpace(full_A, full_B, full_C, full_D, self.dt, remove_useless_states=False)
 
-    def count(self, M: np.ndarray) -> tuple[bool, bool]:
-        """Whether the loop is stable by its winding number, and whether the lines resolve that."""
+    def stability_by_winding(self, M: np.ndarray) -> tuple[bool, bool]:
+        """Return whether the loop is stable by its winding number, and whether the lines resolve that."""
         K = self.seen_by_plant(M)
         if K is None:
             return False, False
@@ -541,7 +543,7 @@ class LineScene:
         if G.shape[:2] == (1, 1):
             turns, clear = winding_number(omega, G[0, 0], -K, self.dt)
             return turns == wanted, clear
-        response = np.moveaxis(np.array(evaluate_on(K, omega)), 0, 0)
+        response = np.moveaxis(np.array(evaluate_on_lines(K, omega)), 0, 0)
         F = np.linalg.det(np.eye(K.noutputs) - response @ np.moveaxis(G, 2, 0))
         n = integrator_poles(K, self.dt)
         if G.shape[0] == G.shape[1]:
@@ -550,7 +552,7 @@ class LineScene:
         return round(float(found)) == wanted, bool(clear_all)
 
 
-def evaluate_on(K: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """(W, n_u, n_y) response."""
+def evaluate_on_lines(K: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """Return (W, n_u, n_y) response."""
     z = np.exp(1j * omega * K.dt) if K.dt else 1j * omega
     return evaluate_transfer(K.A, K.B, K.C, K.D, z)
