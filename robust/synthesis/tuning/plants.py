@@ -12,7 +12,7 @@ from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_integer, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single
-from robust.analysis.loop import DELAY_ORDER, assemble_loop
+from robust.analysis.loop import DELAY_ORDER, Loop, assemble_loop
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, hold_correction, hold_response, sampled
@@ -195,15 +195,15 @@ def require_set(name: str, model: Any) -> None:
     )
 
 
-def discs_of(loop: Any) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def discs_of(loop: Loop) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """Return a and g of the set of a model, as `check` has it: of a continuous set under a clock with every alias."""
     row = FORMS[loop.form]
 
     def at(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        omega = np.minimum(np.asarray(omega, dtype=float), loop.top * (1 - 1e-12) if loop.dt else 1e12)
-        G = loop.plant(omega)
+        omega = np.minimum(np.asarray(omega, dtype=float), loop.omega_max * (1 - 1e-12) if loop.dt else 1e12)
+        G = loop.plant_response(omega)
         if loop.aliases is not None:
-            radius = loop.aliases.radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
+            radius = loop.aliases.sampled_radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
             return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, UNBOUNDED_GAIN).astype(complex)
         W = np.ones(omega.size, complex)
         if row.depends_on_units:
