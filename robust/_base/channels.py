@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 from nlfrf import Bla
 from nlfrf._base.arguments import short_form
@@ -13,29 +13,29 @@ __all__ = ["is_matrix", "is_single", "require_matrix", "require_single"]
 HINT_FOR_FRF = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
 
 
-def is_single(thing: Any) -> TypeGuard[Bla]:
+def is_single(thing: object) -> TypeGuard[Bla]:
     """Return whether it is a `Bla` of one input and one output."""
     return isinstance(thing, Bla) and thing.is_single
 
 
-def is_matrix(thing: Any) -> TypeGuard[Bla]:
+def is_matrix(thing: object) -> TypeGuard[Bla]:
     """Return whether it is a `Bla` of several inputs or outputs."""
     return isinstance(thing, Bla) and not thing.is_single
 
 
-def require_matrix(name: str, thing: Any) -> None:
+def require_matrix(name: str, thing: object) -> None:
     """Refuse anything but a `Bla` of several inputs or outputs."""
     if not is_matrix(thing):
         raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {describe_channels(thing)}")
 
 
-def require_single(name: str, thing: Any) -> None:
+def require_single(name: str, thing: object) -> None:
     """Refuse anything but a `Bla` of one input and one output."""
     if not is_single(thing):
         raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {describe_channels(thing)}")
 
 
-def describe_channels(thing: Any) -> str:
+def describe_channels(thing: object) -> str:
     """Return a value in a refusal: of a `Bla` how many channels it has."""
     if not isinstance(thing, Bla):
         return short_form(thing) + HINT_FOR_FRF * hasattr(thing, "frdata")

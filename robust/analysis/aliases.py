@@ -26,9 +26,9 @@ power law: nothing is cut off. `robust.proofs.exact.aliases` proves the same bet
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import control
 import numpy as np
@@ -130,7 +130,7 @@ class Aliases:
         return in_series(self.weight, self.plant, dt=0) if self.F_includes_plant else self.weight
 
     @cached_property
-    def responders(self) -> tuple[Any, Any]:
+    def responders(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
         """Return functions of omega that evaluate plant and weight."""
         plant, w = make_response(self.plant), make_response(self.weight)
 
@@ -235,7 +235,12 @@ class Aliases:
 
 
 def sum_over_aliases(
-    hold: np.ndarray, hG: np.ndarray, F: np.ndarray, tails: AliasSums, sin_half_angle: np.ndarray, inside: Any = True
+    hold: np.ndarray,
+    hG: np.ndarray,
+    F: np.ndarray,
+    tails: AliasSums,
+    sin_half_angle: np.ndarray,
+    inside: np.ndarray | bool = True,
 ) -> AliasSums:
     """Add |h_k|, |h_k G_k|, |F_k| (I, k) of the aliases `inside` and the bounds of all others times |sin|."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -293,7 +298,7 @@ def stability_measure(aliases: Aliases, magnitudes: LoopMagnitudes, others: Alia
 
 
 def squared_performance_gain(
-    magnitudes: LoopMagnitudes, others: AliasSums, PS: Any, PFS: Any, scaling: float
+    magnitudes: LoopMagnitudes, others: AliasSums, PS: np.ndarray, PFS: np.ndarray, scaling: float
 ) -> np.ndarray:
     """Return the squared gain (I,) from (p, r) to (input of Delta, w_P e) under one scaling; not for inverse forms.
 
@@ -330,7 +335,7 @@ class FoldedCurves:
 
     rs: np.ndarray
     S_worst: np.ndarray
-    performance_margin: Any = None
+    performance_margin: np.ndarray | None = None
 
 
 @value(copy=False)

@@ -47,14 +47,14 @@ class Curves:
     G: np.ndarray
     K: np.ndarray
     w: np.ndarray
-    w_P: Any
+    w_P: np.ndarray | None
     S: np.ndarray
     a: np.ndarray
     b: np.ndarray
     W: np.ndarray
-    folded_rs: Any = None
-    folded_S_worst: Any = None
-    folded_performance_margin: Any = None
+    folded_rs: np.ndarray | None = None
+    folded_S_worst: np.ndarray | None = None
+    folded_performance_margin: np.ndarray | None = None
 
     @property
     def rs(self) -> np.ndarray:
@@ -99,6 +99,7 @@ class Curves:
         """Return the factor (W,) on the uncertainty at which |w_P| max |S_p| = 1."""
         if self.folded_performance_margin is not None:
             return self.folded_performance_margin
+        assert self.w_P is not None
         return FORMS[self.form].scale_for(
             self.w, largest_allowed_factor(np.abs(self.w_P) * np.abs(self.S), self.a, self.b)
         )
@@ -162,7 +163,13 @@ def reciprocal_peak(peak: float) -> float:
 
 
 def loop_curves(
-    form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: np.ndarray, w_P: Any, W: Any = None
+    form: str,
+    omega: np.ndarray,
+    G: np.ndarray,
+    K: np.ndarray,
+    w: np.ndarray,
+    w_P: np.ndarray | None,
+    W: np.ndarray | None = None,
 ) -> Curves:
     """Compute the curves of a loop from the responses of its parts; they are finite at poles of the plant and of K."""
     W = np.ones(omega.size) if W is None or not FORMS[form].depends_on_units else W

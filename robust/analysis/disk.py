@@ -267,7 +267,7 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     )
 
 
-def loop_broken_everywhere(G: Any, K: control.StateSpace) -> Any:
+def loop_broken_everywhere(G: Any, K: control.StateSpace) -> control.StateSpace | control.FrequencyResponseData:
     """Return [0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
@@ -296,7 +296,9 @@ def checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
     return some
 
 
-def margin_of_sensitivity(S: Any, reason: str, skew: float, channels: Sequence[int] | None) -> DiskMargin:
+def margin_of_sensitivity(
+    S: control.StateSpace | control.FrequencyResponseData, reason: str, skew: float, channels: Sequence[int] | None
+) -> DiskMargin:
     """Compute the margin of some channels of a sensitivity; without one where `reason` says why there is none."""
     if reason:
         return DiskMargin(
@@ -323,7 +325,9 @@ def margin_of_sensitivity(S: Any, reason: str, skew: float, channels: Sequence[i
     )
 
 
-def smallest_margin(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple[float, float]:
+def smallest_margin(
+    S: control.StateSpace | control.FrequencyResponseData, block: tuple[np.ndarray, ...], skew: float
+) -> tuple[float, float]:
     """Find the frequency where a block of the sensitivity limits the margin, and the margin there."""
     shift = (skew - 1) / 2 * np.eye(block[0].size)
     blocks = [(1, 1)] * block[0].size
@@ -338,7 +342,7 @@ def smallest_margin(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple
     return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf
 
 
-def sensitivity_if_stable(L: Any, n_unstable: int) -> tuple[Any, str]:
+def sensitivity_if_stable(L: Any, n_unstable: int) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
     """Return (1 + L)^-1, scaled by `balancing_scales`, and why there is no margin; empty for a stable loop."""
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)

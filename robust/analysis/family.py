@@ -60,7 +60,7 @@ class LoopFamily:
     stable: np.ndarray
     nominal: np.ndarray
     worst: np.ndarray
-    band: Any = None
+    band: np.ndarray | None = None
 
 
 def sample_loops(
@@ -119,7 +119,9 @@ def sample_loops(
     )
 
 
-def sample_matrix_loops(model: UncertaintyModel, K: Any, n: int, delay: float, rng: Any) -> LoopFamily:
+def sample_matrix_loops(
+    model: UncertaintyModel, K: Any, n: int, delay: float, rng: np.random.Generator | int | None
+) -> LoopFamily:
     """Close the loop around n random plants of several channels."""
     K, band = multivariable("K", K), model.omega[[0, -1]]
     model, _ = set_on_controller_time_base(model, K, delay)

@@ -84,9 +84,9 @@ class Loop:
     dt: float
     form: str
     weight: control.StateSpace
-    w_P: Any
+    w_P: control.StateSpace | None
     pade_delay: float
-    continuous_plant: Any
+    continuous_plant: control.StateSpace | None
     undelayed_plant: control.StateSpace
     plant_delay: float
     shaping: control.StateSpace
@@ -146,7 +146,7 @@ class Loop:
         with np.errstate(invalid="ignore"):  # infinite at a pole on the axis, whatever the phase
             return np.where(np.isinf(G), np.inf, G * np.exp(-1j * omega * self.plant_delay))
 
-    def curves(self, omega: Any) -> Curves:
+    def curves(self, omega: np.ndarray | float) -> Curves:
         """Compute the curves of the loop at the frequencies omega [rad/s]."""
         omega = np.atleast_1d(omega)
         of = self.responders
@@ -183,7 +183,9 @@ class Loop:
         folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
         return loop_grid(lines, self.modes, parts, self.dt, self.plant_delay, folded)
 
-    def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
+    def peak(
+        self, curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, band: tuple[float, float]
+    ) -> tuple[float, float]:
         """Find the largest value of a curve of this loop and its frequency (`find_peak`)."""
         return find_peak(curve, omega, band, self.omega_max)
 

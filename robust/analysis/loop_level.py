@@ -306,7 +306,7 @@ class Transient:
     """Hold a signal that acts on a loop at rest: a step of the given height, or samples at fs [Hz]."""
 
     height: float = float("nan")
-    samples: Any = None
+    samples: np.ndarray | None = None
     fs: float = float("nan")
 
 

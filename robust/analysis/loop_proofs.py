@@ -160,6 +160,7 @@ def best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float
 
 def terms_of_curves(curves: Curves) -> Terms:
     """Return the terms of exact arithmetic as numbers, to look for a scaling with."""
+    assert curves.w_P is not None  # of a loop without a performance weight no scaling is searched
     G, K, W = replace_infinite(curves.G), replace_infinite(curves.K), np.abs(curves.W) ** 2
     L, one = G * K, np.ones(curves.omega.size)
     return Terms(

@@ -186,7 +186,7 @@ class LoopGains:
     T: np.ndarray
     K_S: np.ndarray
     stable: bool
-    band: Any
+    band: np.ndarray | None
 
     def _sketch_(self) -> Sketch:
         """Return the largest S and T, for a notebook."""
@@ -194,7 +194,7 @@ class LoopGains:
         return Sketch("Hz", "dB", curves, log=True)
 
 
-def loop_gains(G: Any, K: Any, *, omega: Any = None) -> LoopGains:
+def loop_gains(G: Any, K: Any, *, omega: np.ndarray | None = None) -> LoopGains:
     """Return singular values of the nominal loop u = K (r - y) over frequency.
 
     Parameters

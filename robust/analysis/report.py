@@ -63,7 +63,10 @@ MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
 
 
 def advise_on_margin(
-    model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarray], folding: RsBreakdown | None = None
+    model: UncertaintyModel,
+    omega_rs: float,
+    weight: Callable[[np.ndarray], np.ndarray],
+    folding: RsBreakdown | None = None,
 ) -> str:
     """Advise what to measure or change, by the parts of the radius where the stability margin is limited.
 
@@ -107,7 +110,7 @@ def advise_on_margin(
     return " ".join(said)
 
 
-def advise_on_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
+def advise_on_weight(model: UncertaintyModel, loop: Loop, peaks: Peaks) -> str:
     """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
     omega = model.omega[model.omega < loop.omega_max]
     if peaks.rs[0] < 1 or FORMS[model.form].depends_on_units or not omega.size:
@@ -130,14 +133,14 @@ def advise_on_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
     )
 
 
-def radius_shares(model: Any, k: int) -> list[tuple[float, str]]:
+def radius_shares(model: UncertaintyModel, k: int) -> list[tuple[float, str]]:
     """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
     parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
     total = sum(parts.values())
     return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
 
 
-def describe_set(model: Any) -> str:
+def describe_set(model: UncertaintyModel) -> str:
     """Describe the set."""
     if model.perturbation == "LTI":
         return f"every stable LTI perturbation inside the {model.form} weight"
@@ -174,7 +177,7 @@ def verdict_meaning(verdict: Verdict, probability: str) -> str:
     )
 
 
-def proof_sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
+def proof_sentences(model: UncertaintyModel, loop: Loop, stable: bool, performance: bool) -> tuple[str, str]:
     """Return what was proved and what was not, one sentence each."""
     where = "at all frequencies"
     if loop.dt:
@@ -202,7 +205,7 @@ def proof_sentences(model: Any, loop: Any, stable: bool, performance: bool) -> t
     return proved, text[0].upper() + text[1:] + "."
 
 
-def describe_aliases(found: RsBreakdown, model: Any) -> str:
+def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     """Describe the parts of the largest rs: at the frequency and at its aliases, measured and assumed."""
     if not found.is_bounded:
         return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
@@ -223,12 +226,12 @@ def describe_aliases(found: RsBreakdown, model: Any) -> str:
     return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
 
 
-def moves_frequencies(model: Any) -> bool:
+def moves_frequencies(model: UncertaintyModel) -> bool:
     """Return whether a perturbation may respond at other frequencies than those of its input."""
     return bool(model.perturbation == "operator")
 
 
-def advise_on_aliases(found: RsBreakdown, model: Any) -> str:
+def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     """Return why the aliases keep a loop from being certified, and what helps."""
     if not found.is_bounded:
         return (
@@ -255,7 +258,7 @@ def advise_on_aliases(found: RsBreakdown, model: Any) -> str:
     return f"{text}. {helps}"
 
 
-def describe_loop(model: Any, loop: Any) -> str:
+def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
     """Describe the loop in one line."""
     kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
     held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
@@ -392,7 +395,7 @@ def format_stability_margin(measure: str, margin: float, omega: float) -> str:
 
 
 def decide_structure_verdict(
-    system: Any, curves: Any, broken: float, certify: bool, certificates: tuple[Any, ...], cut: Any
+    system: Any, curves: Any, broken: float, certify: bool, certificates: tuple[Certificate, ...], cut: Any
 ) -> tuple[Verdict, str]:
     """Decide the verdict on a loop with several uncertainties and give its reason."""
     if broken <= 1:
@@ -566,7 +569,7 @@ class RobustnessReport:
     omega_rp: float = np.nan
     disk_margin: float = np.nan
     omega_disk: float = np.nan
-    worst: Any = None
+    worst: dict[str, float] | None = None
     margins: LoopMargins | None = None
     certificates: tuple[Certificate, ...] = ()
     perturbation: str = ""
@@ -584,7 +587,7 @@ class RobustnessReport:
     shaping: Any = None
     demand: Any = None
     delay: float = 0.0
-    band: Any = None
+    band: np.ndarray | None = None
     unit: str = ""
     probability: str = ""
     folding: str = ""

@@ -7,6 +7,7 @@ The upper bound of mu over a grid decides what is worth proving, the lower bound
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -201,7 +202,11 @@ def stability_bound_at(system: UncertainSystem, omega: float, time_cap: float = 
 
 
 def complete_bounds(
-    N: control.StateSpace, blocks: Any, omega: np.ndarray, known: tuple[np.ndarray, np.ndarray], deadline: float
+    N: control.StateSpace,
+    blocks: Sequence[tuple[Any, ...]],
+    omega: np.ndarray,
+    known: tuple[np.ndarray, np.ndarray],
+    deadline: float,
 ) -> np.ndarray:
     """Return the bound (W,) at omega, computed only where it is not known."""
     at, values = known
@@ -237,8 +242,12 @@ def subdivide_parameters(system: UncertainSystem, gap: float, deadline: float) -
 
 
 def apply_parameter_margin(
-    system: UncertainSystem, cut: ParameterMargin, broken: float, worst: Any, certificates: tuple[Certificate, ...]
-) -> tuple[float, Any, tuple[Certificate, ...]]:
+    system: UncertainSystem,
+    cut: ParameterMargin,
+    broken: float,
+    worst: dict[str, float] | None,
+    certificates: tuple[Certificate, ...],
+) -> tuple[float, dict[str, float] | None, tuple[Certificate, ...]]:
     """Merge what breaks the loop and what is proved with the result of the subdivision."""
     if cut.broken < broken:
         broken, worst = cut.broken, dict(zip(system.blocks, map(float, cut.worst), strict=True))
@@ -271,7 +280,9 @@ def find_parameter_crossing(
     )
 
 
-def find_worst_perturbation(system: UncertainSystem, curves: MuCurves, deadline: float) -> tuple[float, Any]:
+def find_worst_perturbation(
+    system: UncertainSystem, curves: MuCurves, deadline: float
+) -> tuple[float, dict[str, float] | None]:
     """Find the smallest factor at which a perturbation makes the loop singular, where mu is large, and its parts."""
     omega, mu, parameters = curves.omega, curves.mu, curves.parameters
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
@@ -294,7 +305,12 @@ def find_worst_perturbation(system: UncertainSystem, curves: MuCurves, deadline:
 
 
 def prove_bound(
-    system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray, deadline: float
+    system: UncertainSystem,
+    N: control.StateSpace,
+    blocks: Sequence[tuple[Any, ...]],
+    subject: str,
+    omega: np.ndarray,
+    deadline: float,
 ) -> Certificate:
     """Prove mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
 

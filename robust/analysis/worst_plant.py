@@ -91,7 +91,7 @@ class WorstCase:
     gain: np.ndarray
     omega_worst: float
     plant: control.StateSpace
-    delta: Any
+    delta: complex | np.ndarray
     achieved: float
     stable: bool
 

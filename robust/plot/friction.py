@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def format_amplitude(a: float) -> str:
     return f"{a:.3g} m"
 
 
-def quasi_linear_title(q: QuasiLinear, kick_sure: Any) -> str:
+def quasi_linear_title(q: QuasiLinear, kick_sure: float) -> str:
     """Return the heading."""
     fates = {0.0: "not to come to rest", np.inf: "to come to rest"}
     said = "Predicted " + fates.get(q.amplitude, f"to grow from a kick of {q.kick:.3g} m/s")

@@ -64,7 +64,7 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
     return finish_axes(ax)
 
 
-def draw_gains(ax: Any, gains: LoopGains) -> Any:
+def draw_gains(ax: Axes, gains: LoopGains) -> Axes:
     """Draw `plot_loop` of several channels."""
     f = to_hertz(gains.omega)
     for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
@@ -91,7 +91,7 @@ def require_one_loop(report: RobustnessReport) -> None:
         raise ValueError("report must be of one loop for this picture, got one of several: plot_loop takes loop_gains")
 
 
-def mark_measured_band(ax: Any, report: Any, *happens: float) -> None:
+def mark_measured_band(ax: Axes, report: RobustnessReport | LoopFamily | LoopGains, *happens: float) -> None:
     """The measured band of a report or family, and frequencies [rad/s] at which something happens."""
     f = to_hertz(report.omega)
     band = (f[0], f[-1]) if report.band is None else tuple(to_hertz(np.asarray(report.band)))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["BAND_MARGIN", "COLOR", "MEASURED", "OVER_NOTE", "STYLE", "fit_vertical_axis", "mark_band", "to_hertz"]
 
@@ -15,7 +18,7 @@ OVER_NOTE = "over 100 %: the set holds 0"  # of a band without a lower edge
 AXIS_MARGIN = 1.3  # around something that happens further out
 
 
-def mark_band(ax: Any, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
+def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
     """Frame a picture around the measured band [Hz], with what lies outside it in grey.
 
     Half a decade is shown beside it; more where something `happens` (frequencies, nan where it does not), never beyond
@@ -33,7 +36,7 @@ def mark_band(ax: Any, band: tuple[float, float], *, happens: Iterable[float] = 
             ax.axvspan(one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured")
 
 
-def fit_vertical_axis(ax: Any, most: float = 80.0) -> None:
+def fit_vertical_axis(ax: Axes, most: float = 80.0) -> None:
     """Fit the vertical axis to the curves inside the frame, no more than so many decibels from the top."""
     start, end = ax.get_xlim()
     seen = []

@@ -17,7 +17,7 @@ from robust._base.channels import is_matrix, is_single, require_matrix
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
 from robust.lti.realisation import from_roots, order_roots
 from robust.lti.sampling import delay_samples, discretize, hold_correction
-from robust.models.fit.fit_uncertainty import estimate_uncertainty, format_roots, probability_of_cost
+from robust.models.fit.fit_uncertainty import FitUncertainty, estimate_uncertainty, format_roots, probability_of_cost
 from robust.models.fit.rational import (
     Roots,
     fit_numerator,
@@ -405,7 +405,7 @@ class NominalFit:
     cost: float
     expected_cost: float
     n_parameters: int
-    uncertainty: Any = None
+    uncertainty: FitUncertainty | None = None
     p_value: float = float("nan")
     hold: str = "unknown"
     unit: str = ""

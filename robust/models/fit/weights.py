@@ -8,7 +8,6 @@ zero and at infinity, and lifted until nothing is violated.
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import control
 import numpy as np
@@ -463,7 +462,7 @@ def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
     return fit_weight(omega, radius, order=weight.nstates, dt=dt).W
 
 
-def checked_radius(omega: Any, radius: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def checked_radius(omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies and radius, each checked."""
     omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
     dt = require_nonnegative("dt", dt)

@@ -189,7 +189,7 @@ def uncertainty(
 
 def disc_set(
     many: list[Bla],
-    nominal: Any,
+    nominal: control.StateSpace | control.FrequencyResponseData,
     form: str,
     rules: Extrapolation,
     order: int,
@@ -267,12 +267,12 @@ def fit_extrapolated(covered: Sequence[np.ndarray], rules: Extrapolation, order:
         ) from None
 
 
-def sampling_time_of(nominal: Any) -> float:
+def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
     """Return the sampling time [s] of a nominal, 0 of an FRF."""
     return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
 
 
-def nominal_of_one_channel(nominal: Any) -> tuple[Any, float]:
+def nominal_of_one_channel(nominal: control.StateSpace | control.FrequencyResponseData) -> tuple[Any, float]:
     """Return the nominal of one channel with its delay inside, and that delay [s]."""
     delay = 0.0
     if isinstance(nominal, NominalFit):
@@ -280,7 +280,9 @@ def nominal_of_one_channel(nominal: Any) -> tuple[Any, float]:
     return nominal if isinstance(nominal, control.FrequencyResponseData) else state_space("nominal", nominal), delay
 
 
-def nominal_of_several_channels(nominal: Any, frm: Bla) -> tuple[control.StateSpace, float]:
+def nominal_of_several_channels(
+    nominal: control.StateSpace | control.FrequencyResponseData, frm: Bla
+) -> tuple[control.StateSpace, float]:
     """Return the nominal of several channels with the delay of each input inside, and the longest of them [s]."""
     delay = 0.0
     if isinstance(nominal, NominalFit):
@@ -313,7 +315,9 @@ def describe_record(bla: Bla) -> str:
     return f"{design}{bla.grid} multisine, {lines}, {drawn} x {bla.n_periods} periods, level from {bla.level_source}"
 
 
-def radius_of_user(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.ndarray, str] | None:
+def radius_of_user(
+    given: Any, nominal: control.StateSpace | control.FrequencyResponseData, form: Form
+) -> tuple[np.ndarray, np.ndarray, str] | None:
     """Return frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
 
     Two arrays are frequencies and radius as they are; FRFs or systems are plants that the set has to hold.
@@ -355,12 +359,12 @@ def radius_of_user(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np
     )
 
 
-def is_plant(part: Any) -> bool:
+def is_plant(part: object) -> bool:
     """Return whether it is an FRF or a system."""
     return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
 
 
-def frequencies_of_plants(many: list[Any], nominal: Any) -> np.ndarray:
+def frequencies_of_plants(many: list[Any], nominal: control.StateSpace | control.FrequencyResponseData) -> np.ndarray:
     """Return all frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
     known = [plant for plant in [*many, nominal] if isinstance(plant, control.FrequencyResponseData)]
     if not known:
@@ -373,7 +377,13 @@ def frequencies_of_plants(many: list[Any], nominal: Any) -> np.ndarray:
 
 
 def set_of_user(
-    given: Any, nominal: Any, form: Form, rules: Extrapolation, dt: float, order: int, spec: RadiusSpec
+    given: Any,
+    nominal: control.StateSpace | control.FrequencyResponseData,
+    form: Form,
+    rules: Extrapolation,
+    dt: float,
+    order: int,
+    spec: RadiusSpec,
 ) -> dict[str, Any]:
     """Return the fields of a set with a radius of the user and its weight, without a confidence; none for Blas."""
     found = radius_of_user(given, nominal, form)

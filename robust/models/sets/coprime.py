@@ -10,8 +10,6 @@ the plants at a chordal distance |G_p - G|/sqrt((1 + |G|^2)(1 + |G_p|^2)) of at 
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
@@ -47,7 +45,11 @@ HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors
 FACTOR_TOLERANCE = 1e-8  # chordal distance that the quotient of the factors may have from the plant
 
 
-def invertible_scaling(name: str, W: Any, nominal: Any) -> control.StateSpace:
+def invertible_scaling(
+    name: str,
+    W: control.StateSpace | control.TransferFunction,
+    nominal: control.StateSpace | control.FrequencyResponseData,
+) -> control.StateSpace:
     """Return a scaling of the plant, checked to be stable with a stable inverse, on the time base of the plant."""
     W = state_space(name, 1.0 if W is None else W)
     if (

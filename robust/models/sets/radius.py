@@ -99,7 +99,7 @@ def describe_slope(rule: float) -> str:
     return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
 
 
-def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
+def nominal_response(nominal: control.StateSpace | control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
     """Return (W,) or (n_y, n_u, W) response of the nominal; an FRF is interpolated in log magnitude and phase.
 
     It is met on its lines.
@@ -114,7 +114,7 @@ def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
 
 
 def disc_parts(
-    many: Sequence[Bla], nominals: Sequence[Any], spec: RadiusSpec
+    many: Sequence[Bla], nominals: Sequence[control.StateSpace | control.FrequencyResponseData], spec: RadiusSpec
 ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
     """Return all frequencies of the records of one channel, the parts of the largest absolute radius, and that radius.
 
@@ -165,7 +165,9 @@ def sum_of_parts(parts: dict[str, np.ndarray]) -> np.ndarray:
     return np.sum(list(parts.values()), axis=0)
 
 
-def record_radius_parts(bla: Bla, nominal: Any, spec: RadiusSpec) -> dict[str, np.ndarray]:
+def record_radius_parts(
+    bla: Bla, nominal: control.StateSpace | control.FrequencyResponseData, spec: RadiusSpec
+) -> dict[str, np.ndarray]:
     """Return parts (F,) of the absolute radius about the nominal that one record of one channel asks for."""
     F = bla.f.size
     quantile = bla.f_quantile(spec.p, simultaneous=spec.simultaneous)
@@ -224,7 +226,7 @@ def radius_in_form(
     form: Form,
     omega: np.ndarray,
     absolute: np.ndarray,
-    nominal: Any,
+    nominal: control.StateSpace | control.FrequencyResponseData,
     shaped_by: tuple[Any, Any],
     rules: Extrapolation,
     dt: float,
@@ -257,7 +259,11 @@ def radius_in_form(
 
 
 def resolve_scaling(
-    form: Form, nominal: Any, omega: np.ndarray, shaped_by: tuple[Any, Any], rules: Extrapolation
+    form: Form,
+    nominal: control.StateSpace | control.FrequencyResponseData,
+    omega: np.ndarray,
+    shaped_by: tuple[Any, Any],
+    rules: Extrapolation,
 ) -> tuple[Any, Any, Extrapolation]:
     """Return W1, W2 and the rule outside the band, as they are taken.
 

@@ -194,7 +194,7 @@ class TunableBlock:
             return low, fastest
         return (max(low, 1 / fastest), high) if name == "filter_time" else (low, high)
 
-    def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
+    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
         """Return A, B, C, D in s for these numbers, which may be complex; complex analytic in them."""
         raise NotImplementedError
 
@@ -272,8 +272,8 @@ class Gain(TunableBlock):
     drives: Any
     free: Any = None
     fixed: Any = ()
-    lower: Any = None
-    upper: Any = None
+    lower: Mapping[str, float | np.ndarray] | None = None
+    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("K",)
     matrix_block = True
@@ -296,7 +296,7 @@ class Gain(TunableBlock):
         """Return which entries are free."""
         return self.free & (name not in self.fixed)
 
-    def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
+    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
         """Return no states."""
         K = np.asarray(numbers["K"])
         return np.zeros((0, 0)), np.zeros((0, K.shape[1])), np.zeros((K.shape[0], 0)), K
@@ -343,8 +343,8 @@ class Pid(TunableBlock):
     kd: float | None = None
     filter_time: float | None = None
     fixed: Any = ()
-    lower: Any = None
-    upper: Any = None
+    lower: Mapping[str, float | np.ndarray] | None = None
+    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("kp", "ki", "kd", "filter_time")
     SIGNED = ("kp", "ki", "kd", "filter_time")
@@ -365,7 +365,7 @@ class Pid(TunableBlock):
         if self.filter_time is not None:
             require_positive("filter_time", self.filter_time)
 
-    def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
+    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
         """Return integral and derivative side by side."""
         rows: list[tuple[Any, Any, Any]] = []
         D = numbers.get("kp", 0.0)
@@ -415,14 +415,14 @@ class Notch(TunableBlock):
     depth: float = 0.3
     width: float = 0.6
     fixed: Any = ()
-    lower: Any = None
-    upper: Any = None
+    lower: Mapping[str, float | np.ndarray] | None = None
+    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("omega", "depth", "width")
     SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "depth": (1e-3, 1.0), "width": (1e-2, 4.0)}  # noqa: RUF012
 
-    def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
+    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
         """Return states in units of omega, so that both rows of A are alike."""
         w, depth, width = numbers["omega"], numbers["depth"], numbers["width"]
         A = w * np.array([[0.0 * w, 1.0 + 0 * w], [-1.0 + 0 * w, -width]])
@@ -461,14 +461,14 @@ class Lead(TunableBlock):
     drives: Any
     phase: float = 0.8
     fixed: Any = ()
-    lower: Any = None
-    upper: Any = None
+    lower: Mapping[str, float | np.ndarray] | None = None
+    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("omega", "phase")
     SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "phase": (1e-2, 1.5)}  # noqa: RUF012
 
-    def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
+    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
         """One state: r + r omega (1/r - r)/(s + omega r)."""
         w = numbers["omega"]
         sine = np.sin(numbers["phase"])
@@ -508,14 +508,14 @@ class Filter2(TunableBlock):
     drives: Any
     zeta: float = 0.7
     fixed: Any = ()
-    lower: Any = None
-    upper: Any = None
+    lower: Mapping[str, float | np.ndarray] | None = None
+    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("omega", "zeta")
     SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "zeta": (0.1, 2.0)}  # noqa: RUF012
 
-    def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
+    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
         """Return states in units of omega."""
         w, zeta = numbers["omega"], numbers["zeta"]
         A = w * np.array([[0.0 * w, 1.0 + 0 * w], [-1.0 + 0 * w, -2 * zeta]])
@@ -562,8 +562,8 @@ class StateSpace(TunableBlock):
     C: Any = None
     D: Any = None
     fixed: Any = ()
-    lower: Any = None
-    upper: Any = None
+    lower: Mapping[str, float | np.ndarray] | None = None
+    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("A", "B", "C", "D")
     matrix_block = True
@@ -582,7 +582,7 @@ class StateSpace(TunableBlock):
             object.__setattr__(self, name, read_only(given.copy()))
         object.__setattr__(self, "n_states", n)
 
-    def state_space(self, numbers: Mapping[str, Any]) -> Matrices:
+    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
         """Return the matrices themselves."""
         return tuple(np.asarray(numbers[name]) for name in "ABCD")  # type: ignore[return-value]
 

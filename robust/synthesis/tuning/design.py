@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
-from typing import Any
 
 import control
 import numpy as np
@@ -96,9 +95,9 @@ class LimitValue:
     omega: float
     known: Known
     n_lines: int = 0
-    omegas: Any = None
-    curve: Any = None
-    before: Any = None
+    omegas: np.ndarray | None = None
+    curve: np.ndarray | None = None
+    before: np.ndarray | None = None
 
     @property
     def met(self) -> bool:
@@ -200,7 +199,7 @@ class TunedDesign:
             return "not met: a loop cannot be told from one on the stability boundary. Ask for a decay"
         return self.ended.value
 
-    def controller(self, inputs: Any, outputs: Any) -> control.StateSpace:
+    def controller(self, inputs: str | Sequence[str], outputs: str | Sequence[str]) -> control.StateSpace:
         """Return all blocks and fixed parts between two signals as one controller: outputs = -K inputs.
 
         For `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the outputs and inputs of the
@@ -211,7 +210,7 @@ class TunedDesign:
         K = structurally_minimal(open_chain)
         return control.StateSpace(K.A, K.B, -K.C, -K.D, self.dt, inputs=list(inputs), outputs=list(outputs))
 
-    def loop(self, inputs: Any, outputs: Any, plant: int = 0) -> control.StateSpace:
+    def loop(self, inputs: str | Sequence[str], outputs: str | Sequence[str], plant: int = 0) -> control.StateSpace:
         """Return the closed loop of one plant between two signals, with all its states."""
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         plant = require_integer("plant", plant, least=0)

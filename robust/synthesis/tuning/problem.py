@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -108,7 +107,7 @@ class TuningProblem:
         decay: float,
         dt: float,
         deadline: float,
-        progress: Callable[[int, float, float], Any] | None,
+        progress: Callable[[int, float, float], object] | None,
     ) -> None:
         self.controller, self.scenes, self.decay, self.dt = controller, scenes, decay, dt
         self.deadline, self.progress = deadline, progress

@@ -56,7 +56,7 @@ def tune(
     n_starts: int = 3,
     time_cap: float = 60.0,
     rng: np.random.Generator | int | None = None,
-    progress: Callable[[int, float, float], Any] | None = None,
+    progress: Callable[[int, float, float], object] | None = None,
 ) -> TunedDesign:
     """Tune blocks of fixed structure, anywhere in any loops, for every plant at once.
 

@@ -62,7 +62,7 @@ def test_fifty_designs_agree_with_check(seed, ask):
     loop = assemble_loop(model, K, w_P, delay)
     left_out = loop.aliases is not None and loop.aliases.inverse  # which the page says, and leaves to the check
     assert left_out == ("aliases left to the check" in content["models"][0]["set"])
-    curves = (replace(loop, unsampled=None) if left_out else loop).curves(report.omega)
+    curves = (replace(loop, continuous_plant=None) if left_out else loop).curves(report.omega)
     found = ask(content, state, report.omega)
     assert near(found["S"], np.abs(curves.S)) < 1e-6
     assert near(found["T"], np.abs(1 - curves.S)) < 1e-6

@@ -87,10 +87,10 @@ def test_slopes_of_limits_and_poles(seed):
         for channel in scene.channels:
             low, high = scene.band(channel)
             omega = float(np.clip(10 ** rng.uniform(-1, 1), low + 1e-3, min(high, 1e6) * 0.99))
-            (peak, *_) = scene.peaks_at(channel, omega, loop.sides(omega), slopes)
+            (peak, *_) = scene.peaks_at(channel, omega, loop.sensitivity_factors(omega), slopes)
 
             def level(x, scene=scene, channel=channel, omega=omega):
-                H = scene.close(controller.matrix(x)).exact(np.array([omega]))
+                H = scene.close(controller.matrix(x)).responses_by_elimination(np.array([omega]))
                 return np.log(scene.levels(channel, np.array([omega]), H)[0])
 
             assert peak.level == pytest.approx(level(x), abs=1e-9)
