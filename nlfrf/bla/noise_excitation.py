@@ -74,7 +74,7 @@ def identify_noise(
     ------
     ValueError
         A record that is too short, a band without lines, numbers out of range; lines on which the input has no power
-        that can be told from a transient, as at the ends of a sweep: G is not determined there.
+        distinguishable from a transient, as at the ends of a sweep: G is not determined there.
 
     Warns
     -----

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from nlfrf._base.own_process import Contents
 
 __all__ = ["contents"]
@@ -110,7 +108,7 @@ def add_time_series(name: str, members: dict[str, object], found: Contents) -> b
     return True
 
 
-def add_table(name: str, frame: pd.DataFrame, found: Contents) -> None:
+def add_table(name: str, frame: Any, found: Contents) -> None:
     """Add a table or timetable: its columns by name, its row times."""
     arrays, units, clocks, _ = found
     column_units = frame.attrs.get("varUnits") or frame.attrs.get("VariableUnits") or []

@@ -99,7 +99,7 @@ def build_loops_kernel(stamp: str) -> Callable[..., None]:
             xc, new = np.zeros(A.shape[1]), np.zeros(A.shape[1])
             whole = int(delays[i])
             part = delays[i] - whole
-            asked = np.zeros(samples + whole + 1)
+            commanded = np.zeros(samples + whole + 1)
             lengths[i] = samples
             state, stack = states[i], stacks[i]
             for k in range(samples):
@@ -108,16 +108,16 @@ def build_loops_kernel(stamp: str) -> Callable[..., None]:
                     y = resolution * np.round(y / resolution)
                 e = r[i, k] - y
                 u = min(max(control_step(i, A, B, C, D, xc, new, e), -saturation), saturation)
-                asked[k + whole] = u
+                commanded[k + whole] = u
                 for piece in range(2):
                     span = part if piece == 0 else 1.0 - part
                     if span <= 0.0:
                         continue
                     force = disturbance[i, k]
                     if piece == 1:
-                        force += asked[k]
+                        force += commanded[k]
                     elif k > 0:
-                        force += asked[k - 1]
+                        force += commanded[k - 1]
                     n = int(np.ceil(span * steps))
                     for j in range(n):
                         drive[j, 0] = drive[j, 1] = drive[j, 2] = force
