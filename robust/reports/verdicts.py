@@ -34,7 +34,7 @@ MEANS = {
 def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
     """Rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
     friction = proof.friction.description
-    away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s"
+    away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} {proof.units.velocity}"
     fails = away if np.isfinite(proof.kick_sure) else "no kick from which it surely does is known"
     if proof.verdict.is_proved:
         fails = "never, with a friction of the class"
@@ -53,7 +53,8 @@ def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
 
 def in_short(proof: FrictionProof) -> str:
     """The other verdict in one line, so that no banner stands alone."""
-    kick = f"; with any friction of the given force it surely runs away from a kick of {proof.kick_sure:.3g} m/s"
+    size = f"{proof.kick_sure:.3g} {proof.units.velocity}"
+    kick = f"; with any friction of the given force it surely runs away from a kick of {size}"
     away = kick if np.isfinite(proof.kick_sure) else ""
     return f"Beside it, for a class of friction: {proof.verdict} ({MEANS[proof.verdict]}){away}."
 
