@@ -64,8 +64,8 @@ class AnyFriction:
             damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
             return (
                 f"Maxwell-slip friction of presliding stiffness up to {self.K0 / 1e3:.4g} {self.units.stiffness}"
-                f"{damped}, each of whose sliders never holds more than {self.stiction:.4g} times the least force it slips at "
-                "(anywhere, in any direction, at any speed or time)"
+                f"{damped}, each of whose sliders never holds more than {self.stiction:.4g} times the least force it "
+                "slips at (anywhere, in any direction, at any speed or time)"
             )
         if self.kind == "bristle":
             return (
