@@ -15,6 +15,7 @@ plant                a machine with friction and its sampled loop; bounded motio
 prove                a proof for every friction of a class
 saturation           a machine with friction whose actuator saturates
 storage              quadratic storage functions, and polynomials that keep their sign
+units                units of an axis that moves or turns
 """
 
 import lazy_loader

@@ -9,6 +9,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_nonnegative, require_positive, require_real
 from nlfrf._base.values import value
+from robust.friction.units import MechanicalUnits, mechanical_units
 
 __all__ = ["AnyFriction", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
 
@@ -31,6 +32,8 @@ class AnyFriction:
         Damping of the bending of bristles [Ns/m].
     Fs : float
         Largest force [N]. All of these nan where the class does not ask for them.
+    position_unit : str
+        "m", or "rad" where the machine turns: forces are then in Nm, and N/m reads Nm/rad.
     """
 
     kind: str
@@ -39,6 +42,15 @@ class AnyFriction:
     bristle_time: float = np.nan
     Fs: float = np.nan
     microdamping: float = np.nan
+    position_unit: str = "m"
+
+    def __post_init__(self) -> None:
+        mechanical_units(self.position_unit)
+
+    @property
+    def units(self) -> MechanicalUnits:
+        """Units of its numbers."""
+        return mechanical_units(self.position_unit)
 
     @property
     def damper(self) -> float:
@@ -51,18 +63,18 @@ class AnyFriction:
         if self.kind == "Maxwell slip":
             damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
             return (
-                f"Maxwell-slip friction of presliding stiffness up to {self.K0 / 1e3:.4g} kN/m{damped}, each of "
-                f"whose sliders never holds more than {self.stiction:.4g} times the least force it slips at (anywhere, "
-                "in any direction, at any speed or time)"
+                f"Maxwell-slip friction of presliding stiffness up to {self.K0 / 1e3:.4g} {self.units.stiffness}"
+                f"{damped}, each of whose sliders never holds more than {self.stiction:.4g} times the least force it "
+                "slips at (anywhere, in any direction, at any speed or time)"
             )
         if self.kind == "bristle":
             return (
-                f"friction of bristles up to {self.K0 / 1e3:.4g} kN/m stiff, with a damping of {self.microdamping:g} "
-                f"Ns/m as they bend, that creep against their force (at most {self.stiction:.4g} times as fast as the "
-                "machine moves)"
+                f"friction of bristles up to {self.K0 / 1e3:.4g} {self.units.stiffness} stiff, with a damping of "
+                f"{self.microdamping:g} {self.units.damping} as they bend, that creep against their force (at most "
+                f"{self.stiction:.4g} times as fast as the machine moves)"
             )
         if self.kind == "bounded":
-            return f"friction of at most {self.Fs:g} N"
+            return f"friction of at most {self.Fs:g} {self.units.force}"
         return "passive friction"
 
     @property
@@ -71,7 +83,9 @@ class AnyFriction:
         return self.description
 
 
-def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0) -> AnyFriction:
+def any_maxwell_slip(
+    K0: float, stiction: float = 1.5, bristle_time: float = 0.0, *, position_unit: str = "m"
+) -> AnyFriction:
     """Every friction made of elements, each a spring in series with a slider.
 
     f = sum f_i over any number of elements, each a spring k_i (a damper k_i tau_i across it) in series with a slider
@@ -88,6 +102,8 @@ def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0
         Largest force of a slider over the least it slips at; at least 1. No frequency response shows it: an assumption.
     bristle_time : float
         Damping over stiffness of an element [s], at most.
+    position_unit : str
+        "m", or "rad" with Nm.
 
     Returns
     -------
@@ -112,10 +128,13 @@ def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0
         K0=require_positive("K0", K0),
         stiction=require_ratio(stiction),
         bristle_time=require_nonnegative("bristle_time", bristle_time),
+        position_unit=position_unit,
     )
 
 
-def any_bristle(K0: float, stiction: float = 1.5, microdamping: float = 0.0) -> AnyFriction:
+def any_bristle(
+    K0: float, stiction: float = 1.5, microdamping: float = 0.0, *, position_unit: str = "m"
+) -> AnyFriction:
     """Every friction of bristles that bend and creep: f = F + microdamping z', F a hysteresis of z.
 
     z' = v - p with F p >= 0 and |p| <= stiction |v|; F a Masing hysteresis of z no stiffer than K0. In it: LuGre
@@ -130,6 +149,8 @@ def any_bristle(K0: float, stiction: float = 1.5, microdamping: float = 0.0) -> 
         Largest slip over velocity; at least 1.
     microdamping : float
         sigma1 [Ns/m], exactly.
+    position_unit : str
+        "m", or "rad" with Nm.
 
     Returns
     -------
@@ -154,16 +175,19 @@ def any_bristle(K0: float, stiction: float = 1.5, microdamping: float = 0.0) -> 
         K0=require_positive("K0", K0),
         stiction=require_ratio(stiction),
         microdamping=require_nonnegative("microdamping", microdamping),
+        position_unit=position_unit,
     )
 
 
-def any_bounded(Fs: float) -> AnyFriction:
+def any_bounded(Fs: float, *, position_unit: str = "m") -> AnyFriction:
     """Every friction that is never larger than a force, whatever it depends on.
 
     Parameters
     ----------
     Fs : float
         Largest force [N], the viscous part left out.
+    position_unit : str
+        "m", or "rad" with Nm.
 
     Returns
     -------
@@ -183,13 +207,18 @@ def any_bounded(Fs: float) -> AnyFriction:
     >>> any_bounded(1.0).Fs
     1.0
     """
-    return AnyFriction(kind="bounded", Fs=require_positive("Fs", Fs))
+    return AnyFriction(kind="bounded", Fs=require_positive("Fs", Fs), position_unit=position_unit)
 
 
-def any_passive() -> AnyFriction:
+def any_passive(*, position_unit: str = "m") -> AnyFriction:
     """Every friction that never gives back more energy than it was given: int f v dt >= -E0.
 
     Not all friction is: LuGre is passive only where sigma2 >= sigma1 (Fs - Fc)/Fc.
+
+    Parameters
+    ----------
+    position_unit : str
+        "m", or "rad" with Nm.
 
     Returns
     -------
@@ -198,7 +227,7 @@ def any_passive() -> AnyFriction:
     Raises
     ------
     ValueError
-        Never; said for the house.
+        Another unit.
 
     References
     ----------
@@ -209,7 +238,7 @@ def any_passive() -> AnyFriction:
     >>> any_passive().kind
     'passive'
     """
-    return AnyFriction(kind="passive")
+    return AnyFriction(kind="passive", position_unit=position_unit)
 
 
 def require_ratio(stiction: float) -> float:

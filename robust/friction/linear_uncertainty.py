@@ -198,7 +198,9 @@ def find_multipliers(table: np.ndarray, q: np.ndarray) -> bool:
 
 def describe_test(holds: bool, mass: float, stiffness: float, times: float, friction: AnyFriction) -> str:
     """Describe what was tested, and that it is no proof."""
-    off = f"a linear part off by up to {mass:.2g} kg and {stiffness / 1e3:.3g} kN/m at the friction port"
+    units = friction.units
+    size = f"{mass:.2g} {units.mass} and {stiffness / 1e3:.3g} {units.stiffness}"
+    off = f"a linear part off by up to {size} at the friction port"
     more = f", up to {times:.2g} times that" if holds and times > 1 else ""
     verdict = "holds" if holds else "was not found to hold"
     return (

@@ -82,7 +82,7 @@ def passive_verdict(machine: FrictionPlant, K: Any, delay: float, loop: Friction
         left = sampled_damping(c, K, delay)
     else:
         c, left = np.nan, continuous_damping(loop)
-    return decide_damping(left, c, loop.T)
+    return decide_damping(left, c, loop.T, unit=machine.units.damping)
 
 
 def not_single_mass(machine: FrictionPlant, samples: float) -> str:
@@ -136,13 +136,15 @@ def sampled_damping(c: float, K: Any, delay: float) -> Damping:
     )
 
 
-def decide_damping(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, str]:
+def decide_damping(left: Damping, c: float, T: float, *, unit: str) -> tuple[FrictionVerdict, str]:
     """Return the verdict on the damping that remains: positive at every frequency, proved over the rationals."""
     y, least = least_damping(left)
     where = frequency_of(y, T)
     size = np.abs(c) if T else np.abs(left.end)
     if not least > ROUNDING * size:
-        words = f"c = {c:.4g} Ns/m, and {c - least:.4g} Ns/m are needed" if T else f"{-least:.4g} Ns/m are missing"
+        words = (
+            f"c = {c:.4g} {unit}, and {c - least:.4g} {unit} are needed" if T else f"{-least:.4g} {unit} are missing"
+        )
         if -least > INFINITE_DAMPING * size:
             words = "no damping is enough"
         return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
@@ -154,8 +156,8 @@ def decide_damping(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, 
             FrictionVerdict.NOT_DECIDED,
             f"not shown that damping is left at every frequency: {found.reason or 'not at the end'}",
         )
-    needed = f"c = {c:.4g} Ns/m, and at most {c - claimed:.4g} Ns/m are needed"
-    words = needed if T else f"at least {claimed:.4g} Ns/m of damping is left at the friction port"
+    needed = f"c = {c:.4g} {unit}, and at most {c - claimed:.4g} {unit} are needed"
+    words = needed if T else f"at least {claimed:.4g} {unit} of damping is left at the friction port"
     return FrictionVerdict.PROVED, f"{words} (most critical {where}; proved for all frequencies)"
 
 

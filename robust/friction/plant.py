@@ -11,6 +11,7 @@ from scipy.linalg import eig, expm, solve_discrete_lyapunov
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
+from robust.friction.units import MechanicalUnits, mechanical_units
 from robust.lti.lti import balance_matrix, timebase
 from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import without_pade
@@ -53,6 +54,8 @@ class FrictionPlant:
         What it is, for people.
     delay : float
         From the command to the force, or from the position to its sample [s]; every loop around it has it.
+    position_unit : str
+        "m", or "rad" where the machine turns, with Nm for N.
     """
 
     A: np.ndarray
@@ -62,6 +65,15 @@ class FrictionPlant:
     C_port: np.ndarray
     description: str
     delay: float = 0.0
+    position_unit: str = "m"
+
+    def __post_init__(self) -> None:
+        mechanical_units(self.position_unit)
+
+    @property
+    def units(self) -> MechanicalUnits:
+        """Units of position, velocity and force."""
+        return mechanical_units(self.position_unit)
 
     @property
     def words(self) -> str:
@@ -86,7 +98,12 @@ class FrictionPlant:
 
 
 def friction_plant(
-    mass: Any, stiffness: float | None = None, damping: float = 0.0, *, port: Any = None
+    mass: Any,
+    stiffness: float | None = None,
+    damping: float = 0.0,
+    *,
+    port: Any = None,
+    position_unit: str = "m",
 ) -> FrictionPlant:
     """The machine without its friction, from mass, stiffness and damping or from a model.
 
@@ -103,6 +120,8 @@ def friction_plant(
     port : bool, optional
         True where the friction acts elsewhere than the force: the model then has the inputs (force, force at the
         friction port) and the outputs (measured position, displacement at the friction port).
+    position_unit : str
+        "m", or "rad" where the machine turns: then kg m^2, Nm/rad, Nm s/rad.
 
     Returns
     -------
@@ -127,25 +146,37 @@ def friction_plant(
     if isinstance(mass, (control.StateSpace, control.TransferFunction)):
         if stiffness is not None or damping != 0.0:
             raise ValueError("stiffness must be left out with a model, which has its own, got one")
-        return plant_from_model(mass, bool(port))
+        return plant_from_model(mass, bool(port), position_unit)
     if port:
         raise ValueError(f"port must be left out with a mass, whose friction acts where the force acts, got {port}")
     mass = require_positive("mass", mass)
     if stiffness is None:
         raise ValueError("stiffness must be given with a mass [N/m], zero for a free one, got none")
     stiffness, damping = require_nonnegative("stiffness", stiffness), require_nonnegative("damping", damping)
+    units = mechanical_units(position_unit)
     push, place = np.array([0.0, 1 / mass]), np.array([1.0, 0.0])
     A = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
-    description = f"m = {mass:.4g} kg, k = {stiffness / 1e3:.4g} kN/m, c = {damping:.3g} Ns/m"
-    return FrictionPlant(A=A, B_force=push, B_port=push, C_measured=place, C_port=place, description=description)
+    description = (
+        f"m = {mass:.4g} {units.mass}, k = {stiffness / 1e3:.4g} {units.stiffness}, c = {damping:.3g} {units.damping}"
+    )
+    return FrictionPlant(
+        A=A,
+        B_force=push,
+        B_port=push,
+        C_measured=place,
+        C_port=place,
+        description=description,
+        position_unit=position_unit,
+    )
 
 
 # The names of version 0.1, which scripts and pickles use.
 SlidingMachine, sliding_machine = FrictionPlant, friction_plant
 
 
-def plant_from_model(model: Any, port: bool) -> FrictionPlant:
+def plant_from_model(model: Any, port: bool, position_unit: str) -> FrictionPlant:
     """A state space with one force and one position, or with those of its friction port beside them."""
+    units = mechanical_units(position_unit)
     G = multivariable("mass", model)
     wanted = 2 if port else 1
     if (G.ninputs, G.noutputs) != (wanted, wanted):
@@ -167,7 +198,8 @@ def plant_from_model(model: Any, port: bool) -> FrictionPlant:
     if np.any(np.abs(C[-1] @ B) > ROUNDING * size):
         raise ValueError(
             "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by "
-            f"{np.abs(C[-1] @ B).max():.3g} m/s per N of force. Fit it with at least two poles more than zeros"
+            f"{np.abs(C[-1] @ B).max():.3g} {units.velocity} per {units.force} of force. Fit it with at "
+            "least two poles more than zeros"
         )
     description = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
     return FrictionPlant(
@@ -178,6 +210,7 @@ def plant_from_model(model: Any, port: bool) -> FrictionPlant:
         C_port=C[-1],
         description=description,
         delay=delay,
+        position_unit=position_unit,
     )
 
 

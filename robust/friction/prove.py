@@ -38,6 +38,7 @@ from robust.friction.plant import (
     steady_error_bound,
 )
 from robust.friction.storage import METHOD, JudgedStorage, certified_dissipation
+from robust.friction.units import MechanicalUnits
 from robust.lti.lti import poles, response, timebase, zeros
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
@@ -303,11 +304,17 @@ class FrictionProof:
             )
         if np.isfinite(self.error_bound):
             lines.append(
-                f"Whatever the friction, if never above the given force: at most {self.error_bound:.3g} m off."
+                f"Whatever the friction, if never above the given force: at most {self.error_bound:.3g} "
+                f"{self.units.position} off."
             )
         if np.isfinite(self.kick_sure):
-            lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} m/s.")
+            lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} {self.units.velocity}.")
         return "\n".join([*lines, self.not_claimed])
+
+    @property
+    def units(self) -> MechanicalUnits:
+        """Units of its numbers."""
+        return self.machine.units
 
 
 def prove_friction(
@@ -362,13 +369,16 @@ def prove_friction(
         raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
     if not isinstance(friction, AnyFriction):
         raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
+    require_same_units(machine, friction)
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
     Fs = np.nan if Fs is None else require_positive("Fs", Fs)
     if friction.kind == "bounded":
         if np.isfinite(Fs) and Fs != friction.Fs:
-            raise ValueError(f"Fs must be that of the class, {friction.Fs:g} N, or left out, got {Fs:g}")
+            raise ValueError(
+                f"Fs must be that of the class, {friction.Fs:g} {friction.units.force}, or left out, got {Fs:g}"
+            )
         Fs = friction.Fs
     spring = destabilizing_stiffness(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
     found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
@@ -389,6 +399,14 @@ def prove_friction(
         not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind]),
         **found,
     )
+
+
+def require_same_units(machine: FrictionPlant, friction: AnyFriction) -> None:
+    """Refuse a friction in other units than the machine."""
+    if friction.position_unit != machine.position_unit:
+        raise ValueError(
+            f"friction must be in the units of the machine, {machine.position_unit}, got {friction.position_unit}"
+        )
 
 
 def no_certificate() -> dict[str, Any]:
@@ -492,8 +510,8 @@ def describe_counterexample(spring: tuple[float, complex], loop: FrictionLoop, f
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
     still = "a bristle" if friction.kind == "bristle" else "a spring"
     return (
-        f"not every friction of the class: with {still} of {kappa / 1e3:.4g} kN/m that does not slip, its rests are "
-        f"unstable ({size}); yours may be another member"
+        f"not every friction of the class: with {still} of {kappa / 1e3:.4g} {friction.units.stiffness} that does not "
+        f"slip, its rests are unstable ({size}); yours may be another member"
     )
 
 
@@ -506,7 +524,7 @@ def format_pole_modulus(size: float) -> str:
 def describe_claim(machine: FrictionPlant, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any]) -> str:
     """State what is proved in one sentence."""
     rest = (
-        f"Stays within {found['error_bound']:.3g} m of rest in the end"
+        f"Stays within {found['error_bound']:.3g} {machine.units.position} of rest in the end"
         if friction.kind == "bounded"
         else "Comes to rest from every state"
     )

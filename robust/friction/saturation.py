@@ -413,8 +413,8 @@ def largest_velocity(machine: FrictionPlant, cut: LureLoop, energy: JudgedStorag
 
 SUBJECT = "the stored energy falls, the actuator saturated or not"
 NOT_CLAIMED = (
-    "Not claimed: {other}friction above {Fs:g} N, an actuator of less than {limit:g} N, quantisation, another linear "
-    "part."
+    "Not claimed: {other}friction above {Fs:g} {unit}, an actuator of less than {limit:g} {unit}, quantisation, "
+    "another linear part."
 )
 NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
 
@@ -523,7 +523,10 @@ def prove_saturated(
     """
     Fs, limit = require_positive("Fs", Fs), require_positive("limit", limit)
     if not limit > Fs:
-        raise ValueError(f"limit must be above Fs, the largest friction force, got {limit:g} N and Fs = {Fs:g} N")
+        unit = friction.units.force if isinstance(friction, AnyFriction) else "N"
+        raise ValueError(
+            f"limit must be above Fs, the largest friction force, got {limit:g} {unit} and Fs = {Fs:g} {unit}"
+        )
     plain = prove_friction(machine, K, friction, delay=delay)
     machine, delay = separate_delay(machine, delay)
     if friction.kind not in ("Maxwell slip", "bristle"):
@@ -554,9 +557,11 @@ def prove_saturated(
         certificate, kick, share = saturation_certificate(exact, reach, known), reach.kick, reach.share
     return SaturatedProof(
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        claim=describe_claim(np.inf if everywhere else kick, describe_scope(machine, friction, K, delay), Fs, limit),
+        claim=describe_claim(np.inf if everywhere else kick, describe_scope(machine, friction, K, delay), known),
         reason="" if everywhere else describe_why_local(cut, friction),
-        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind], Fs=Fs, limit=limit),
+        not_claimed=NOT_CLAIMED.format(
+            other=NOT_IN_CLASS[friction.kind], Fs=Fs, limit=limit, unit=friction.units.force
+        ),
         kick=kick,
         kick_linear=kick_linear,
         share=share,
@@ -588,16 +593,19 @@ def saturation_certificate(claim: FrictionClaim, reach: RegionOfAttraction, know
     )
 
 
-def describe_claim(kick: float, scope: str, Fs: float, limit: float) -> str:
+def describe_claim(kick: float, scope: str, known: dict[str, Any]) -> str:
     """State what is proved in one sentence: from every state where the velocity is infinite.
 
     Else up to that velocity.
     """
-    rest = "Comes to rest from every state"
+    rest, units = "Comes to rest from every state", known["friction"].units
     if np.isfinite(kick):
-        hit = f"a kick of at most {1e3 * kick:.3g} mm/s at the friction port"
+        hit = f"a kick of at most {1e3 * kick:.3g} m{units.velocity} at the friction port"
         rest = f"At rest and relaxed, comes to rest again after {hit}"
-    return f"{rest} {scope}, with an actuator of {limit:g} N and friction of at most {Fs:g} N."
+    return (
+        f"{rest} {scope}, with an actuator of {known['limit']:g} {units.force} and friction of at most "
+        f"{known['Fs']:g} {units.force}."
+    )
 
 
 def describe_why_local(cut: LureLoop, friction: AnyFriction) -> str:

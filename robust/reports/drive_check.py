@@ -28,7 +28,7 @@ from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.analysis.worst_plant import WorstCase, worst_case
 from robust.friction.levels import FrictionClass, friction_class
-from robust.friction.plant import FrictionPlant
+from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.prove import FrictionProof
 from robust.io.certificates import highest_level, prove_all
 from robust.lti.connections import in_series
@@ -47,17 +47,11 @@ ORDERS = range(2, 6)
 LEAD = 0.3
 #: Orders of the weight that are tried.
 WEIGHT_ORDERS = (4, 6, 8)
-#: Units of a machine that moves in m -> those of one that turns, in what other modules say of it.
+#: Units of a machine that moves in m -> those of one that turns, in the evidence of `friction_class`, which knows one.
 ROTARY_UNITS = {
     r"\bkN/m\b": "kNm/rad",
     r"\bN s\^4/m\b": "Nm s^4/rad",
-    r"\bNs/m\b": "Nm s/rad",
-    r"\bN/m\b": "Nm/rad",
-    r"\bm/N\b": "rad/Nm",
-    r"\bm/s\b": "rad/s",
     r"\bkg\b(?! m)": "kg m^2",
-    r"(?<=\d )N\b": "Nm",
-    r"(?<=\d )m\b": "rad",
 }
 
 
@@ -144,8 +138,9 @@ class DriveCheck:
             )
         parts["friction"] = f"not judged: {self.friction_note}"
         if self.proofs:
-            parts["friction"] = "\n".join([str(self.friction), *map(str, self.proofs)])
-        if position == "rad":
+            evidence = in_rotary_units(str(self.friction)) if position == "rad" else str(self.friction)
+            parts["friction"] = "\n".join([evidence, *map(str, self.proofs)])
+        elif position == "rad":
             parts["friction"] = in_rotary_units(parts["friction"])
         if self.step is not None:
             parts["step of the position set point"] = f"of 1 {position} {self.step}"
@@ -153,10 +148,10 @@ class DriveCheck:
 
 
 def in_rotary_units(text: str) -> str:
-    """What is said of a machine in m and N, of one in rad and Nm.
+    """Translate the evidence of levels of a machine in m and N to one in rad and Nm.
 
-    >>> in_rotary_units("K0 = 12 kN/m of at most 3 N, m = 2 kg, 0.01 m off")
-    'K0 = 12 kNm/rad of at most 3 Nm, m = 2 kg m^2, 0.01 rad off'
+    >>> in_rotary_units("m = 2 kg, K0 = 12 kN/m")
+    'm = 2 kg m^2, K0 = 12 kNm/rad'
     """
     for pattern, unit in ROTARY_UNITS.items():
         text = re.sub(pattern, unit, text)
@@ -337,9 +332,13 @@ def judge_friction(
         found = friction_class(blas, stiction=stiction)
     except ValueError as error:
         return None, (), str(error)
-    machines = tuple(friction_behind_lag(machine, settings.lag) for machine in found.machines)
+    base = settings.base_unit
+    friction = replace(found.friction, position_unit=base)
+    # without a nominal the levels give a single mass
+    mass = 1 / float(found.machine.velocity @ found.machine.B_port)
+    machine = friction_plant(mass, found.stiffness_low, position_unit=base)
     K = cascade(settings, output_unit=unit)
-    return found, prove_all(machines, K, found.friction, delay=settings.delay), ""
+    return found, prove_all((friction_behind_lag(machine, settings.lag),), K, friction, delay=settings.delay), ""
 
 
 def step_of(model: Any, K: control.StateSpace, settings: DriveSettings, unit: str) -> StepResponse:

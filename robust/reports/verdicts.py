@@ -34,7 +34,7 @@ MEANING_OF_PROOF = {
 def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
     """Return rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
     friction = proof.friction.description
-    away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s"
+    away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} {proof.units.velocity}"
     fails = away if np.isfinite(proof.kick_sure) else "no kick from which it surely does is known"
     if proof.verdict.is_proved:
         fails = "never, with a friction of the class"
@@ -53,7 +53,8 @@ def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[
 
 def describe_proof(proof: FrictionProof) -> str:
     """Describe the verdict of the proof in one line, for the banner."""
-    kick = f"; with any friction of the given force it surely runs away from a kick of {proof.kick_sure:.3g} m/s"
+    size = f"{proof.kick_sure:.3g} {proof.units.velocity}"
+    kick = f"; with any friction of the given force it surely runs away from a kick of {size}"
     away = kick if np.isfinite(proof.kick_sure) else ""
     return f"Beside it, for a class of friction: {proof.verdict} ({MEANING_OF_PROOF[proof.verdict]}){away}."
 

@@ -1,5 +1,7 @@
 """Bounded friction: machines faster than their clock in closed form, the stability boundary, what is refused."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -75,3 +77,16 @@ def test_a_pole_beside_one_is_told_from_it():
 def test_a_gain_is_no_machine():
     with pytest.raises(ValueError, match="mass must be a model that moves, from force to position, got a gain"):
         friction_plant(control.StateSpace([], [], [], [[0.0]]))
+
+
+def test_a_machine_that_turns_speaks_of_rad_and_newton_metres():
+    machine = friction_plant(0.01, 800.0, 0.4, position_unit="rad")
+    friction = any_maxwell_slip(640.0, position_unit="rad")
+    said = str(prove_friction(machine, 10.0, friction, Fs=0.1))
+    assert "kNm/rad" in said
+    assert "Nm s/rad" in said
+    assert not re.search(r"kN/m|\bkg\b(?! m\^2)|Ns/m|\d m\b|\bN\b", said)
+    with pytest.raises(ValueError, match="friction must be in the units of the machine, rad, got m"):
+        prove_friction(machine, 10.0, any_maxwell_slip(640.0))
+    with pytest.raises(ValueError, match='position_unit must be "m" or "rad", got \'deg\''):
+        any_bounded(1.0, position_unit="deg")
