@@ -368,7 +368,8 @@ def questions_of(
                 kind=Gap.FLEXIBLE,
                 description=(
                     f"the machine is not rigid in the band: {softening:.2g} {unit_of('F s^4/L', units)} of a term w^4. "
-                    "The mass is that of all that moves together. For a proof give friction_class a nominal with the mode"
+                    "The mass is that of all that moves together. For a proof give friction_class a nominal with "
+                    "the mode"
                 ),
             )
         )
@@ -397,7 +398,8 @@ def questions_of(
                 kind=Gap.LOWEST_LEVEL_SLIPS,
                 description=(
                     f"the lowest level does not stick: it moves {format_length(inner, units)} rms, where "
-                    f"{100 * early:.2g} % of K0 slips, and what slips earlier is not seen. Measure at a third of the force"
+                    f"{100 * early:.2g} % of K0 slips, and what slips earlier is not seen. Measure at a third of the "
+                    "force"
                 ),
             )
         )
