@@ -402,7 +402,10 @@ def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring:
     ]
     top = float(max(level.omega[-1] for level in levels))
     starts: list[tuple[float, Candidate]] = []
-    choices = [(1.0, np.inf), *((1.4, vs) for vs in np.geomspace(min(speeds), 2 * max(speeds), 5))]
+    choices = [
+        (1.0, np.inf),
+        *((rho, vs) for vs in np.geomspace(min(speeds), 2 * max(speeds), 5) for rho in (1.15, 1.4)),
+    ]
     for stiction, vs in choices:
         best: tuple[float, Candidate] | None = None
         spectra = [np.moveaxis(element_spectra(level, tried, stiction, vs), 0, -1) for level in levels]
