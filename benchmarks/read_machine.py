@@ -7,7 +7,12 @@ rest one mass is fitted to them below a third of the antiresonance, and the tabl
 The truth: mass and viscous friction of all that moves, K0, strength and Coulomb friction of all elements together. K0
 of two masses is not one number, as the belt bends under the friction of the load.
 
-python -m benchmarks.read_machine [--runs 20] [--presets linear-motor,belt] [--quiet]
+With --attack: random machines with Maxwell slip, free or on a spring, half of them with noise, a quarter with a delay
+(those of benchmarks/read_class.py without a load), and PD and PID loops around them. A loop that the truth refutes and
+that is proved for the class that was read is false.
+
+python -m benchmarks.read_machine [--runs 20] [--presets linear-motor,belt] [--at rest,motion] [--quiet]
+python -m benchmarks.read_machine --attack 40
 """
 
 from __future__ import annotations
@@ -16,15 +21,16 @@ import argparse
 import time
 import warnings
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 import nlfrf
 import robust
+from benchmarks.read_class import FAMILIES, GOOD, Case, draw_case, draw_loops, prove_read
 
-__all__ = ["AT_REST", "IN_MOTION", "Plan", "measure_at_rest", "measure_in_motion", "pulls_of", "truth_of"]
+__all__ = ["AT_REST", "IN_MOTION", "Plan", "attack", "measure_at_rest", "measure_in_motion", "pulls_of", "truth_of"]
 
 
 @dataclass(frozen=True)
@@ -118,26 +124,85 @@ def pulls_of(fit: Any, truth: dict[str, float]) -> dict[str, tuple[float, bool]]
     return found
 
 
+def records_of(case: Case, number: int) -> list[nlfrf.Record]:
+    """Records of a random machine at levels that stick, bend and slide, its delay and noise in the position."""
+    rng, records = np.random.default_rng([number, 7]), []
+    strength = float(case.rig.friction.strength.sum())
+    for pair in GOOD:
+        rms = strength * 10 ** rng.uniform(*np.log10(pair))
+        ms = nlfrf.multisine("special-odd", fs=2048, n_samples=4096, f_min=1.0, f_max=200.0, rms=rms, rng=rng)
+        record = nlfrf.simulate(case.rig, ms, n_periods=3, n_discard=3, oversampling=16)
+        turn = np.exp(-2j * np.pi * np.fft.rfftfreq(4096, 1 / 2048) * case.delay)
+        y = np.fft.irfft(turn * np.fft.rfft(record.y), n=4096)
+        records.append(replace(record, y=y + case.noise * y.std() * rng.standard_normal(y.shape)))
+    return records
+
+
+def attack(n_machines: int, n_loops: int = 12) -> None:
+    """Read random machines, and hold what is proved for the class against the truth."""
+    refuted = provable = read_provable = proved = false = machines = 0
+    number = -1
+    begin = time.process_time()
+    while machines < n_machines:
+        number += 1
+        case = draw_case(number, seed=1)
+        if case.family != FAMILIES[0] or case.flexible:
+            continue
+        machines += 1
+        loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
+        truth = robust.any_maxwell_slip(case.K0)
+        verdicts = [robust.prove_friction(case.truth, K, truth, delay=late + case.delay).verdict for K, late in loops]
+        provable += verdicts.count("proved")
+        try:
+            found = robust.identify_friction(records_of(case, number), free=not case.stiffness).assumed_class()
+        except ValueError as error:
+            print(f"{number}: refused: {error}", flush=True)
+            continue
+        refuted += verdicts.count("refuted")
+        read_provable += verdicts.count("proved")
+        for (K, late), verdict in zip(loops, verdicts, strict=True):
+            if verdict == "not decided" or not prove_read(found, K, late):
+                continue
+            proved += verdict == "proved"
+            if verdict == "refuted":
+                false += 1
+                print(f"{number} FALSE: K0 {case.K0:.4g}, k {case.stiffness:.4g}, delay {case.delay:.3g}: {found}")
+    print(
+        f"{machines} machines, {n_loops} loops each, {time.process_time() - begin:.0f} s of CPU: of {refuted} loops "
+        f"that the truth refutes {false} were proved; of {provable} provable ones {proved} were proved "
+        f"({proved / max(1, provable):.0%}; {proved / max(1, read_provable):.0%} of those of machines that were read)"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first run")
     parser.add_argument("--presets", default=",".join(name.replace(" ", "-") for name in AT_REST))
+    parser.add_argument("--at", default="rest,motion")
     parser.add_argument("--quiet", action="store_true", help="the tables only")
+    parser.add_argument("--attack", type=int, default=0, help="random machines to attack instead")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
+    if args.attack:
+        attack(args.attack)
+        return
+    places = args.at.split(",")
     pooled: list[bool] = []
     for name in args.presets.replace("-", " ").split(","):
         axis, begin = nlfrf.servo_axis(name), time.process_time()
         tables: dict[tuple[str, str], list[tuple[float, bool]]] = defaultdict(list)
         said: dict[str, int] = defaultdict(int)
         for seed in range(args.first, args.first + args.runs):
-            at_rest = robust.identify_friction(measure_at_rest(axis, AT_REST[name], seed), free=True)
-            sliding = robust.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], seed))
-            kinds = {question.kind for question in at_rest.questions}
+            fits: dict[str, Any] = {}
+            if "rest" in places:
+                fits["rest"] = robust.identify_friction(measure_at_rest(axis, AT_REST[name], seed), free=True)
+            if "motion" in places:
+                fits["motion"] = robust.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], seed))
+            kinds = {question.kind for question in fits["rest"].questions} if "rest" in fits else set()
             for kind in kinds:
                 said[kind.name.lower().replace("_", " ")] += 1
-            for where, fit in (("rest", at_rest), ("motion", sliding)):
+            for where, fit in fits.items():
                 pulls = pulls_of(fit, truth_of(axis))
                 if not args.quiet:
                     row = ", ".join(

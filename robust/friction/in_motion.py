@@ -28,17 +28,19 @@ from robust.friction.balance import (
     pack,
     refine,
     reweight,
+    unit_of,
+    units_of,
 )
 from robust.friction.levels import require_si, weighted_mean
 
 __all__ = ["SlidingFit", "identify_sliding"]
 
-#: What is printed: label, unit, factor to it.
+#: What is printed: label, unit in force F and length L, factor to it.
 REPORTED_IN_MOTION = {
-    "mass": ("m", "kg", 1.0),
-    "damping": ("c", "Ns/m", 1.0),
-    "coulomb": ("Coulomb friction", "N", 1.0),
-    "offset": ("force that does not turn", "N", 1.0),
+    "mass": ("m", "F s^2/L", 1.0),
+    "damping": ("c", "F s/L", 1.0),
+    "coulomb": ("Coulomb friction", "F", 1.0),
+    "offset": ("force that does not turn", "F", 1.0),
     "delay": ("delay with lag", "ms", 1e3),
 }
 
@@ -66,6 +68,8 @@ class SlidingFit:
     misfit : float
         Mean square misfit of forces and slopes over their variance: above about 4 the friction is no Coulomb friction
         with a viscous part, as where Stribeck friction still falls.
+    units : tuple of str
+        Units of force and position; all others follow.
 
     References
     ----------
@@ -90,6 +94,7 @@ class SlidingFit:
     forces: np.ndarray
     velocities: np.ndarray
     misfit: float
+    units: tuple[str, str] = ("N", "m")
 
     def interval(self, name: str) -> tuple[float, float]:
         """95 % interval of a number, by its name."""
@@ -101,9 +106,10 @@ class SlidingFit:
         for name, (label, unit, factor) in REPORTED_IN_MOTION.items():
             if name in self.stds:
                 half = factor * HALF_WIDTH * self.stds[name]
-                rows.append(f"{label} = {factor * getattr(self, name):.4g} +- {half:.1g} {unit}")
-        speeds = ", ".join(f"{v:.3g}" for v in self.velocities)
-        return "\n".join([*rows, f"95 % intervals, in motion at {speeds} m/s; break-away and K0 need levels at rest"])
+                rows.append(f"{label} = {factor * getattr(self, name):.4g} +- {half:.1g} {unit_of(unit, self.units)}")
+        speeds = ", ".join(f"{v:.3g}" for v in self.velocities) + " " + unit_of("L/s", self.units)
+        rows.append(f"95 % intervals, in motion at {speeds}; break-away and K0 need levels at rest")
+        return "\n".join(rows)
 
 
 def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float]) -> SlidingFit:
@@ -193,6 +199,7 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
         forces=forces,
         velocities=speeds,
         misfit=misfit,
+        units=units_of(records[0]),
     )
 
 

@@ -10,7 +10,7 @@
 Import them from here: `from robust.plot import plot_check`.
 """
 
-from robust.plot.friction import plot_quasi_linear
+from robust.plot.friction import plot_friction_fit, plot_quasi_linear
 from robust.plot.loops import (
     plot_bounds,
     plot_check,
@@ -41,6 +41,7 @@ __all__ = [
     "plot_check",
     "plot_family",
     "plot_fit",
+    "plot_friction_fit",
     "plot_limits",
     "plot_loop",
     "plot_matrix_loop",

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from nlfrf._base.axes import axes_or_new, finish_axes
+from nlfrf._base.axes import axes_or_new, bode_axes, finish_axes
 from robust.friction.describing_function import QuasiLinear
+from robust.friction.identification import FrictionFit
 from robust.plot.style import COLOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_quasi_linear"]
+__all__ = ["plot_friction_fit", "plot_quasi_linear"]
 
 #: Below this part of the largest friction the axes run straight through zero, above it they are logarithmic.
 LINEAR_SHARE = 1e-2
@@ -64,6 +66,39 @@ def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax:
     ax.set(xlim=(-3 * top, 12 * top), ylim=(-3 * top, 3 * top))
     ax.set(xlabel="k_eq [kN/m]", ylabel="w c_eq [kN/m]", title=quasi_linear_title(q, kick_sure))
     return finish_axes(ax)
+
+
+def plot_friction_fit(fit: FrictionFit, *, ax: Axes | Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
+    """k_eq and c_eq of the friction over the rms of the motion: measured at every level, and of the fitted elements.
+
+    Where the two part, another friction or another machine was measured.
+
+    Parameters
+    ----------
+    fit : FrictionFit
+        Of `robust.identify_friction`.
+    ax : two matplotlib Axes, or one in the place of which both are drawn, optional
+        Where to draw; a new figure when not given.
+    """
+    require_kind("fit", fit, FrictionFit)
+    top, bottom = bode_axes(ax)
+    levels = sorted(fit.levels, key=lambda level: level.motion)
+    amplitude = [1e6 * level.motion for level in levels]
+    force, length = fit.units
+    for axes, name, label in (
+        (top, "stiffness", f"k_eq [{force}/{length}]"),
+        (bottom, "damping", f"c_eq [{force} s/{length}]"),
+    ):
+        measured = [getattr(level, name) for level in levels]
+        fitted = [getattr(level, f"{name}_fit") for level in levels]
+        axes.plot(amplitude, measured, "o", color=COLOR["limit"], label="measured")
+        axes.plot(amplitude, fitted, "-", color=COLOR["loop"], label=f"{fit.element_stiffness.size} Maxwell elements")
+        axes.set(xscale="log", ylabel=label)
+    top.axhline(fit.K0, color=COLOR["radius"], lw=1.0, label="K0")
+    top.set_title(f"Friction over the motion: K0 {fit.K0:.4g} {force}/{length}, Fs {fit.Fs:.4g} {force}")
+    bottom.set_xlabel(f"rms of the motion [µ{length}]")
+    finish_axes(bottom)
+    return finish_axes(top), bottom
 
 
 def complex_parts(z: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

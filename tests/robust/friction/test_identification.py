@@ -105,6 +105,16 @@ def test_levels_look_as_springs_and_dampers_as_fitted(motor):
     assert max(level.unexplained for level in motor.levels) < 0.01
 
 
+def test_the_picture_has_every_level_measured_and_fitted(motor):
+    top, bottom = robust.plot.plot_friction_fit(motor)
+    for axes, name in ((top, "stiffness"), (bottom, "damping")):
+        measured, fitted = axes.get_lines()[:2]
+        expected = sorted((1e6 * level.motion, getattr(level, name)) for level in motor.levels)
+        assert np.allclose(np.array(measured.get_data()).T, expected)
+        assert np.allclose(fitted.get_ydata(), measured.get_ydata(), atol=0.02 * np.abs(measured.get_ydata()).max())
+    assert "N/m, Fs 20" in top.get_title()
+
+
 def test_the_class_of_a_fit_holds_the_machine(motor):
     found = motor.assumed_class()
     assert 2e6 < found.friction.K0 < 1.3 * 2e6
@@ -115,7 +125,7 @@ def test_the_class_of_a_fit_holds_the_machine(motor):
 
 KINDS = {
     "sticks": ((0.02, 0.05, 0.1), robust.Gap.HIGHEST_LEVEL_STICKS, "highest level still sticks: it swings"),
-    "slips": ((2.0, 4.0, 8.0), robust.Gap.LOWEST_LEVEL_SLIPS, "lowest level does not stick: it swings"),
+    "slips": ((2.0, 4.0, 8.0), robust.Gap.LOWEST_LEVEL_SLIPS, "lowest level does not stick: it moves"),
     "equal": ((0.1, 1.0, 1.05), robust.Gap.EQUAL_LEVELS, "count as 2, as neighbours differ by less than 1.3"),
 }
 
@@ -157,6 +167,7 @@ def test_an_axis_in_motion_tells_mass_viscous_and_coulomb_friction(name):
     for key, (off, _) in pulls_of(fit, truth_of(axis)).items():
         assert abs(off) < 0.02, key
         assert abs(off) * truth_of(axis)[key] < 4 * fit.stds[key], key
+    assert ("kg m^2" in str(fit)) == (name == "joint")
     assert abs(fit.offset) < 4 * fit.stds["offset"]
     assert fit.misfit < 4
 
