@@ -1,17 +1,23 @@
-"""The public names, in the order of the reference, and the pages made of their docstrings."""
+"""The public names in the order of the reference, its index, and docstrings as Sphinx should read them.
+
+The pages of the names are made by sphinx.ext.autosummary. A page of a name is no entry of the table of contents: a
+sidebar that listed every name would be most of every page, and of the time to build it.
+"""
 
 from __future__ import annotations
 
 import inspect
 import re
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import nlfrf
 import robust
-from docs.beside import beside
 
+DOCS = Path(__file__).resolve().parent
+HERE = "generated/api"  # among the pages
 #: Module -> its public names.
 PUBLIC: dict[str, tuple[str, ...]] = {
     "nlfrf": nlfrf._public_names,
@@ -28,8 +34,8 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "robust.drive": tuple(import_module("robust.drive").__all__),
     "robust.tuning": tuple(import_module("robust.tuning").__all__),
 }
-#: The order of the reference: that in which data flow.
-WINGS = (
+#: The order of the reference after what most scripts need: that in which data flow.
+PACKAGES = (
     *(
         "nlfrf.signals",
         "nlfrf.records",
@@ -43,6 +49,12 @@ WINGS = (
     *("robust.models", "robust.synthesis", "robust.analysis", "robust.mu", "robust.friction", "robust.proofs"),
     *("robust.lti", "robust.io", "robust.plot", "robust.reports"),
 )
+#: What most scripts need, `identify` first.
+FIRST = {
+    "nlfrf": "identify multisine load_record inspect_file simulate Bla Record Multisine",
+    "robust": "fit_nominal uncertainty UncertaintyModel sampled performance_weight ncfsyn design_frf tune check "
+    "RobustnessReport worst_case prove_friction write_report export_matlab",
+}
 #: Modules of pictures: every plot_ function is public.
 PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
 
@@ -56,45 +68,79 @@ def things() -> list[tuple[str, str, Any]]:
 def pictures() -> list[tuple[str, str, Any]]:
     """The same of the functions that draw."""
     found = [(module, import_module(module)) for module in PICTURES]
-    return [(m, name, getattr(home, name)) for m, home in found for name in vars(home) if name.startswith("plot_")]
+    drawing = [(m, name, thing) for m, home in found for name, thing in vars(home).items() if name.startswith("plot_")]
+    return [one for one in drawing if one[2].__name__ == one[1]]
 
 
-def first_line(thing: Any) -> str:
-    """The summary of a docstring."""
-    return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
-
-
-def wings() -> dict[str, list[tuple[str, str, Any]]]:
-    """Wing -> its public names, in the order in which data flow; what a public module hands on stands in its wing."""
-    found: dict[str, list[tuple[str, str, Any]]] = {wing: [] for wing in WINGS}
+def by_package() -> dict[str, list[str]]:
+    """Package -> full public names, in the order in which data flow; a name stands in the package that holds it."""
+    found: dict[str, list[str]] = {package: [] for package in PACKAGES}
     for module, name, thing in [*things(), *pictures()]:
         home = ".".join(thing.__module__.split(".")[:2])
-        found.setdefault(home, []).append((module, name, thing))
-    return {wing: names for wing, names in found.items() if names}
+        found.setdefault(home, []).append(f"{module}.{name}")
+    return {package: full for package, full in found.items() if full}
 
 
-def write_pages(folder: Path) -> None:
-    """One page a name, and an index of them by wing with their summaries."""
-    index = ["Reference", "=========", ""]
-    index += ["Every public name, by the step of the work. Arrays and units are those of the nomenclature.", ""]
-    for wing, entries in wings().items():
-        title = wing.replace("._", ".").replace(".", ": ").replace("_", " ")
-        plate = escaped(first_line(import_module(wing)))
-        index += [title, "-" * len(title), "", plate, "", ".. list-table::", "   :widths: 30 70", ""]
-        for module, name, thing in entries:
-            summary = escaped(first_line(thing))
-            index += [f"   * - :doc:`{name} <{module}.{name}>`", f"     - {summary}"]
-        index += [""]
-        for module, name, thing in entries:
-            title = f"{module}.{name}"
-            kind = "autoclass" if inspect.isclass(thing) else "autofunction"
-            members = ["   :members:"] if inspect.isclass(thing) and not issubclass(thing, Warning) else []
-            # an orphan: a sidebar that listed every name would be most of every page, and of the time to build it
-            up = ":doc:`Reference <index>`"
-            page = [":orphan:", "", up, "", title, "=" * len(title), "", f".. {kind}:: {title}", *members, ""]
-            page += beside(module, name, thing, [(home, other) for home, other, _ in entries], things())
-            write_if_changed(folder / f"{title}.rst", "\n".join(page))
-    write_if_changed(folder / "index.rst", "\n".join(index))
+def summary_table(full_names: list[str]) -> list[str]:
+    """The directive that lists names with their summaries, and makes a page of each."""
+    return [".. autosummary::", "   :toctree: .", "   :nosignatures:", "", *(f"   {full}" for full in full_names), ""]
+
+
+def write_index(path: Path) -> None:
+    """Write the index of the reference: what most scripts need, then every name by package."""
+    page = ["Reference", "=========", ""]
+    page += ["Arrays and units are those of the :doc:`nomenclature </guide/nomenclature>`.", ""]
+    page += ["What most scripts need", "----------------------", ""]
+    page += summary_table([f"{module}.{name}" for module, names in FIRST.items() for name in names.split()])
+    for package, full_names in by_package().items():
+        title = package.replace("._base", ": shared").replace(".", ": ")
+        summary = (inspect.getdoc(import_module(package)) or "").split("\n\n")[0]
+        page += [title, "-" * len(title), "", *map(escaped, summary.split("\n")), "", *summary_table(full_names)]
+    write_if_changed(path, "\n".join(page))
+
+
+def add_uses(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Add to a docstring what returns the thing, and the guide pages and examples that use it."""
+    if what in ("function", "class"):
+        lines += used_in(name, what == "class")
+
+
+@cache
+def used_in(full: str, is_class: bool) -> tuple[str, ...]:
+    """Rows of reStructuredText: what returns a class; guide pages and examples that use a name."""
+    name = full.rpartition(".")[2]
+    makers = [f":py:obj:`~{module}.{other}`" for module, other, function in things() if returns(function, name)]
+    guide = [f":doc:`{title} </{path}>`" for path, title, words in guide_pages() if names_it(name, words)]
+    rows = {"Returned by": makers if is_class else [], "In the guide": guide}
+    listed = [f"* **{head}:** {', '.join(links)}" for head, links in rows.items() if links]
+    examples = DOCS / "generated" / "backreferences" / f"{full}.examples"
+    shown = examples.is_file() and examples.stat().st_size > 0
+    gallery = [".. rubric:: Examples that use it", "", f".. minigallery:: {full}", ""] if shown else []
+    return ("", *listed, "", *gallery)
+
+
+def returns(function: Any, name: str) -> bool:
+    """Whether the docstring of a function names a class under Returns."""
+    section = re.search(r"Returns\n-+\n(.*?)(?:\n\n[A-Z]|\Z)", inspect.getdoc(function) or "", re.DOTALL)
+    return inspect.isfunction(function) and section is not None and names_it(name, section[1])
+
+
+def names_it(name: str, text: str) -> bool:
+    """Whether a text has a name as a word of its own."""
+    return re.search(rf"(?<![\w.]){re.escape(name)}(?!\w)", text) is not None
+
+
+@cache
+def guide_pages() -> list[tuple[str, str, str]]:
+    """(path, title, code) of the guide and how-to pages; code is what stands in backticks and blocks."""
+    found = []
+    for path in [*sorted((DOCS / "guide").glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]:
+        text = path.read_text(encoding="utf-8")
+        code = " ".join(re.findall(r"```python\n.*?```|`[^`\n]+`", text, re.DOTALL))
+        code = re.sub(r"\b(?:robust|nlfrf)(?:\.\w+)?\.(?=\w)", " ", code)
+        if path.stem != "index":
+            found.append((path.relative_to(DOCS).with_suffix("").as_posix(), text.split("\n")[0].lstrip("# "), code))
+    return found
 
 
 def escape_docstring(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
@@ -112,12 +158,24 @@ def escape_docstring(app: Any, what: str, name: str, thing: Any, options: Any, l
 
 
 def escaped(line: str) -> str:
-    """A line in which |x|, stars and trailing underscores stand for themselves; *emphasis* and `code` are kept."""
+    """A line in which |x|, stars, trailing underscores and a leading initial ("A. Rantzer") stand for themselves.
+
+    *Emphasis* and `code` are kept.
+    """
+    line = re.sub(r"^(\s*)([A-Z])\. ", r"\1\2\\. ", line)
     pieces = re.split(r"(``[^`]*``|`[^`]*`|\*[^*\s][^*]*[^*\s]\*(?!\w))", line)
     for i in range(0, len(pieces), 2):
-        pieces[i] = re.sub(r"([|*\\])", r"\\\1", pieces[i])
+        pieces[i] = re.sub(r"([|*]|\\(?!\. ))", r"\\\1", pieces[i])
         pieces[i] = re.sub(r"(?<=\w)_(?!\w)", r"\\_", pieces[i])
     return "".join(pieces)
+
+
+def leave_out_of_contents(app: Any, doctree: Any) -> None:
+    """Take the pages of the names out of the table of contents."""
+    from sphinx.ext.autosummary import autosummary_toc
+
+    for node in list(doctree.findall(autosummary_toc)):
+        node.parent.remove(node)
 
 
 def write_if_changed(path: Path, text: str) -> None:

@@ -14,9 +14,16 @@ project = "nlfrf and robust"
 author = "The nlfrf developers"
 copyright = author
 version = release = nlfrf.__version__
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.intersphinx", "myst_parser", "docs.mathml"]
+extensions = [
+    *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx.ext.viewcode"),
+    *("sphinx.ext.intersphinx", "sphinx_gallery.gen_gallery", "sphinx_copybutton", "myst_parser", "docs.mathml"),
+]
 html_math_renderer = "mathml"
-exclude_patterns = ["_static", "generated/extra"]
+exclude_patterns = ["_static", "generated/backreferences"]
+templates_path = ["_templates"]
+sphinx_gallery_conf = gallery.settings()
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
 default_role = "code"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
@@ -24,13 +31,11 @@ napoleon_use_param = False
 napoleon_custom_sections = [("Fields", "params_style"), ("Warns", "params_style")]
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
-autodoc_preserve_defaults = True
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"nlfrf and robust {release}"
 html_static_path = ["_static"]
-html_extra_path = ["generated/extra"]
 html_css_files = ["gallery.css"]
 html_copy_source = False
 html_show_search_summary = False  # they are fetched, which a page opened from a folder may not do
@@ -54,8 +59,12 @@ pygments_style = "default"
 def setup(app):
     """Write the pages that are made from the code before Sphinx looks for pages."""
     generated = HERE / "generated"
-    api.write_pages(generated / "api")
+    api.write_index(generated / "api" / "index.rst")
     commands.write_page(generated / "commands.md")
-    gallery.write_pages(generated / "examples")
+    for name in gallery.names():
+        gallery.outputs(name)
     drawings.draw_all(generated / "drawings")
     app.connect("autodoc-process-docstring", api.escape_docstring, priority=400)
+    app.connect("autodoc-process-docstring", api.add_uses, priority=600)
+    app.connect("doctree-read", api.leave_out_of_contents, priority=100)
+    app.connect("source-read", gallery.show_stored_outputs)

@@ -1,4 +1,4 @@
-"""The drawings of the primer, from one record of the rig: what is played, what comes back, what is made of it."""
+"""The drawings of the primer, from what the first example measured: what is played, what comes back, what it gives."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from matplotlib.figure import Figure
 
 import nlfrf
 import robust
-from docs.gallery import made_from
+from docs.gallery import made_from, outputs
 from robust.plot import plot_check, plot_nyquist
 
 KINDS = {"excited": "#1d2733", "odd": "#d1681f", "even": "#1f6fd1"}
-DT = 1e-3  # s
 
 
 def draw_all(folder: Path) -> None:
@@ -28,17 +27,13 @@ def draw_all(folder: Path) -> None:
     if stamp.is_file() and stamp.read_text(encoding="utf-8") == wanted:
         return
     stamp.unlink(missing_ok=True)
-    ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
-    record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
-    bla = nlfrf.identify(record)
-    model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3))
-    plant = robust.sampled(model.nominal, DT)
-    K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * 20)).K
-    w_P = robust.performance_weight(2 * np.pi * 3.3, M_S=2.5, A=1e-2)
-    report = robust.check(model, K, w_P=w_P)
+    made = outputs("01_identify_then_design")
+    record, bla = nlfrf.load_record(made / "record.npz"), nlfrf.load_bla(made / "bla.npz")
+    model, K = robust.load_model(made / "model.json"), robust.load_controller(made / "controller.json")
+    report = robust.check(model, K, w_P=robust.performance_weight(2 * np.pi * 3.3, M_S=2.5, A=1e-2))
     drawn = {
-        "played": played(ms),
-        "answer": answer(record, ms),
+        "played": played(record),
+        "answer": answer(record),
         "bound": bound(bla),
         "discs": one(plot_nyquist, report, width=5.2, height=4.6),
         "verdict": one(plot_check, report),
@@ -56,15 +51,15 @@ def one(draw, *content, width: float = 7.4, height: float = 4.0) -> Figure:
     return figure
 
 
-def played(ms: nlfrf.Multisine) -> Figure:
+def played(record: nlfrf.Record) -> Figure:
     """A second of the multisine, and the first of its lines."""
     figure = Figure(figsize=(7.4, 2.7), layout="constrained")
     left, right = figure.subplots(1, 2)
-    n = int(ms.fs)
-    left.plot(np.arange(n) / ms.fs, ms.u[0, :n], color=KINDS["excited"], lw=0.7)
+    n = int(record.fs)
+    left.plot(np.arange(n) / record.fs, record.u[0, 0, :n], color=KINDS["excited"], lw=0.7)
     left.set(xlabel="time [s]", ylabel="u [N]", title="one second of what is played")
     lines = np.arange(1, 26)
-    excited = np.isin(lines, ms.lines.excited)
+    excited = np.isin(lines, record.lines.excited)
     kinds = np.where(excited, "excited", np.where(lines % 2, "odd", "even"))
     for kind, colour in KINDS.items():
         there = lines[kinds == kind]
@@ -76,16 +71,16 @@ def played(ms: nlfrf.Multisine) -> Figure:
     return figure
 
 
-def answer(record: nlfrf.Record, ms: nlfrf.Multisine) -> Figure:
+def answer(record: nlfrf.Record) -> Figure:
     """The spectrum of the output, by kind of line."""
     figure = Figure(figsize=(7.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
     Y = np.abs(np.fft.rfft(record.y[0].mean(axis=0))) * 2 / record.y.shape[-1]
     for kind, colour in KINDS.items():
-        lines = getattr(ms.lines, kind)
-        lines = lines[(lines > 0) & (lines * ms.f0 < 160)]
+        lines = getattr(record.lines, kind)
+        lines = lines[(lines > 0) & (lines * record.f0 < 160)]
         label = {"excited": "excited", "odd": "odd, left free", "even": "even, left free"}[kind]
-        ax.plot(lines * ms.f0, 20 * np.log10(Y[lines]), ".", color=colour, ms=4, label=label)
+        ax.plot(lines * record.f0, 20 * np.log10(Y[lines]), ".", color=colour, ms=4, label=label)
     ax.set(xlabel="frequency [Hz]", ylabel="output [dB]", title="what comes back, also on lines that nobody played")
     ax.legend(fontsize="small", loc="upper right")
     ax.grid(alpha=0.3)

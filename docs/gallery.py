@@ -1,62 +1,72 @@
-"""The examples, each run once: the tests look at what they print, the gallery of the documentation shows it.
+"""The examples, each run once by Sphinx-Gallery: a page shows what an example printed and drew, the tests look at it.
 
-`outputs("03_identify_one_record")` gives the folder build/examples/03_... with the pictures the example drew and what
-it printed (printed.txt). It is run when nothing is there, or when anything that it was made from has changed since: the
-script, the packages, the versions of what they stand on.
+`outputs("03_identify_one_record")` is the folder build/examples/03_... with what the example wrote; `printed` is what
+it printed. An example is run when nothing is there, or when anything that it was made from has changed since: the
+script, the packages, the versions of what they stand on. Sphinx-Gallery itself looks at the script alone.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-import io
 import os
 import platform
 import re
-import runpy
 import shutil
-import sys
+import textwrap
 import time
 import warnings
 from importlib.metadata import version
 from pathlib import Path
-
-from docs.api import write_if_changed
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 BUILD = ROOT / "build" / "examples"
-HERE = Path("generated") / "examples"  # among the pages
-#: Example -> the picture and the axes in it that say most by themselves, for its card in the gallery.
-HEROES = {
-    "01_identify_then_design": ("bla", 0),
-    "02_design_an_experiment": ("excitation", 1),
-    "03_identify_one_record": ("bla", 3),
-    "04_compare_grids": ("grids", 1),
-    "05_levels_as_a_family": ("family", 1),
-    "06_from_bla_to_weights": ("weights", 2),
-    "07_shape_by_hand": ("by_hand", 1),
-    "08_hinf_loop_shaping": ("hinf", 0),
-    "09_pid_from_the_frf": ("pid", 3),
-    "10_check_and_certificate": ("check", 2),
-    "11_skogestad_postlethwaite": ("book", 3),
-    "12_matlab_and_back": ("loop", 0),
-    "13_motor_bench": ("motor", 1),
-    "15_several_uncertainties": ("several", 0),
-    "16_two_axis_stage": ("stage", 2),
-    "17_measured_mirror": ("verdict", 0),
-    "18_proof_with_friction": ("proof", 1),
-    "20_tune_a_cascade": ("tuned", 0),
+HERE = "generated/examples"  # among the pages
+PAGES = ROOT / "docs" / HERE
+#: Example -> which of its pictures, and which axes in it, stand on its card in the gallery; else the first picture.
+CARDS = {
+    "01_identify_then_design": (0, 0),
+    "02_design_an_experiment": (0, 1),
+    "03_identify_one_record": (0, 3),
+    "04_compare_grids": (0, 1),
+    "05_levels_as_a_family": (0, 1),
+    "06_from_bla_to_weights": (0, 2),
+    "07_shape_by_hand": (0, 1),
+    "08_hinf_loop_shaping": (0, 0),
+    "09_pid_from_the_frf": (0, 3),
+    "10_check_and_certificate": (0, 2),
+    "11_skogestad_postlethwaite": (0, 3),
+    "12_matlab_and_back": (0, 0),
+    "13_motor_bench": (0, 1),
+    "15_several_uncertainties": (0, 0),
+    "16_two_axis_stage": (0, 2),
+    "17_measured_mirror": (2, 0),
+    "18_proof_with_friction": (0, 1),
+    "20_tune_a_cascade": (0, 0),
 }
-STORED = ROOT / "docs" / "_static"  # what examples gave whose data may not be there
+STORED = ROOT / "docs" / "_static"  # what examples gave whose records may not be there
 #: Where the records of an example are found that does not come with them.
 WHERE = {
-    "13_motor_bench": "KU Leuven publishes them with the MATLAB toolbox FdiTools, as `MultisineTypeB.mat`; put that "
-    "into a folder `motor_bench`",
-    "17_measured_mirror": "They are in the repository `fsm-benchmark-data` of M. Floren on GitHub; put the four files "
-    "`u_300mV_train.npy`, `y_300mV_train.npy` and the like into a folder `fine_steering_mirror`",
+    "13_motor_bench": "KU Leuven publishes them with the MATLAB toolbox FdiTools, as ``MultisineTypeB.mat``; put that "
+    "into a folder ``motor_bench``",
+    "17_measured_mirror": "They are in the repository ``fsm-benchmark-data`` of M. Floren on GitHub; put the four "
+    "files ``u_300mV_train.npy``, ``y_300mV_train.npy`` and the like into a folder ``fine_steering_mirror``",
 }
-STANDS_ON = ("numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba", "h5py", "jinja2")
+STANDS_ON = (
+    "numpy",
+    "scipy",
+    "control",
+    "cvxpy",
+    "clarabel",
+    "matplotlib",
+    "numba",
+    "h5py",
+    "jinja2",
+    "sphinx-gallery",
+)
+PRINTED = re.compile(r"\.\. rst-class:: sphx-glr-script-out\n\n \.\. code-block:: none\n\n((?: {4}.*\n|\n)+)")
 
 
 def names() -> list[str]:
@@ -65,11 +75,10 @@ def names() -> list[str]:
 
 
 def title_and_text(name: str) -> tuple[str, str]:
-    """First line of an example's docstring, and the rest."""
-    docstring = re.match(r'"""(.*?)"""', (EXAMPLES / f"{name}.py").read_text(encoding="utf-8"), re.DOTALL)
-    assert docstring is not None, f"{name} has no docstring"
-    title, _, text = docstring.group(1).partition("\n")
-    return title.strip().rstrip("."), text.strip()
+    """Title of an example, and the rest of its docstring."""
+    docstring = re.match(r'"""\n(.*?)\n=+\n(.*?)"""', (EXAMPLES / f"{name}.py").read_text(encoding="utf-8"), re.DOTALL)
+    assert docstring is not None, f"{name} has no docstring with an underlined title"
+    return docstring[1], docstring[2].strip()
 
 
 def data_folder() -> Path:
@@ -77,16 +86,76 @@ def data_folder() -> Path:
     return Path(os.environ.get("NLFRF_DATA", ROOT.parent / "shared" / "data"))
 
 
+def lacks_records(name: str) -> bool:
+    """Whether an example needs records that are not there: it is not run then, and its page shows what it once gave."""
+    folders = {"13_motor_bench": "motor_bench", "17_measured_mirror": "fine_steering_mirror"}
+    return name in folders and not (data_folder() / folders[name]).is_dir()
+
+
+def script_arguments(gallery_conf: dict[str, Any], script_vars: dict[str, Any]) -> list[str]:
+    """The command line of an example, which runs in its own folder: its output goes to the build folder."""
+    name = Path(script_vars["src_file"]).stem
+    return [
+        "--out",
+        os.path.relpath(BUILD / name, EXAMPLES),
+        *(("--data", str(data_folder())) if name in WHERE else ()),
+    ]
+
+
+def saved_pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
+    """Take the pictures that a block of an example saved, rather than draw them a second time."""
+    from matplotlib import pyplot as plt
+    from sphinx_gallery.scrapers import figure_rst
+
+    name, shown = Path(block_vars["src_file"]).stem, block_vars.setdefault("shown", [])
+    saved = sorted((BUILD / name).glob("*.png"), key=lambda path: path.stat().st_mtime_ns)
+    new = [path for path in saved if path not in shown]
+    picture, axes = CARDS.get(name, (0, None))
+    for path, number in zip(new, plt.get_fignums()[-len(new) :] if new else (), strict=False):
+        if len(shown) + new.index(path) == picture and axes is not None:
+            save_axes(plt.figure(number), axes, BUILD / f"{name}.card.png")
+    shown += new
+    targets = [next(block_vars["image_path_iterator"]) for _ in new]
+    for path, target in zip(new, targets, strict=True):
+        shutil.copyfile(path, target)
+    return figure_rst(targets, gallery_conf["src_dir"], ", ".join(f"{path.stem} of this example" for path in new))
+
+
+def save_axes(figure: Any, which: int, path: Path) -> None:
+    """Save one axes of a figure."""
+    figure.set_layout_engine("none")  # it is laid out
+    ax = figure.axes[min(which, len(figure.axes) - 1)]
+    box = ax.get_tightbbox(figure.canvas.get_renderer()).transformed(figure.dpi_scale_trans.inverted())
+    figure.savefig(path, dpi=110, bbox_inches=box.padded(0.05))
+
+
+def settings() -> dict[str, Any]:
+    """The settings of Sphinx-Gallery."""
+    missing = "".join(f"(?!{name})" for name in WHERE if lacks_records(name))
+    return {
+        "examples_dirs": str(EXAMPLES),
+        "gallery_dirs": HERE,
+        "filename_pattern": rf"{re.escape(os.sep)}{missing}\d\d_",
+        "within_subsection_order": "FileNameSortKey",
+        "backreferences_dir": "generated/backreferences",
+        "doc_module": ("nlfrf", "robust"),
+        "image_scrapers": ("docs.gallery.saved_pictures",),
+        "reset_argv": "docs.gallery.script_arguments",
+        "reset_modules": (),
+        "show_signature": False,
+        "thumbnail_size": (520, 360),
+        "first_notebook_cell": "# The options of the script keep their defaults here.\nimport sys\n\nsys.argv[1:] = []",
+    }
+
+
 def made_from(name: str) -> str:
     """A digest of everything that the output of an example depends on."""
     digest = hashlib.sha256()
-    rooms = [path for package in ("nlfrf", "robust") for path in sorted((ROOT / package).rglob("*.*"))]
-    for path in [
-        EXAMPLES / f"{name}.py",
-        *(path for path in rooms if path.suffix in (".py", ".json", ".jinja", ".js")),
-    ]:
+    modules = [path for package in ("nlfrf", "robust") for path in sorted((ROOT / package).rglob("*.*"))]
+    kept = [path for path in modules if path.suffix in (".py", ".json", ".jinja", ".js")]
+    for path in [EXAMPLES / f"{name}.py", *kept]:
         digest.update(path.read_bytes())
-    digest.update(str(HEROES.get(name)).encode())
+    digest.update(str(CARDS.get(name)).encode())
     installed = [f"{package} {version(package)}" for package in STANDS_ON]
     found = [str(data_folder().is_dir()), str(shutil.which("octave") is not None)]
     digest.update(" ".join([platform.python_version(), *installed, *found]).encode())
@@ -94,18 +163,27 @@ def made_from(name: str) -> str:
 
 
 def outputs(name: str) -> Path:
-    """The folder with what an example drew and printed; runs it where that is not up to date."""
+    """The folder with what an example wrote; runs it where that is not up to date."""
     folder, stamp = BUILD / name, BUILD / f"{name}.stamp"
     BUILD.mkdir(parents=True, exist_ok=True)
     with only_one(BUILD / f"{name}.lock"):
         wanted = made_from(name)
-        if not (stamp.is_file() and stamp.read_text() == wanted):
+        if not (stamp.is_file() and stamp.read_text() == wanted and (PAGES / f"{name}.rst").is_file()):
             stamp.unlink(missing_ok=True)
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
-            (folder / "printed.txt").write_text(run(name), encoding="utf-8")
+            run(name)
             stamp.write_text(wanted)
-    return folder
+    return STORED / name if lacks_records(name) else folder
+
+
+def printed(name: str) -> str:
+    """What an example printed, as its page shows it."""
+    folder = outputs(name)
+    if lacks_records(name):
+        return (folder / "printed.txt").read_text(encoding="utf-8")
+    page = (PAGES / f"{name}.rst").read_text(encoding="utf-8")
+    return "".join(textwrap.dedent(block).rstrip("\n") + "\n" for block in PRINTED.findall(page))
 
 
 @contextlib.contextmanager
@@ -119,122 +197,47 @@ def only_one(lock: Path):
         yield
 
 
-def run(name: str, *arguments: str) -> str:
-    """Run an example as a user would, but in this process, warnings as errors; what it printed."""
+def run(name: str) -> None:
+    """Have Sphinx-Gallery run an example and write its page, with warnings as errors."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
+    from sphinx_gallery.gen_gallery import _fill_gallery_conf_defaults
+    from sphinx_gallery.gen_rst import generate_file_rst
+    from sphinx_gallery.utils import scale_image
 
-    folder, argv, printed = Path.cwd(), sys.argv, io.StringIO()
-    card = contextlib.nullcontext() if arguments else hero_kept(name)  # a run of its own kind leaves the card as it is
-    os.chdir(BUILD)
-    sys.argv = [f"{name}.py", *(arguments or ("--out", name))]
-    try:
-        with contextlib.redirect_stdout(printed), warnings.catch_warnings(), card:
-            warnings.simplefilter("error")
-            # what python-control is told by a newer NumPy
-            warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"control\.")
-            try:
-                runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
-            except SystemExit as stop:
-                if stop.code:
-                    raise RuntimeError(f"{name} ended with {stop.code!r}") from stop
-    finally:
-        os.chdir(folder)
-        sys.argv = argv
-        plt.close("all")
-    return printed.getvalue()
-
-
-@contextlib.contextmanager
-def hero_kept(name: str):
-    """While an example runs, keep the one axes that stands on its card, beside its folder: NAME.hero.png."""
-    from matplotlib.figure import Figure
-
-    whole, (picture, which) = Figure.savefig, HEROES.get(name, ("", 0))
-
-    def savefig(figure: Figure, target, *args, **kwargs):
-        whole(figure, target, *args, **kwargs)
-        stem = Path(str(target)).stem
-        if figure.axes and (stem == picture or (not picture and not (BUILD / f"{name}.hero.png").exists())):
-            figure.set_layout_engine("none")  # it is laid out
-            ax = figure.axes[min(which, len(figure.axes) - 1)]
-            box = ax.get_tightbbox(figure.canvas.get_renderer()).transformed(figure.dpi_scale_trans.inverted())
-            whole(figure, BUILD / f"{name}.hero.png", dpi=110, bbox_inches=box.padded(0.05))
-
-    (BUILD / f"{name}.hero.png").unlink(missing_ok=True)
-    Figure.savefig = savefig
-    try:
-        yield
-    finally:
-        Figure.savefig = whole
+    PAGES.mkdir(parents=True, exist_ok=True)
+    for old in (*PAGES.glob(f"{name}.*"), *PAGES.glob(f"images/sphx_glr_{name}_*"), BUILD / f"{name}.card.png"):
+        old.unlink(missing_ok=True)
+    conf = _fill_gallery_conf_defaults(settings())
+    conf |= {"src_dir": str(ROOT / "docs"), "default_role": "code", "builder_name": "html"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # what python-control is told by a newer NumPy
+        warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"control\.")
+        done = generate_file_rst(f"{name}.py", PAGES, EXAMPLES, conf)[-1]
+    plt.close("all")
+    if "formatted_exception" in done:
+        (PAGES / f"{name}.py.md5").unlink(missing_ok=True)
+        raise RuntimeError(f"{name} ended with\n{done['formatted_exception']}")
+    card = BUILD / f"{name}.card.png" if not lacks_records(name) else next((STORED / name).glob("*.png"))
+    if card.is_file():
+        scale_image(card, PAGES / "images" / "thumb" / f"sphx_glr_{name}_thumb.png", *conf["thumbnail_size"])
 
 
-def shown_folder(name: str) -> tuple[Path, str]:
-    """The folder that the gallery shows; and, where an example was skipped for want of its data, why a stored one."""
-    made, stored = outputs(name), STORED / name
-    if not (stored.is_dir() and (made / "printed.txt").read_text(encoding="utf-8").startswith("skipped")):
-        return made, ""
-    return stored, (
-        "The records are not part of this project, and were not there when this page was built: below stands what the "
-        f"example drew and printed where they were. {WHERE[name]} and give the folder above it by `--data` or in "
-        "`NLFRF_DATA`."
-    )
-
-
-def write_pages(folder: Path) -> None:
-    """A page for every example, with what it printed and drew, and an index with a picture of each."""
-    index = [
-        "# Examples",
-        "",
-        "Each is a script of at most a hundred lines in the folder `examples` that reads as a manual. What it drew and",
-        "printed stands above its code, as it ran when this page was built.",
-        "",
-        '<div class="gallery">',
-    ]
-    for name in names():
-        title, text = title_and_text(name)
-        made, words = shown_folder(name)
-        shown = sorted(made.glob("*.png"))
-        for picture in shown:
-            target = folder / f"{name}_{picture.name}"
-            folder.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(picture, target)
-        hero = BUILD / f"{name}.hero.png"
-        first = f'<img src="heroes/{name}.png" alt="">' if hero.is_file() else ""
-        if hero.is_file():
-            (ROOT / "docs" / "generated" / "extra" / HERE / "heroes").mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(hero, ROOT / "docs" / "generated" / "extra" / HERE / "heroes" / f"{name}.png")
-        index.append(f'<a href="{name}.html">{first}<span>{name[:2]}. {title}</span></a>')
-        paragraphs = [
-            f"```sh\n{part}\n```" if part.startswith("python ") else part for part in re.split(r"\n\s*\n", text)
-        ]
-        page = [
-            f"# {name[:2]}. {title}",
-            "",
-            "\n\n".join(paragraphs),
-            "",
-            f"```sh\npython examples/{name}.py\n```",
-            "",
-            words,
-            "",
-            *(f":::{{figure}} {name}_{picture.name}\n:alt: {picture.stem} of this example\n:::\n" for picture in shown),
-            "## What it prints",
-            "",
-            "```text",
-            (made / "printed.txt").read_text(encoding="utf-8").rstrip(),
-            "```",
-            "",
-            "## The script",
-            "",
-            f"```{{literalinclude}} ../../../examples/{name}.py\n:language: python\n```",
-            "",
-        ]
-        write_if_changed(folder / f"{name}.md", "\n".join(page))
-    listed = "\n".join(names())
-    index += ["</div>", "", f"```{{toctree}}\n:hidden:\n\n{listed}\n```", ""]
-    write_if_changed(folder / "index.md", "\n".join(index))
+def show_stored_outputs(app: Any, page: str, source: list[str]) -> None:
+    """Where the records of an example are missing, add to its page what it gave where they were."""
+    name = page.removeprefix(f"{HERE}/")
+    if name in WHERE and page != name and lacks_records(name):
+        note = (
+            "The records are not part of this project, and were not there when this page was built: here stands what "
+            f"the example drew and printed where they were. {WHERE[name]} and give the folder above it by ``--data`` "
+            "or in ``NLFRF_DATA``."
+        )
+        rows = ["", "What it printed and drew", "------------------------", "", note, ""]
+        rows += [f".. image:: /_static/{name}/{path.name}\n" for path in sorted((STORED / name).glob("*.png"))]
+        source[0] += "\n".join([*rows, f".. literalinclude:: /_static/{name}/printed.txt", "   :language: none", ""])
 
 
 if __name__ == "__main__":

@@ -1,7 +1,11 @@
-"""From one record of a machine with friction to a controller with a checked claim.
+"""
+1. From one record of a machine with friction to a controller with a checked claim
+==================================================================================
 
-python examples/01_identify_then_design.py                      the built-in rig
-python examples/01_identify_then_design.py FILE --input NAME --output NAME --fs HZ --period SAMPLES
+::
+
+    python examples/01_identify_then_design.py                      the built-in rig
+    python examples/01_identify_then_design.py FILE --input NAME --output NAME --fs HZ --period SAMPLES
 """
 
 import argparse
@@ -30,7 +34,8 @@ parser.add_argument("--out", type=Path, default=Path("demo"))
 args = parser.parse_args()
 args.out.mkdir(parents=True, exist_ok=True)
 
-# 1. One record: a special-odd multisine through the machine, two periods of it, and a little sensor noise.
+# %%
+# One record: a special-odd multisine through the machine, two periods of it, and a little sensor noise.
 if args.file:
     record = nlfrf.load_record(
         args.file, u=args.input, y=args.output, fs=args.fs, n_samples=args.period, n_discard=args.discard
@@ -43,23 +48,27 @@ else:
     record = replace(record, y=record.y + noise)
 nlfrf.save_record(record, args.out / "record.npz")
 
-# 2. Its best linear approximation, with the level of its distortion and a bound.
+# %%
+# Its best linear approximation, with the level of its distortion and a bound.
 bla = nlfrf.identify(record)
 nlfrf.save_bla(bla, args.out / "bla.npz")
 print(bla)
 
-# 3. A nominal plant, and the uncertainty that covers the bound.
+# %%
+# A nominal plant, and the uncertainty that covers the bound.
 nominal = robust.fit_nominal(bla, n_poles=args.poles, delay=0.0)
 model = robust.uncertainty(bla, nominal, order=4)
 robust.save_model(model, args.out / "model.json")
 print(nominal)
 
-# 4. A sampled controller for it by H-infinity loop shaping, on the plant that the controller sees.
+# %%
+# A sampled controller for it by H-infinity loop shaping, on the plant that the controller sees.
 plant = robust.sampled(model.nominal, args.sample_time)
 design = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * args.bandwidth))
 robust.save_controller(design.K, args.out / "controller.json")
 
-# 5. What can be claimed of the loop, for which perturbations.
+# %%
+# What can be claimed of the loop, for which perturbations.
 w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 6, M_S=2.5, A=1e-2)
 report = robust.check(model, design.K, w_P=w_P)
 robust.write_report(args.out / "report.html", model, design.K, bla=bla, record=record, nominal=nominal, report=report)
@@ -77,4 +86,4 @@ for name, panels in pictures.items():
         draw(what, ax=ax)
     figure.savefig(args.out / name, dpi=110)
 files = ", ".join(sorted(p.name for p in args.out.glob("*.[npj]*")))
-print(f"{args.out}/report.html and report.txt say it in full; beside them: {files}")
+print(f"{args.out}:\n  report.html and report.txt say it in full; in the same folder:\n  {files}")

@@ -1,4 +1,6 @@
-"""Identify one record and read the picture.
+"""
+3. Identify one record and read the picture
+===========================================
 
 A special-odd multisine excites lines 8k+1 and 8k+3. What answers elsewhere was made by the machine: odd lines that were
 left out show odd distortion (friction, saturation), even lines show even distortion (offsets, asymmetry).
@@ -19,19 +21,22 @@ parser.add_argument("--out", type=Path, default=Path("demo/03"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The record: input and output as (realisations, periods, samples). From a file it would be
-#    nlfrf.load_record("run.mat", u="force", y="position", fs=2048, n_samples=8192, n_discard=1)
+# %%
+# The record: input and output as (realisations, periods, samples). From a file it would be
+# nlfrf.load_record("run.mat", u="force", y="position", fs=2048, n_samples=8192, n_discard=1)
 ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
 record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=4)
 noise = 2e-8 * np.random.default_rng(2).standard_normal(record.y.shape)
 record = replace(record, y=record.y + noise)
 print(f"u and y {record.u.shape}: realisations, periods, samples")
 
-# 2. The best linear approximation.
+# %%
+# The best linear approximation.
 bla = nlfrf.identify(record)
 print(bla)
 
-# 3. Reading it. On a line: how large is the answer, how much of it is linear, and what limits the knowledge of it?
+# %%
+# Reading it. On a line: how large is the answer, how much of it is linear, and what limits the knowledge of it?
 print("\n    f [Hz]   |G| [m/N]   95 % bound   noise    distortion   (of one realisation, relative to |G|)")
 for f in (5, 30, 59, 100, 140):
     k = int(np.argmin(np.abs(bla.f - f)))
@@ -40,20 +45,23 @@ for f in (5, 30, 59, 100, 140):
     bound, noise_k, distortion = (f"{100 * number / size:8.2f} %" for number in said)
     print(f"{bla.f[k]:10.2f} {size:11.3g} {bound} {noise_k} {distortion}")
 
-# 4. Two bounds, two questions. "bla": where is the best linear approximation? "realization": where will the FRF of the
-#    next record of this machine be? A controller has to live with the second.
+# %%
+# Two bounds, two questions. "bla": where is the best linear approximation? "realization": where will the FRF of the
+# next record of this machine be? A controller has to live with the second.
 new = nlfrf.simulate(nlfrf.paper_rig(), replace(ms, phase=ms.phase[:, ::-1]), n_periods=2)
 G_new = nlfrf.identify(new).G
 inside = np.mean(np.abs(G_new - bla.G) <= bla.bound(of="realization"))
 print(f"\nbound of a new realisation: {100 * inside:.0f} % of the lines of another record lie inside (95 % promised)")
 
-# 5. A second opinion from the same record: the roughness of the FRF. Where the two part, one assumption fails.
+# %%
+# A second opinion from the same record: the roughness of the FRF. Where the two part, one assumption fails.
 opinion = nlfrf.second_opinion(record)
 print(opinion)
 
-# 6. The picture. Top: black is the BLA, green how well it is known. Where green comes near black nothing is known. The
-#    orange dots are what odd detection lines say, the blue ones are even: down in the grey noise, so the friction is
-#    symmetric. Below: the same in the unit of the output, as an analyser would show it.
+# %%
+# The picture. Top: black is the BLA, green how well it is known. Where green comes near black nothing is known. The
+# orange dots are what odd detection lines say, the blue ones are even: down in the grey noise, so the friction is
+# symmetric. Below: the same in the unit of the output, as an analyser would show it.
 figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 plot_bla(bla, ax=axes[0, 0])
 plot_levels(bla, ax=axes[1, 0])

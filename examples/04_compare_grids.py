@@ -1,4 +1,6 @@
-"""Compare grids: why odd-odd misleads.
+"""
+4. Compare grids: why odd-odd misleads
+======================================
 
 Every grid gives the same best linear approximation. They differ in what the lines that were left out say about its
 distortion. Around a resonance only combinations f1 + f2 - f3 of neighbouring lines matter, and on an odd-odd grid
@@ -30,8 +32,8 @@ def db(amplitude):
 
 
 figure, axes = plt.subplots(3, 1, figsize=(9, 11), sharex=True, sharey=True, layout="constrained")
-print("                   level over the true one [dB]       95 % bound holds the BLA")
-print("grid         lines   whole band  at resonance         whole band  at resonance   level")
+print("                  level over truth [dB]   95 % bound holds BLA")
+print("grid        lines   band at resonance     band  at resonance   level")
 for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True):
     # 1. The truth: the BLA and the scatter about it, from many realisations at the same rms.
     ms = nlfrf.multisine(
@@ -58,9 +60,9 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
         over = db(level / scatter)
         what = f"{bla.level_source}, calibrated" if bla.level_source == "detection" else bla.level_source
         print(
-            f"{kind:12s} {ms.f.size:4d} {np.median(over):12.1f} {np.median(over[near]):13.1f}"
-            f" {inside.mean():18.1f} % {inside[near].mean():11.1f} %   "
-            + ("detection lines, as read" if level_from == "detection" else f"identify by itself: {what}")
+            f"{kind:12s} {ms.f.size:4d} {np.median(over):6.1f} {np.median(over[near]):12.1f}"
+            f" {inside.mean():8.1f} % {inside[near].mean():9.1f} %   "
+            + ("detection lines, as read" if level_from == "detection" else f"identify: {what}")
         )
         label = "detection lines, as read" if level_from == "detection" else f"identify, by itself: {what}"
         ax.plot(ms.f, db(level), style, label=label)
@@ -71,5 +73,6 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
     ax.legend(fontsize="small")
 axes[-1].set_xlabel("frequency [Hz]")
 figure.savefig(out / "grids.png", dpi=100)
-print("Far below 0 dB at the resonance: the detection lines do not see the distortion, and no calibration helps them.")
+print("Far below 0 dB at the resonance: the detection lines do not see the distortion, and no calibration")
+print("helps them.")
 print(f"wrote {out}/grids.png")

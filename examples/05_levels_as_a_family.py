@@ -1,4 +1,6 @@
-"""Levels as a plant family: one controller for small and large motions.
+"""
+5. Levels as a plant family: one controller for small and large motions
+=======================================================================
 
 A machine with friction is a stiff one in small motions and a soft one in large motions. Each level has its own best
 linear approximation; a set that covers all of them is what a controller has to live with. The budget of its radius
@@ -20,7 +22,8 @@ parser.add_argument("--out", type=Path, default=Path("demo/05"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The same multisine at three levels, 20 dB apart: from creep under the friction to sliding. Four realisations each.
+# %%
+# The same multisine at three levels, 20 dB apart: from creep under the friction to sliding. Four realisations each.
 rig = nlfrf.paper_rig()
 ms = nlfrf.multisine(fs=4096, n_samples=8192, f_min=1, f_max=140, n_realizations=4, rng=1)
 study = nlfrf.level_study(rig, ms, [0.025, 0.25, 2.5])
@@ -31,7 +34,8 @@ for level, bla, distortion in zip(study.rms, study.blas, study.distortion, stric
 for low, high, growth in zip(study.rms[:-1], study.rms[1:], study.growth, strict=True):
     print(f"from {low:g} to {high:g} N the distortion grows by {np.median(growth):.0f} dB per 20 dB")
 
-# 2. One nominal model through all three, and a set for each choice of levels.
+# %%
+# One nominal model through all three, and a set for each choice of levels.
 cases = {"0.25 N alone": [study.blas[1]], "0.025 and 0.25 N": study.blas[:2], "all three": study.blas}
 models, fits = {}, {}
 for name, blas in cases.items():
@@ -40,10 +44,11 @@ for name, blas in cases.items():
     at = [int(np.argmin(np.abs(model.omega - 2 * np.pi * f))) for f in (10, 45, 59)]
     radius = ", ".join(f"{model.radius[k]:.2f}" for k in at)
     share = ", ".join(f"{100 * model.radius_level[k] / model.radius[k]:.0f} %" for k in at)
-    print(f"{name}: relative radius at 10, 45, 59 Hz {radius}; of it only because of the level {share}")
+    print(f"{name}: relative radius at 10, 45, 59 Hz {radius}\n  of it only because of the level {share}")
 
-# 3. Where the radius is above one the set holds plants of either sign: no controller can have gain there. So a family
-#    costs bandwidth. Ask each set for the fastest loop that the check still accepts, looking at a grid first.
+# %%
+# Where the radius is above one the set holds plants of either sign: no controller can have gain there. So a family
+# costs bandwidth. Ask each set for the fastest loop that the check still accepts, looking at a grid first.
 CROSSOVERS = (1.0, 8.0, 64.0)
 for name, model in models.items():
     plant = robust.sampled(model.nominal, 1e-3)

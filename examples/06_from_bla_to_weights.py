@@ -1,4 +1,6 @@
-"""From a best linear approximation to weights.
+"""
+6. From a best linear approximation to weights
+==============================================
 
 A controller is designed on a model and must live with the machine. What lies between the two goes into a weight: noise,
 distortion, and what the model leaves out. Here each choice is made with a number beside it.
@@ -25,27 +27,31 @@ ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, n_re
 both = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
 first, second = (nlfrf.identify(replace(both, u=both.u[m : m + 1], y=both.y[m : m + 1])) for m in (0, 1))
 
-# 1. How many poles? The cost says what is left, the criterion whether another pole is worth it.
+# %%
+# How many poles? The cost says what is left, the criterion whether another pole is worth it.
 scan = robust.scan_orders(first, n_poles=range(1, 6), relative_degree=1)
 print(scan)
 nominal = scan.fit
 print(nominal)
 
-# 2. The set: on every line a disc about the model that holds the FRF of a new realisation with 95 %. The shares of its
-#    radius say what to do about it.
+# %%
+# The set: on every line a disc about the model that holds the FRF of a new realisation with 95 %. The shares of its
+# radius say what to do about it.
 model = robust.uncertainty(first, nominal, order=4)
 print(model)
 for name, part in model.budget().items():
     print(f"  {name:10s} {100 * np.mean(part / model.radius):5.1f} % of the radius on average")
 
-# 3. Which order of the weight? More order, less excess over the radius; but the controller check gets more states.
+# %%
+# Which order of the weight? More order, less excess over the radius; but the controller check gets more states.
 print("\norder of the weight   mean excess   largest excess")
 for order in (0, 1, 2, 4):
     fit = robust.fit_weight(model.omega, model.radius, order=order)
     print(f"{order:12d} {fit.mean_excess_db:18.2f} dB {fit.max_excess_db:13.2f} dB")
 
-# 4. Which form? A relative radius for a plant that keeps its shape, an additive one near zeros, an inverse one where
-#    poles move. The form that needs the smaller radius at the peak of its own sensitivity leaves more room.
+# %%
+# Which form? A relative radius for a plant that keeps its shape, an additive one near zeros, an inverse one where
+# poles move. The form that needs the smaller radius at the peak of its own sensitivity leaves more room.
 print("\nform                     radius at 10 Hz    at 59 Hz")
 for form in ("multiplicative", "additive", "inverse-multiplicative"):
     try:
@@ -56,11 +62,13 @@ for form in ("multiplicative", "additive", "inverse-multiplicative"):
     at = [int(np.argmin(np.abs(other.omega - 2 * np.pi * f))) for f in (10, 59)]
     print(f"{form:22s} {other.radius[at[0]]:14.3g} {other.radius[at[1]]:14.3g}")
 
-# 5. Does it hold? A second record, another realisation, against the model of the first.
+# %%
+# Does it hold? A second record, another realisation, against the model of the first.
 seen = robust.validate(model, second)
 print(f"\n{seen}")
 
-# 6. Weights by formula, for what is asked of the loop and for what was not measured: a delay of up to a millisecond.
+# %%
+# Weights by formula, for what is asked of the loop and for what was not measured: a delay of up to a millisecond.
 w_P = robust.performance_weight(2 * np.pi * 2, M_S=2, A=1e-2)
 w_delay = robust.delay_weight(1e-3)
 for name, weight in (("|S| allowed", w_P), ("delay, as a radius", w_delay)):

@@ -1,8 +1,10 @@
-"""Shape a loop by hand against what is asked and what is not known.
+"""
+7. Shape a loop by hand against what is asked and what is not known
+===================================================================
 
-Performance forbids a low |L| at low frequency, the uncertainty forbids a high one where the plant is not known. Between
-the two the loop is built from elements, one by one, and the picture follows. In a notebook, end a cell in
-picture.update(K).
+Performance forbids a low ``|L|`` at low frequency, the uncertainty forbids a high one where the plant is not known.
+Between the two the loop is built from elements, one by one, and the picture follows. In a notebook, end a cell in
+``picture.update(K)``.
 """
 
 import argparse
@@ -21,8 +23,9 @@ parser.add_argument("--out", type=Path, default=Path("demo/07"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The set of plants: the friction rig at two levels, between which its resonance moves; and what is asked of it.
-#    Four realisations a level: from fewer, some records leave no room for integral action at the lowest lines.
+# %%
+# The set of plants: the friction rig at two levels, between which its resonance moves; and what is asked of it.
+# Four realisations a level: from fewer, some records leave no room for integral action at the lowest lines.
 levels, band = (0.25, 0.5), dict(fs=2048, n_samples=8192, f_min=0.25, f_max=150)  # N rms
 ms = [nlfrf.multisine(**band, rms=rms, n_realizations=4, rng=1) for rms in levels]
 blas = [nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), m, n_periods=2)) for m in ms]
@@ -35,7 +38,8 @@ unknown = f[high < np.inf]
 if unknown.size:
     print(f"|L| must be low from {unknown[0]:.3g} to {unknown[-1]:.3g} Hz: at most {high.min():.2g}")
 
-# 2. Element by element. Below its resonance the plant is a spring.
+# %%
+# Element by element. Below its resonance the plant is a spring.
 stiffness = 1 / abs(blas[0].G[0])
 hz = 2 * np.pi
 steps = {
@@ -60,7 +64,8 @@ for ax, (what, K) in zip([*axes.flat[1:5]], steps.items(), strict=True):
 
 # A line may stay beyond a bound: the bounds are for any phase of L, the check looks at the one it has.
 
-# 3. What runs is sampled: each element takes dt, exact at its own frequency; hold and computation go into the check.
+# %%
+# What runs is sampled: each element takes dt, exact at its own frequency; hold and computation go into the check.
 dt = 1e-3
 K = robust.pid(0.0, hz * 8, dt=dt) * robust.notch(hz * 50, depth=0.15, width=1.0, dt=dt)
 K = K * robust.roll_off(hz * 150, dt=dt) * stiffness

@@ -1,4 +1,6 @@
-"""A PID controller from one record, without a parametric model.
+"""
+9. A PID controller from one record, without a parametric model
+===============================================================
 
 The record gives the FRF and a disc around every line. A convex program looks for the PID that has the most integral
 action while every plant in the discs stays stable and keeps its sensitivity under a limit. Then the check, on the lines
@@ -7,6 +9,7 @@ and, with a model after all, at all frequencies; and the controller runs on the 
 
 import argparse
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,13 +22,15 @@ parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/09"), help="folder for the pictures")
 (out := parser.parse_args().out).mkdir(parents=True, exist_ok=True)
 
-# 1. One record of the friction rig, two periods of a special-odd multisine at the level the machine will work at.
+# %%
+# One record of the friction rig, two periods of a special-odd multisine at the level the machine will work at.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 print(bla)
 
-# 2. The controller runs at 1 kHz with half a millisecond of computation: hold and delay are in the plant it is
-#    designed for. The sensitivity may peak at 1.6 for any plant in the discs. More structure, more integral action?
+# %%
+# The controller runs at 1 kHz with half a millisecond of computation: hold and delay are in the plant it is
+# designed for. The sensitivity may peak at 1.6 for any plant in the discs. More structure, more integral action?
 designs = {}
 print(f"\n{'structure':10s} {'integral gain [N/m/s]':>22s} {'steps':>6s}   ended")
 for structure in ("I", "PI", "PID"):
@@ -36,21 +41,25 @@ for structure in ("I", "PI", "PID"):
     designs[structure] = design
 K = designs["PID"].K
 
-# 3. What cannot be had is said, with the demand that is in the way and where.
+# %%
+# What cannot be had is said, with the demand that is in the way and where.
 too_much = robust.design_frf(bla, "PID", M_S=1.2, omega_c=2 * np.pi * 40, dt=1e-3, delay=5e-4)
-print(f"\na crossover of 40 Hz with |S| <= 1.2: {too_much.reason}")
+print("\n" + fill(f"a crossover of 40 Hz with |S| <= 1.2: {too_much.reason}", 100))
 
-# 4. The check on the lines: never more than that, but with the discs in every number.
+# %%
+# The check on the lines: never more than that, but with the discs in every number.
 on_lines = robust.check(bla, K, delay=5e-4)
 print(f"\n{on_lines.summary}")
 
-# 5. With a model it is proved at all frequencies, for the linear plants of the set.
+# %%
+# With a model it is proved at all frequencies, for the linear plants of the set.
 nominal = robust.fit_nominal(bla, n_poles=3)
 model = robust.uncertainty(bla, nominal, order=4)
 report = robust.check(model, K, delay=5e-4)
 print(f"\n{report.summary}")
 
-# 6. On the machine: a step of the position and a push, friction and all.
+# %%
+# On the machine: a step of the position and a push, friction and all.
 t = np.arange(2000) / 1000
 r = np.where(t > 0.1, 2e-5, 0.0)
 push = np.where(t > 1.0, 0.2, 0.0)

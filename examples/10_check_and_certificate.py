@@ -1,4 +1,6 @@
-"""Check a controller, and refuse one.
+"""
+10. Check a controller, and refuse one
+======================================
 
 Three controllers on one machine. The first is accepted, and the report says what was proved. The second is the
 integrator that shaped the first, for the same crossover: stable with the nominal plant, and refused all the same, for
@@ -22,12 +24,14 @@ parser.add_argument("--out", type=Path, default=Path("demo/10"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The machine: the friction rig, one record, a set of plants around a model of three poles.
+# %%
+# The machine: the friction rig, one record, a set of plants around a model of three poles.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 
-# 2. Loop shaping at 1 kHz with a millisecond of computation; the bare integrator it started from; twice that one.
+# %%
+# Loop shaping at 1 kHz with a millisecond of computation; the bare integrator it started from; twice that one.
 dt, delay = 1e-3, 1e-3
 plant = robust.sampled(model.nominal, dt, delay)
 integrator = robust.crossover_weight(plant, 2 * np.pi * 8)
@@ -39,11 +43,13 @@ for name, K in (("shaped", K_shaped), ("integrator", integrator), ("twice the in
     reports[name] = report = robust.check(model, K, w_P=w_P, delay=delay)
     print(f"--- {name} ---\n{report if name == 'shaped' else report.summary}\n")
 
-# 3. The certificate is more than a curve on a grid: it is judged by its own numbers at all frequencies.
+# %%
+# The certificate is more than a curve on a grid: it is judged by its own numbers at all frequencies.
 for certificate in reports["shaped"].certificates:
     print(f"{certificate.subject}: {certificate.holds}, {certificate.method}, {len(certificate.intervals)} intervals")
 
-# 4. The refusal is no opinion: here is the plant of the set that makes the loop unstable, and how it moves.
+# %%
+# The refusal is no opinion: here is the plant of the set that makes the loop unstable, and how it moves.
 worst = robust.worst_case(model, integrator, delay=delay)
 inside = model.distance(worst.plant).max()
 where = worst.omega_worst / 2 / np.pi
@@ -62,6 +68,7 @@ plot_nyquist(reports["integrator"], ax=axes[1, 0])
 plot_family(robust.sample_loops(model, K_shaped, 30, delay=delay, rng=1), ax=axes[1, 1])
 figure.savefig(out / "check.png", dpi=90)
 
-# 5. "Statistically" keeps something back: a distortion bound is no stability proof for the nonlinear machine. If you
-#    know more (a sector, levels that bracket every motion), say so with perturbation="operator": the claim is yours.
+# %%
+# "Statistically" keeps something back: a distortion bound is no stability proof for the nonlinear machine. If you
+# know more (a sector, levels that bracket every motion), say so with perturbation="operator": the claim is yours.
 print(f"wrote {out}/check.png")

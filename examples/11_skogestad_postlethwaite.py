@@ -1,4 +1,6 @@
-"""Examples of Skogestad & Postlethwaite, redone with the book's numbers.
+"""
+11. Examples of Skogestad & Postlethwaite, redone with the book's numbers
+=========================================================================
 
 S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., Wiley 2005. Each line prints the book's number
 and the one found here, so that you can see that the words mean what the book means by them.
@@ -23,11 +25,12 @@ out.mkdir(parents=True, exist_ok=True)
 
 def compare(what, book, here):
     """One row: the book's number and ours."""
-    print(f"{what:66s} book {book:>13}   here {here}")
+    print(f"{what:57s} book {book:>13}  here {here}")
 
 
-# 1. Section 7.5.2, the uncertain plant with a zero in the right half plane: a model, a weight that covers a very
-#    different plant, and a PI controller by Ziegler and Nichols.
+# %%
+# Section 7.5.2, the uncertain plant with a zero in the right half plane: a model, a weight that covers a very
+# different plant, and a PI controller by Ziegler and Nichols.
 s = control.tf("s")
 G = 3 * (-2 * s + 1) / ((5 * s + 1) * (10 * s + 1))
 G_extreme = 4 * (-3 * s + 1) / (4 * s + 1) ** 2
@@ -38,9 +41,7 @@ radius = np.abs(response(control.ss(w_I), omega))
 model = robust.UncertaintyModel(G, w_I, "multiplicative", omega, radius, perturbation="LTI")
 
 relative = np.abs(control.frequency_response(G_extreme / G - 1, [1e-4, 0.1, 1e4]).complex.squeeze())
-compare(
-    "relative error of the extreme plant at low, 0.1 rad/s, high", "0.33 1 5.25", " ".join(f"{r:.2f}" for r in relative)
-)
+compare("error of the extreme plant at low, 0.1 rad/s, high", "0.33 1 5.25", " ".join(f"{r:.2f}" for r in relative))
 fast, slow = robust.check(model, 1.13 * K), robust.check(model, 0.31 * K)
 compare("K_c = 1.13: nominally stable, robustly stable", "yes, no", f"{fast.nominally_stable}, {fast.robustly_stable}")
 compare("K_c = 0.31: just robustly stable, max |w_I T|", "1", f"{slow.rs.max():.3f} ({slow.verdict})")
@@ -50,26 +51,30 @@ compare("largest gain with robust stability", "0.31", f"{largest:.2f}")
 unstable = min(k for k in gains if np.any(control.feedback(k * K * G_extreme).poles().real >= 0))
 compare("gain at which the extreme plant itself becomes unstable", "0.58", f"{unstable:.2f}")
 
-# 2. Example 9.3: Glover-McFarlane loop shaping of a disturbance process.
+# %%
+# Example 9.3: Glover-McFarlane loop shaping of a disturbance process.
 G_d = 200 / ((10 * s + 1) * (0.05 * s + 1) ** 2)
 W_1 = (s + 2) / s
 design = robust.ncfsyn(G_d, W_1)
 compare("Example 9.3: gamma_min", "2.34", f"{design.gamma_min:.3f}")
 compare("Example 9.3: largest coprime uncertainty, 1/gamma_min", "0.43", f"{1 / design.gamma_min:.3f}")
 
-# 3. Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of order two, straight
-#    from the FRF, beside the book's least one over all orders.
+# %%
+# Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of order two, straight
+# from the FRF, beside the book's least one over all orders.
 w_P = robust.performance_weight(10, M_S=1.5, A=1e-4)
 fixed = robust.design_frf(control.frequency_response(G_d, 10 * omega), 2, w_P=w_P, w_u=1.0, n_iterations=20)
-compare("Example 2.17: gamma over all controllers", "1.37", f"with order two from the FRF {fixed.gamma:.3f}")
+compare("Example 2.17: gamma; here of order two, from the FRF", "1.37", f"{fixed.gamma:.3f}")
 
-# 4. Example 8.5: the structured singular value depends on the structure.
+# %%
+# Example 8.5: the structured singular value depends on the structure.
 M = np.array([[2.0, 2.0], [-1.0, -1.0]])[:, :, None]
 sizes = [float(robust.mu_upper(M, b).value[0]) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
 compare("Example 8.5: full block, two numbers, one number twice", "3.162 3 1", " ".join(f"{m:.3f}" for m in sizes))
 
-# 5. Section 8.11.3: the distillation column with an inverse-based controller. Nominal performance and robust stability
-#    are fine, and with 20 % of gain error in each input the performance is lost all the same.
+# %%
+# Section 8.11.3: the distillation column with an inverse-based controller. Nominal performance and robust stability
+# are fine, and with 20 % of gain error in each input the performance is lost all the same.
 w = np.geomspace(1e-3, 1e2, 300)
 G_0 = np.array([[87.8, -86.4], [108.2, -109.6]])[:, :, None]
 lag, S, T = 75j * w + 1, 1j * w / (1j * w + 0.7), 0.7 / (1j * w + 0.7)  # G = G_0/lag, G K = 0.7/s

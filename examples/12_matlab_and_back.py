@@ -1,14 +1,17 @@
-"""Export to MATLAB and back.
+"""
+12. Export to MATLAB and back
+=============================
 
 A colleague works in MATLAB. The model goes there as plain structs with a loader that makes the uncertain plant
-(`ultidyn`); what they send back, a controller as A, B, C, D in a `.mat` file, is checked here. Every number survives to
-the bit. Where GNU Octave is installed it stands in for the colleague.
+(``ultidyn``); what they send back, a controller as A, B, C, D in a ``.mat`` file, is checked here. Every number
+survives to the bit. Where GNU Octave is installed it stands in for the colleague.
 """
 
 import argparse
 import shutil
 import subprocess
 from pathlib import Path
+from textwrap import fill
 
 import control
 import matplotlib.pyplot as plt
@@ -25,7 +28,8 @@ parser.add_argument("--out", type=Path, default=Path("demo/12"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The model, in every file the package writes.
+# %%
+# The model, in every file the package writes.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
 record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
 bla = nlfrf.identify(record)
@@ -35,9 +39,10 @@ robust.save_model(model, out / "plant.json")
 nlfrf.export_csv(bla, out / "bla.csv")
 print("in MATLAB:  [Gu, G, W, model] = load_plant();  robstab(feedback(Gu, K))")
 
-# 2. Back from the file: the same numbers, to the bit.
+# %%
+# Back from the file: the same numbers, to the bit.
 content = loadmat(out / "plant.mat", struct_as_record=False, squeeze_me=True)["content"]
-print(f"plant.mat: {', '.join(content._fieldnames)}")
+print(fill(f"plant.mat: {', '.join(content._fieldnames)}", 100))
 matrices = [np.reshape(getattr(content.nominal, m), getattr(model.nominal, m).shape) for m in "ABCD"]
 nominal = control.ss(*matrices)
 same = np.array_equal(content.freq, model.omega) and np.array_equal(content.response, model.at(model.omega))
@@ -47,8 +52,9 @@ weight = robust.load_model(out / "plant.json").weight
 same = all(np.array_equal(getattr(weight, m), getattr(model.weight, m)) for m in "ABCD")
 print(f"plant.json: weight equal to the bit: {same}")
 
-# 3. The colleague's turn. In Octave, without any toolbox: the response of the nominal from its A, B, C, D on the lines
-#    of the file, and an integrating controller of their own.
+# %%
+# The colleague's turn. In Octave, without any toolbox: the response of the nominal from its A, B, C, D on the lines
+# of the file, and an integrating controller of their own.
 script = """
 data = load('plant.mat'); m = data.content; n = m.nominal;
 G = arrayfun(@(w) n.C * ((1i * w * eye(rows(n.A)) - n.A) \\ n.B) + n.D, m.freq);
@@ -65,7 +71,8 @@ else:
     gain = 2 * np.pi * 2 * 1e-3 / np.abs(content.response[0])
     savemat(out / "controller_from_octave.mat", {"A": 1.0, "B": 1.0, "C": gain, "D": gain / 2, "Ts": 1e-3})
 
-# 4. What came back is checked like any other controller.
+# %%
+# What came back is checked like any other controller.
 sent = loadmat(out / "controller_from_octave.mat")
 K = control.ss(*(sent[m] for m in "ABCD"), float(sent["Ts"].squeeze()))
 report = robust.check(model, K, w_P=robust.performance_weight(2 * np.pi * 0.5, M_S=2.5, A=1e-2))
@@ -78,4 +85,4 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(15, 5), layout="constrained"
 plot_loop(report, ax=left)
 plot_check(report, ax=right)
 figure.savefig(out / "loop.png", dpi=90)
-print(f"wrote {', '.join(sorted(p.name for p in out.iterdir()))} in {out}")
+print(fill(f"wrote {', '.join(sorted(p.name for p in out.iterdir()))}", 100))

@@ -1,10 +1,14 @@
-"""A real motor bench, from file to controller.
+"""
+13. A real motor bench, from file to controller
+===============================================
 
 A motor and a load joined by a flexible coupling (KU Leuven, published with the FdiTools toolbox; the records are not
 part of this project). An odd-odd multisine of current, 20 periods of one second, motor angle measured: a record as one
 finds it on a disk, with a grid whose detection lines cannot be calibrated, and an input that is not clean.
 
-python examples/13_motor_bench.py --data FOLDER_WITH_motor_bench
+::
+
+    python examples/13_motor_bench.py --data FOLDER_WITH_motor_bench
 """
 
 import argparse
@@ -12,6 +16,7 @@ import os
 import sys
 import warnings
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -21,9 +26,8 @@ import robust
 from nlfrf.plot import plot_bla, plot_input
 from robust.plot import plot_check, plot_fit, plot_nyquist, plot_weight
 
-here = Path(__file__).resolve().parents[1]
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--data", type=Path, default=Path(os.environ.get("NLFRF_DATA", here.parent / "shared" / "data")))
+parser.add_argument("--data", type=Path, default=Path(os.environ.get("NLFRF_DATA", "data")))
 parser.add_argument("--out", type=Path, default=Path("demo/13"), help="folder for the pictures")
 args = parser.parse_args()
 file, out = args.data / "motor_bench" / "MultisineTypeB.mat", args.out
@@ -32,25 +36,28 @@ if not file.is_file():
     sys.exit()
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The record: current in, angle out. The first period is a transient.
+# %%
+# The record: current in, angle out. The first period is a transient.
 cut = {"fs": 2500, "n_samples": 2500, "n_discard": 1}
 record = nlfrf.load_record(file, u="iq_adx", y="theta_mx", hold="band-limited", **cut)  # a measured current
 print(
     f"{record.n_periods} periods of {record.n_samples} samples at {record.fs:g} Hz, {record.lines.excited.size} lines"
 )
 
-# 2. The BLA. identify warns that odd-odd detection lines under-read, and takes the roughness of the FRF instead.
+# %%
+# The BLA. identify warns that odd-odd detection lines under-read, and takes the roughness of the FRF instead.
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     bla = nlfrf.identify(record)
 print(bla)
 for warning in said:
-    print(f"warned: {warning.message}")
+    print(fill(f"warned: {warning.message}", 100))
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     print(nlfrf.second_opinion(record))
 
-# 3. A model: the angle integrates twice, the coupling adds a resonance and an anti-resonance, electronics a delay.
+# %%
+# A model: the angle integrates twice, the coupling adds a resonance and an anti-resonance, electronics a delay.
 scan = robust.scan_orders(bla, n_poles=(2, 4, 6), relative_degree=1, delay="estimate")
 print(scan)
 nominal = scan.fit
@@ -58,7 +65,8 @@ print(nominal)
 model = robust.uncertainty(bla, nominal, order=6)
 print(model)
 
-# 4. A position controller at 2.5 kHz with one sample of computation, by loop shaping. Faster until the check refuses.
+# %%
+# A position controller at 2.5 kHz with one sample of computation, by loop shaping. Faster until the check refuses.
 dt = 1 / record.fs
 plant = robust.sampled(model.nominal, dt, dt)
 accepted = None
@@ -73,7 +81,8 @@ assert accepted is not None, "no controller was accepted"
 K = accepted
 report = robust.check(model, K, delay=dt)
 
-# 5. What to hand over.
+# %%
+# What to hand over.
 print(report.summary)
 robust.save_controller(K, out / "controller.json")
 robust.save_model(model, out / "model.json")  # robust report model.json controller.json makes a page of them

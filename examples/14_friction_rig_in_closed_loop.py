@@ -1,4 +1,6 @@
-"""What the check promised, what is proved, and what the machine then did.
+"""
+14. What the check promised, what is proved, and what the machine then did
+==========================================================================
 
 A mass on a spring with friction is identified at one level of force and at three. For each, controllers from timid to
 too bold get two verdicts: a check against the set of the levels, and a proof for a class of friction. Every one is then
@@ -39,7 +41,7 @@ def verdicts(model, K):
     """What check and proof say of a controller: in words, max rs, and the kick of a sure run-away [m/s]."""
     report, proof = robust.check(model, K), robust.prove_friction(MACHINE, K, CLASS, Fs=1.0)
     rs = np.nan_to_num(1 / report.margin_rs, nan=150).clip(0.3, 150)
-    return f"{report.verdict:22}{proof.verdict:13}", rs, proof.kick_sure
+    return f"{report.verdict:22}{proof.verdict:10}", rs, proof.kick_sure
 
 
 def played(name, crossovers, gains, pool):
@@ -71,11 +73,11 @@ if __name__ == "__main__":  # other processes read this file as well, up to here
     with ProcessPoolExecutor(args.processes) if args.processes > 1 else nullcontext() as pool:
         results = [row for name in LEVELS for row in played(name, args.crossovers, args.gains, pool)]
 
-    rows = [f"{'identified at':14}{'check':22}{'proof':13}{'burst':10}" + "".join(f"{o:>13}" for o in OUTCOMES)]
+    rows = [f"{'identified at':14}{'check':22}{'proof':10}{'burst':10}" + "".join(f"{o:>11}" for o in OUTCOMES)]
     for name, words in sorted(sorted({r[:2] for r in results}, reverse=True), key=lambda r: r[0]):
         for kick in KICKS:
             count = Counter(r[3] for r in results if r[:3] == (name, words, kick))
-            rows.append(f"{name:14}{words}{kick:10}" + "".join(f"{count[o]:13d}" for o in OUTCOMES))
+            rows.append(f"{name:14}{words}{kick:10}" + "".join(f"{count[o]:11d}" for o in OUTCOMES))
     away = [r[6] for r in results if r[1].startswith("stat") and np.isfinite(r[6])] or [np.nan]
     rows.append(f"promised by the check, and surely running away: from kicks of {min(away):.2g} to {max(away):.2g} m/s")
     args.out.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,6 @@
-"""Several uncertainties: stiffness and damping as numbers, distortion as a disc.
+"""
+15. Several uncertainties: stiffness and damping as numbers, distortion as a disc
+=================================================================================
 
 Friction makes a machine stiff in small motions and soft in large ones. One disc that covers all levels forgets that
 it is always a mass on a spring: near the resonance it holds plants of either sign. Here the spring and the damper are
@@ -20,7 +22,8 @@ parser.add_argument("--out", type=Path, default=Path("demo/15"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The rig at three levels, 20 dB apart, and a mass, a damper and a spring fitted to each.
+# %%
+# The rig at three levels, 20 dB apart, and a mass, a damper and a spring fitted to each.
 ms = nlfrf.multisine(fs=4096, n_samples=8192, f_min=2, f_max=140, n_realizations=4, rng=1)
 levels = (0.025, 0.25, 2.5)
 blas = nlfrf.level_study(nlfrf.paper_rig(), ms, levels).blas
@@ -35,7 +38,8 @@ m, c, k = (low + high) / 2
 dm, dc, dk = (high - low) / 2
 print(f"damping {c:.1f} +- {dc:.1f}, stiffness {k:.0f} +- {dk:.0f}; the mass hardly moves: +- {100 * dm / m:.1f} %")
 
-# 2. What neither number explains: misfit and distortion of each level about its own spring, and the one mass for all.
+# %%
+# What neither number explains: misfit and distortion of each level about its own spring, and the one mass for all.
 models = [robust.uncertainty(bla, fit, order=4) for bla, fit in zip(blas, fits, strict=True)]
 omega = models[0].omega
 s = 1j * omega
@@ -47,7 +51,8 @@ w_rest = robust.fit_weight(omega, rest, order=4).W
 over_levels = robust.uncertainty(list(blas), robust.fit_nominal(list(blas), n_poles=3, n_zeros=2), order=4)
 print(f"largest relative radius: one disc over the levels {over_levels.radius.max():.1f}, the rest {rest.max():.2f}")
 
-# 3. The machine with its perturbations pulled out, joined by the names of the signals. An integral controller.
+# %%
+# The machine with its perturbations pulled out, joined by the names of the signals. An integral controller.
 state = [[0, 1], [-k / m, -c / m]]
 into = [[0, 0, 0], [1 / m, 1 / m, 1 / m]]
 mass = control.ss(state, into, np.eye(2), np.zeros((2, 3)), inputs=["F", "spring", "damper"], outputs=["x", "v"])
@@ -66,7 +71,8 @@ def controller(crossover):
     return K, control.ss(-K, inputs="y", outputs="F")
 
 
-# 4. The same controllers against both sets.
+# %%
+# The same controllers against both sets.
 print("\ncrossover    one disc over the levels       spring, damper and a disc (mu)")
 accepted = {}
 for crossover in (1.0, 2.0, 4.0):

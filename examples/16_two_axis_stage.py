@@ -1,4 +1,6 @@
-"""A stage of two axes: a set of experiments, a verdict on a controller matrix, the machine.
+"""
+16. A stage of two axes: a set of experiments, a verdict on a controller matrix, the machine
+============================================================================================
 
 Two masses on springs, coupled, with friction on both axes, measured at two points that mix them. Two experiments with
 both inputs on give the frequency response matrix and a bound: for its entries, and for the matrix as a whole.
@@ -23,7 +25,8 @@ out.mkdir(parents=True, exist_ok=True)
 FS, N = 512.0, 2048
 stage = nlfrf.two_axis_stage()  # or nlfrf.Rig(mass=..., stiffness=..., damping=..., friction=[..., ...], sensors=...)
 
-# 1. Two experiments, both forces on in each; two periods after one to settle, and a little noise.
+# %%
+# Two experiments, both forces on in each; two periods after one to settle, and a little noise.
 ms = nlfrf.multisine(
     "random-odd", fs=FS, n_samples=N, f_min=2, f_max=100, rms=(6.0, 8.0), n_inputs=2, n_draws=50, rng=1
 )
@@ -32,13 +35,15 @@ noise = np.random.default_rng(2).standard_normal(record.y.shape)
 record = replace(record, y=record.y + 1e-3 * record.y.std() * noise)
 frm = nlfrf.identify(record)
 
-# 2. A nominal with four states, and the set around it: chosen before looking, one disc an entry.
+# %%
+# A nominal with four states, and the set around it: chosen before looking, one disc an entry.
 fit = robust.fit_nominal(frm, n_poles=4, dt=1 / FS)
 model = robust.uncertainty(frm, fit, form="elements", order=4)
 print(f"{frm}\n\n{fit}\n{model}\n")
 
 
-# 3. A PID an axis. The verdict is about every plant of the set, and the whole matrix.
+# %%
+# A PID an axis. The verdict is about every plant of the set, and the whole matrix.
 def controller(kp, kd, ki):
     axes = zip(kp, kd, ki, strict=True)
     return control.append(*(robust.pid(p, i, d, filter_time=0.5 / FS, dt=1 / FS) for p, d, i in axes))
@@ -54,7 +59,8 @@ worst = robust.breaking_perturbation(model, pids["careful"])
 radii = [np.abs((worst.plant(x) * pids["careful"]).feedback(np.eye(2)).poles()).max() for x in (0.99, 1.01)]
 print(f"largest pole with 0.99 and 1.01 of the breaking perturbation: {radii[0]:.5f} and {radii[1]:.5f}")
 
-# 4. On the machine, with its friction and actuators of 40 N: a step of 100 um along x, then a kick of both axes.
+# %%
+# On the machine, with its friction and actuators of 40 N: a step of 100 um along x, then a kick of both axes.
 # Again with a computer that is half a millisecond late, of which the experiment knew nothing.
 t = np.arange(1024) / FS
 goal, kick = np.outer([100e-6, 0], t >= 0.1), np.outer([3, 4], (t >= 1.2) & (t < 1.22))
@@ -63,8 +69,8 @@ for (name, K), late in ((one, late) for late in (0.0, 0.5e-3) for one in pids.it
     moves[name, late] = move = nlfrf.simulate_loop(stage, K, goal, fs=FS, disturbance=kick, delay=late, saturation=40.0)
     off, swing = np.abs(move.e[:, t < 1.2][:, -1]).max(), np.ptp(move.x[:, t > 1.7], axis=1).max()
     print(
-        f"on the machine, {name}, {1e3 * late:g} ms late: off by {1e6 * off:.2f} um after 1.1 s, swings by "
-        f"{1e6 * swing:.2f} um 0.5 s after the kick"
+        f"{name}, {1e3 * late:g} ms late: off by {1e6 * off:.2f} um after 1.1 s, swings by {1e6 * swing:.2f} um "
+        "0.5 s after the kick"
     )
 
 figure, axes = plt.subplots(2, 4, figsize=(19, 7), layout="constrained")

@@ -1,10 +1,14 @@
-"""A measured steering mirror of three axes, from file to verdict.
+"""
+17. A measured steering mirror of three axes, from file to verdict
+==================================================================
 
 Three piezo actuators tilt and lift a mirror that is measured at three other points (KU Leuven, CubeSpec fine steering
 mirror; Floren and others, ISMA 2024, CC BY 4.0; the records are not part of this project). Two sets of three
 experiments, two periods each: the first set makes the matrix, its bound and the model, the second is held against them.
 
-python examples/17_measured_mirror.py --data FOLDER_WITH_fine_steering_mirror
+::
+
+    python examples/17_measured_mirror.py --data FOLDER_WITH_fine_steering_mirror
 """
 
 import argparse
@@ -12,6 +16,7 @@ import os
 import sys
 import warnings
 from pathlib import Path
+from textwrap import fill
 
 import control
 import matplotlib.pyplot as plt
@@ -22,9 +27,8 @@ import robust
 from nlfrf.plot import plot_frm_bounds, plot_singular_values
 from robust.plot import plot_check, plot_matrix_loop, plot_matrix_set
 
-here = Path(__file__).resolve().parents[1]
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--data", type=Path, default=Path(os.environ.get("NLFRF_DATA", here.parent / "shared" / "data")))
+parser.add_argument("--data", type=Path, default=Path(os.environ.get("NLFRF_DATA", "data")))
 parser.add_argument("--out", type=Path, default=Path("demo/17"), help="folder for the pictures")
 args = parser.parse_args()
 folder, out = args.data / "fine_steering_mirror", args.out
@@ -33,7 +37,8 @@ if not folder.is_dir():
     sys.exit()
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The records, (samples, channels, experiments, periods), to (channels, experiments, periods, samples).
+# %%
+# The records, (samples, channels, experiments, periods), to (channels, experiments, periods, samples).
 FS = 6400.0
 u, y = (np.load(folder / f"{name}_300mV_train.npy").transpose(1, 2, 3, 0) for name in "uy")
 names = {"inputs": ("piezo 1", "piezo 2", "piezo 3"), "outputs": ("point 1", "point 2", "point 3")}
@@ -46,12 +51,13 @@ def matrix(experiments, first, last):
     )
 
 
-# 2. The matrix and its bound from one set; how much of the other set lies inside, which had no part in it?
+# %%
+# The matrix and its bound from one set; how much of the other set lies inside, which had no part in it?
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     one, other = (matrix(half, 1, 3839) for half in (slice(0, 3), slice(3, 6)))
     first, second = (matrix(half, 16, 1280) for half in (slice(0, 3), slice(3, 6)))
-print(*(f"warned: {message}" for message in sorted({str(warning.message) for warning in said})), sep="\n")
+print(*(fill(f"warned: {message}", 100) for message in sorted({str(w.message) for w in said})), sep="\n")
 print(f"\n{first}\n")
 for name, frm, new in (("first", one, other), ("second", other, one)):
     apart = new.G - frm.G
@@ -62,13 +68,15 @@ for name, frm, new in (("first", one, other), ("second", other, one)):
     print(f"in the 95 % bound of the {name} set, on {frm.f.size} lines, lie of the other set")
     print(f"  {100 * entries:.1f} % of the entries and {100 * matrices:.1f} % of the matrices")
 
-# 3. A nominal of twelve states, and a set around it, chosen before looking: one full block.
+# %%
+# A nominal of twelve states, and a set around it, chosen before looking: one full block.
 fit = robust.fit_nominal(first.every(8), n_poles=12, dt=1 / FS)  # an eighth of the lines tells the modes
 model = robust.uncertainty(first, fit, form="additive", order=4)
 print(f"\n{fit}\n{model}\n{robust.validate(model, second)}\n")
 
 
-# 4. Three integrators behind the static matrix turned round, rolled off before the modes at 636 Hz and above.
+# %%
+# Three integrators behind the static matrix turned round, rolled off before the modes at 636 Hz and above.
 def controller(crossover):
     integrator = control.ss(control.tf([2 * np.pi * crossover / FS, 0], [1, -1], 1 / FS))
     lag = control.ss(robust.discretize(control.tf([1], [1 / (2 * np.pi * 150), 1]), 1 / FS))

@@ -1,10 +1,12 @@
-"""A proof for a class of friction: three levels, what they support, a proof for all of it.
+"""
+18. A proof for a class of friction: three levels, what they support, a proof for all of it
+===========================================================================================
 
 A mass on a spring with friction is identified at three levels. They tell the machine while it slides, and how much
 stiffer it is while it sticks: a class of friction with infinitely many members. Then controllers with integral action:
 for each, either a proof that the machine comes to rest with every friction of the class, from every state, or a member
 that breaks it. Both are then played on the machine, with frictions drawn from the class and with one outside it, that
-of the paper's rig: it creeps below break-away and lies only in `any_bristle`, where a PD is proved and no PID is.
+of the paper's rig: it creeps below break-away and lies only in ``any_bristle``, where a PD is proved and no PID is.
 """
 
 import argparse
@@ -76,9 +78,7 @@ for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
     outside = nlfrf.simulate_loops(nlfrf.paper_rig(), [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks)
     for kind, found in (("a friction of the class", responses), ("the rig, which creeps: outside the class", outside)):
         moving = sum(r.diverged or np.ptp(r.x[-400:]) > 1e-3 * np.ptp(r.x) for r in found)
-        text.append(
-            f"{name:24}{proofs[name].verdict:14}{kind:42}{moving:3d} of {len(found)} kicks still move after 4 s"
-        )
+        text.append(f"{name:23}{proofs[name].verdict:8}{kind:40}{moving:2d} of {len(found)} move after 4 s")
     for response in (responses[0], responses[-1]):
         ax.semilogy(response.t, np.maximum(np.abs(response.v), 1e-7), lw=0.8, label=f"kick {response.v[0]:.2g} m/s")
     ax.set(xlabel="time [s]", ylabel="|velocity| [m/s]", title=f"{name}: {proofs[name].verdict}", ylim=(1e-7, 1e3))

@@ -1,11 +1,13 @@
-"""A controller designed to be proved, beside one that only the levels vouch for.
+"""
+19. A controller designed to be proved, beside one that only the levels vouch for
+=================================================================================
 
 A mass on a spring with friction is identified at four levels. Loop shaping on one level gives two loops that the check
 calls statistically robust; a PID is searched for that is proved to come to rest with every friction of the class that
 the levels show. All stand around the machine: kicks from gentle to hard, frictions of the class.
 
-What is compared: up to where |S| stays below -3 dB, stuck and sliding; the hardest kick after which the machine still
-comes to rest; how much it still swings seconds later.
+What is compared: up to where ``|S|`` stays below -3 dB, stuck and sliding; the hardest kick after which the machine
+still comes to rest; how much it still swings seconds later.
 """
 
 import argparse
@@ -73,12 +75,15 @@ found = {f"shaped for {crossover} Hz": shaped(crossover) for crossover in (40, 1
 found["PID, proved"] = proved.K, robust.check(model, proved.K).verdict
 text = [str(assumed), "", str(proved), ""]
 head = f"{'':20}{'check':22}{'proof':10}{'band, stuck':>12}{'sliding':>10}"
-text += [head + "   hardest kick that comes to rest [m/s], swing left after it [m], by friction"]
+text += [head, f"{'':20}by friction: hardest kick that comes to rest [m/s], swing left after it [m]"]
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), sharey=True, layout="constrained")
 for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
     proof = robust.prove_friction(assumed.machine, K, assumed.friction, Fs=1.0)
     k = assumed.stiffness_low
-    row = f"{name:20}{checked:22}{proof.verdict:10}{band(K, k + assumed.friction.K0):9.3g} Hz{band(K, k):7.3g} Hz"
+    kicks, row = (
+        [],
+        f"{name:20}{checked:22}{proof.verdict:10}{band(K, k + assumed.friction.K0):9.3g} Hz{band(K, k):7.3g} Hz",
+    )
     for law, rig in laws():
         starts = np.column_stack([np.zeros(KICKS.size), KICKS])
         responses = nlfrf.simulate_loops(rig, [K], np.zeros(3000), fs=1 / T, initial=starts)
@@ -86,13 +91,13 @@ for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
         rests = left < 1e-3 * KICKS / np.sqrt(k * assumed.machine.B_force[1])
         first = np.argmin(np.append(rests, False))  # that does not
         hardest = "none" if not first else "all" if first == KICKS.size else f"{KICKS[first - 1]:.2g}"
-        row += f"   {law}: {hardest}, {left[:first].max(initial=0):.1g}"
+        kicks.append(f"{law}: {hardest}, {left[:first].max(initial=0):.1g}")
         ax.loglog(KICKS, np.clip(left, 1e-16, 1), MARKS[law], mfc="none", label=law)
     ax.set(title=f"{name}: {proof.verdict}", xlabel="kick [m/s]", ylabel="swing in the third second [m]")
     if np.isfinite(proof.kick_sure):
         ax.axvline(proof.kick_sure, color="k", ls="--", label="surely runs away from here")
     ax.legend(fontsize="small")
-    text.append(row)
+    text += [row, f"{'':20}{'   '.join(kicks)}"]
     text.append(f"{'':20}{proof.reason or 'comes to rest from every state with every friction of the class'}")
 figure.savefig(args.out / "designed.png", dpi=110)
 (args.out / "designed.txt").write_text("\n".join(text) + "\n")

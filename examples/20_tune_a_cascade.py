@@ -1,4 +1,6 @@
-"""A cascade tuned at once: position P, velocity PI and notch, on three levels of the rig.
+"""
+20. A cascade tuned at once: position P, velocity PI and notch, on three levels of the rig
+==========================================================================================
 
 A PLC has a position loop, a velocity loop and a notch. Each by itself says little: a machine on a spring has a zero
 under the integrator of its velocity loop, and only the position loop makes sense of it. Here all of them are chosen
@@ -22,7 +24,8 @@ parser.add_argument("--out", type=Path, default=Path("demo/20"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. The rig at three levels: a nominal and a set around each.
+# %%
+# The rig at three levels: a nominal and a set around each.
 ms = nlfrf.multisine(fs=4096, n_samples=8192, f_min=2, f_max=140, n_realizations=4, rng=1)
 levels = (0.025, 0.25, 2.5)
 blas = nlfrf.level_study(nlfrf.paper_rig(), ms, levels).blas
@@ -30,7 +33,8 @@ models = [robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0))
 for level, model in zip(levels, models, strict=True):
     print(f"{level:5g} N rms: spring {1 / model.nominal.dcgain():.0f} N/m, radius up to {model.radius.max():.2f}")
 
-# 2. All that is fixed, by signal names; the velocity is the difference that the drive takes.
+# %%
+# All that is fixed, by signal names; the velocity is the difference that the drive takes.
 T, delay = 1e-3, 0.5e-3
 velocity = control.tf([1 / T, -1 / T], [1, 0], T, inputs="y", outputs="v")
 system = [
@@ -45,7 +49,8 @@ blocks = {
     "notch": Notch(omega=500.0, reads="u_c", drives="u"),
 }
 
-# 3. Margins and stiffness below 0.3 Hz are hard; the peak of the compliance, in um/N, is made small.
+# %%
+# Margins and stiffness below 0.3 Hz are hard; the peak of the compliance, in um/N, is made small.
 design = robust.tune(
     system,
     Plants(models, inputs="force", outputs="y"),
@@ -61,7 +66,8 @@ print(design)
 K_x, K_v = design.blocks["K_x"], design.blocks["K_v"]
 print(f"into the drive: Kv = {K_x.kp:.4g} 1/s, Kp = {K_v.kp:.4g} Ns/m, Tn = {1e3 * K_v.kp / K_v.ki:.4g} ms")
 
-# 4. The proof, level by level: only `check` says robust.
+# %%
+# The proof, level by level: only ``check`` says robust.
 K = design.controller("y", "u")
 for level, model in zip(levels, models, strict=True):
     report = robust.check(model, K, delay=delay)

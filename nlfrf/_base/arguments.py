@@ -39,6 +39,7 @@ __all__ = [
     "require_real",
     "require_real_array",
     "short_form",
+    "wrap_lines",
 ]
 
 
@@ -112,9 +113,30 @@ def join_names(names: Sequence[str]) -> str:
     return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
 
 
+SCREEN_WIDTH = 100  # columns of everything that is printed
+
+
+def wrap_lines(text: str) -> str:
+    """Wrap the lines of a text that are wider than a screen; what continues a line is indented by two more.
+
+    A command to be copied ("run: ...") stays on its line.
+
+    >>> print(wrap_lines("  limits: " + "a word and " * 10))
+      limits: a word and a word and a word and a word and a word and a word and a word and a word and
+        a word and a word and
+    """
+    rows = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()))
+        fits = len(line) <= SCREEN_WIDTH or line.startswith("run:")
+        how = {"subsequent_indent": f"{indent}  ", "break_long_words": False, "break_on_hyphens": False}
+        rows += [line] if fits else wrap(line, SCREEN_WIDTH, **how)  # type: ignore[arg-type]
+    return "\n".join(rows)
+
+
 def format_paragraph(label: str, text: str) -> list[str]:
-    """A labelled paragraph that fits a screen 100 wide."""
-    rows = wrap(text, 86) or [""]
+    """A labelled paragraph that fits a screen."""
+    rows = wrap(" ".join(text.split()), SCREEN_WIDTH - 14) or [""]
     return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
 
 

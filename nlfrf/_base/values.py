@@ -1,9 +1,9 @@
 """``@value``: the one way this project makes a value type.
 
 A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written afterwards, so a
-value that was valid once stays valid. At a prompt it is one line, in a notebook a table. It has no ``==``: comparing
-arrays for equality is rarely what was meant. Validation goes into ``__post_init__``, which runs after the arrays were
-frozen.
+value that was valid once stays valid. At a prompt it is one line, in a notebook a table; its `str()` fits 100 columns.
+It has no ``==``: comparing arrays for equality is rarely what was meant. Validation goes into ``__post_init__``, which
+runs after the arrays were frozen.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, dataclass_transform, overload
 
 import numpy as np
+
+from nlfrf._base.arguments import wrap_lines
 
 __all__ = [
     "ArrayField",
@@ -245,6 +247,14 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     if "__repr__" not in cls.__dict__:
         cls.__repr__ = repr_line  # type: ignore[method-assign]
+    if "__str__" in cls.__dict__:
+        describe = cls.__str__
+
+        @wraps(describe)
+        def __str__(self: Any) -> str:
+            return wrap_lines(describe(self))
+
+        cls.__str__ = __str__  # type: ignore[method-assign]
     cls._repr_html_ = html_card  # type: ignore[attr-defined]
     return dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)
 

@@ -1,5 +1,6 @@
 """The documentation builds without warnings, says what it should, and a browser shows it without asking the network."""
 
+import html
 import inspect
 import os
 import re
@@ -14,9 +15,7 @@ from tests.support.browser import browser
 
 @pytest.fixture(scope="module")
 def built():
-    """The built pages; the examples have run before, or run now, in this process."""
-    for name in gallery.names():
-        gallery.outputs(name)
+    """The built pages; an example that a test has run is not run again."""
     out = gallery.ROOT / "build" / "docs"
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", "build/doctrees", "docs", str(out)]
     done = subprocess.run(
@@ -26,21 +25,52 @@ def built():
     return out
 
 
-def test_every_public_name_and_example_has_a_page(built):
+def page_of(built, full):
+    """The page of a public name."""
+    return (built / "generated" / "api" / f"{full}.html").read_text(encoding="utf-8")
+
+
+def test_every_public_name_has_a_page(built):
     index = (built / "generated" / "api" / "index.html").read_text(encoding="utf-8")
     for module, name, thing in [*api.things(), *api.pictures()]:
-        page = (built / "generated" / "api" / f"{module}.{name}.html").read_text(encoding="utf-8")
-        assert f"{module}.{name}.html" in index
+        page = page_of(built, f"{module}.{name}")
+        assert f'href="{module}.{name}.html' in index
         assert f'id="{module}.{name}"' in page, "the page documents another name"
         assert inspect.getdoc(thing)
+        assert 'class="viewcode-link' in page, f"{name} does not lead to its source"
+
+
+def test_the_reference_begins_with_what_most_scripts_need(built):
+    index = (built / "generated" / "api" / "index.html").read_text(encoding="utf-8")
+    listed = re.findall(r'<tr class="row-\w+"><td><p><a [^>]*title="([\w.]+)"', index)
+    assert listed[0] == "nlfrf.identify"
+    wanted = [f"{module}.{name}" for module, names in api.FIRST.items() for name in names.split()]
+    assert listed[: len(wanted)] == wanted
+
+
+def test_every_example_has_a_page_with_what_it_printed_its_time_and_its_files(built):
+    folder = built / "generated" / "examples"
     for name in gallery.names():
-        page = (built / "generated" / "examples" / f"{name}.html").read_text(encoding="utf-8")
-        printed = (gallery.shown_folder(name)[0] / "printed.txt").read_text(encoding="utf-8")
-        assert re.sub(r"[<>&\"']", "", printed.splitlines()[0])[:20].strip()[:8] in page
+        page = (folder / f"{name}.html").read_text(encoding="utf-8")
+        first = gallery.printed(name).splitlines()[0]
+        assert first.strip() in html.unescape(re.sub(r"<.*?>", "", page)), name
         assert "<img" in page
-        if (gallery.outputs(name) / "printed.txt").read_text(encoding="utf-8").startswith("skipped"):
-            assert "below stands what the example drew" in page
-            assert "STATISTICALLY ROBUST" in page
+        assert "Total running time of the script" in page or gallery.lacks_records(name)
+        for kind in ("py", "ipynb"):
+            (target,) = set(re.findall(rf'href="(\S+/{name}\.{kind})"', page))
+            assert (folder / target).resolve().is_file()
+
+
+def test_an_example_without_its_records_shows_what_it_once_gave(monkeypatch, tmp_path):
+    monkeypatch.setenv("NLFRF_DATA", str(tmp_path))
+    for name in gallery.WHERE:
+        source = ["the script"]
+        gallery.show_stored_outputs(None, f"{gallery.HERE}/{name}", source)
+        assert "were not there when this page was built" in source[0]
+        assert f"/_static/{name}/printed.txt" in source[0]
+        assert "STATISTICALLY ROBUST" in gallery.printed(name)
+        assert not re.search(gallery.settings()["filename_pattern"], f"{os.sep}{name}.py")
+    assert re.search(gallery.settings()["filename_pattern"], f"{os.sep}01_identify_then_design.py")
 
 
 def test_a_browser_shows_it(built, tmp_path):
@@ -57,9 +87,8 @@ def test_a_browser_shows_it(built, tmp_path):
 def test_every_card_shows_one_picture_that_says_something(built):
     cards = (built / "generated" / "examples" / "index.html").read_text(encoding="utf-8")
     for name in gallery.names():
-        if list(gallery.outputs(name).glob("*.png")):
-            assert f'src="heroes/{name}.png"' in cards
-            assert (built / "generated" / "examples" / "heroes" / f"{name}.png").stat().st_size > 4000
+        assert f"sphx_glr_{name}_thumb.png" in cards
+        assert (built / "_images" / f"sphx_glr_{name}_thumb.png").stat().st_size > 4000
 
 
 def test_equations_are_drawn_by_the_browser_itself(built):
@@ -86,6 +115,48 @@ def test_forty_tasks_are_two_clicks_away(built):
         assert (built / "howto" / page).resolve().is_file(), what
 
 
+def test_the_front_page_says_what_it_is_and_how_to_begin(built, tmp_path):
+    """In one screen of a laptop: the picture, the line that installs, a first result; the groups of the sidebar."""
+    page = (built / "index.html").read_text(encoding="utf-8")
+    captions = re.findall(r'<p class="caption"[^>]*><span class="caption-text">(.*?)</span>', page)
+    assert captions == ["Start", "How to", "Understand", "Reference"]
+    assert "pip install" in re.sub(r"<.*?>", "", page)
+    with browser(tmp_path / "profile") as opened:
+        opened.ask("Emulation.setDeviceMetricsOverride", width=1400, height=1000, deviceScaleFactor=1, mobile=False)
+        opened.open(built / "index.html")
+        shown = "[...document.querySelectorAll('article img, article pre')]"
+        assert opened.run(f"Math.max(...{shown}.map(e => e.getBoundingClientRect().bottom))") < 1080
+
+
+def questions():
+    """(question, target of each link in its answer) of the page of questions."""
+    text = (gallery.ROOT / "docs" / "faq.md").read_text(encoding="utf-8")
+    parts = re.findall(r"^\*\*(.+?)\*\*\n(.*?)(?=^\*\*|\Z)", text, re.MULTILINE | re.DOTALL)
+    return [(question, re.findall(r"\]\(([^)]+)\)", answer)) for question, answer in parts]
+
+
+def test_questions_of_the_desk_are_answered_within_two_clicks(built):
+    assert 'href="faq.html"' in (built / "index.html").read_text(encoding="utf-8")
+    page = (built / "faq.html").read_text(encoding="utf-8")
+    assert len(questions()) >= 12
+    for asked in (
+        "How long",
+        "which level",
+        "How many periods",
+        "statistically robust",
+        "TwinCAT",
+        "another confidence",
+    ):
+        assert any(asked in question for question, _ in questions()), asked
+    for question, targets in questions():
+        assert targets, question
+        for target in targets:
+            path = re.sub(r"\.(md|rst)", ".html", target)
+            assert f'href="{path}"' in page, target
+            file, _, anchor = path.partition("#")
+            assert not anchor or f'id="{anchor}"' in (built / file).read_text(encoding="utf-8"), target
+
+
 def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
     wanted = {
         "bode phase": "guide/primer.html",
@@ -110,18 +181,22 @@ def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
             assert page.errors == [], words
 
 
-def test_names_lead_to_their_kin_types_guide_and_examples(built):
-    page = (built / "generated" / "api" / "robust.check.html").read_text(encoding="utf-8")
-    for target in (
-        "robust.worst_case.html",
-        "robust.UncertaintyModel.html",
-        "guide/bounds.html",
-        "10_check_and_certificate.html",
-    ):
+def test_a_name_leads_to_what_returns_it_to_the_guide_and_to_examples(built):
+    page = page_of(built, "robust.check")
+    for target in ("guide/bounds.html", "10_check_and_certificate.html", "_modules/robust/analysis/robustness.html"):
         assert target in page, target
+    assert "robust.check.html" in page_of(built, "robust.RobustnessReport")
+    assert "robust.uncertainty.html" in page_of(built, "robust.UncertaintyModel")
+
+
+def test_a_signature_shows_values_and_an_author_is_no_list_item(built):
     for module, name, _ in [*api.things(), *api.pictures()]:
-        assert "Beside it" in (built / "generated" / "api" / f"{module}.{name}.html").read_text(encoding="utf-8"), name
+        page = page_of(built, f"{module}.{name}")
+        defaults = re.findall(r'<span class="default_value">(.*?)</span></em>', page)
+        assert not [one for one in defaults if re.fullmatch(r"[A-Z][A-Z_]+", re.sub("<.*?>", "", one))], name
+        assert '<ol class="upperalpha' not in page, name
 
 
 def test_docstrings_are_plain_text_with_emphasis_and_code():
     assert api.escaped("|G| and b* are *not* `|x|`, np_ is") == r"\|G\| and b\* are *not* `|x|`, np\_ is"
+    assert api.escaped("A. Rantzer, SCL 28, 1996.") == r"A\. Rantzer, SCL 28, 1996."

@@ -1,15 +1,19 @@
 """Every example runs, says what it should, and leaves its pictures; each is run once, for the gallery too."""
 
+import contextlib
+import io
 import re
+import runpy
 import subprocess
 import sys
+import warnings
 
 import matplotlib.figure
 import numpy as np
 import pytest
 
 from docs import gallery
-from docs.gallery import EXAMPLES, names, outputs, run, title_and_text
+from docs.gallery import EXAMPLES, names, outputs, printed, title_and_text
 from robust import load_controller, load_model
 
 #: What each must have printed, as patterns in order.
@@ -36,8 +40,8 @@ PRINTED = {
     ],
     "04_compare_grids": [
         r"odd-odd .* -2\d\.\d .* detection lines, as read",  # the paper's 20 dB
-        r"odd-odd .* 9\d\.\d % .* identify by itself: roughness",
-        r"special-odd .* identify by itself: detection, calibrated",
+        r"odd-odd .* 9\d\.\d % .* identify: roughness",
+        r"special-odd .* identify: detection, calibrated",
         r"random-odd",
     ],
     "05_levels_as_a_family": [r"0\.25 N alone: crossover up to", "all three: crossover up to 1 Hz of 64"],
@@ -76,7 +80,7 @@ PRINTED = {
         r"largest gain .* book +0\.31 +here 0\.31\n",
         r"extreme plant itself .* book +0\.58 +here 0\.58\n",
         r"gamma_min +book +2\.34 +here 2\.339",
-        r"Example 2\.17.* with order two from the FRF 1\.[34]\d",
+        r"Example 2\.17.*of order two, from the FRF +book +1\.37 +here 1\.[34]\d",
         r"book +3\.162 3 1 +here 3\.162 3\.000 1\.000",
         r"book +0\.5 0\.53 5\.78 +here 0\.50 0\.53 5\.78",
     ],
@@ -103,17 +107,17 @@ PRINTED = {
         r"2\.5 N rms: statistically robust",
     ],
     "19_design_with_a_proof": [
-        r"shaped for 40 Hz +statistically robust +refuted .*the rig: 0\.01\d*, ",
-        r"shaped for 120 Hz +statistically robust +proved .*the rig: all",
-        r"PID, proved +statistically robust +proved .* class 2: all",
+        r"shaped for 40 Hz +statistically robust +refuted (?s:.*?)the rig: 0\.01\d*, ",
+        r"shaped for 120 Hz +statistically robust +proved (?s:.*?)the rig: all",
+        r"PID, proved +statistically robust +proved (?s:.*?) class 2: all",
     ],
     "18_proof_with_friction": [
-        r"K0 = 9\d\.\d+ kN/m, ",
+        r"K0\s+=\s+9\d\.\d+\s+kN/m,",
         r"--- PID ---\nproved: Comes to rest from every state with every Maxwell-slip friction",
         r"--- integrator alone ---\nrefuted: the sliding loop is unstable",
         r"Surely runs away from a kick of 0\.2\d\d m/s",
-        r"not every friction of the class: with a spring of 9\d\.\d+ kN/m",
-        r"PID +proved +a friction of the class +0 of 12 kicks",
+        r"not every friction of the class:\s+with a spring of\s+9\d\.\d+\s+kN/m",
+        r"PID +proved +a friction of the class +0 of 12",
         r"integrator alone +refuted +a friction of the class +[1-9]",
         r"too much damping, late +refuted +a friction of the class +[1-9]",
     ],
@@ -136,15 +140,15 @@ PRINTED = {
         r"greedy, 0\.5 ms late: off by \d\d\d\d?\.\d+ um after 1\.1 s, swings by \d\d\d\d\.\d+ um",
     ],
     "17_measured_mirror": [
-        r"skipped: there is no|the same phases \(psi\)",
-        r"skipped|bound of the first set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
-        r"skipped|bound of the second set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
-        r"skipped|--- 70 Hz ---\nverdict: +STATISTICALLY ROBUST",
-        r"skipped|robust stability at all frequencies: yes",
-        r"skipped|--- 140 Hz ---\nverdict: +NOT ROBUST",
-        r"skipped|breaking perturbation: 0\.99\d+ and 1\.00\d+",
+        r"the same phases \(psi\)",
+        r"bound of the first set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
+        r"bound of the second set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
+        r"--- 70 Hz ---\nverdict: +STATISTICALLY ROBUST",
+        r"robust stability at all frequencies: yes",
+        r"--- 140 Hz ---\nverdict: +NOT ROBUST",
+        r"breaking perturbation: 0\.99\d+ and 1\.00\d+",
     ],
-    "13_motor_bench": [r"skipped: there is no|(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
+    "13_motor_bench": [r"(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
     "21_servo_axis_in_an_afternoon": [
         r"take, as rms of the force set point: .*\(sticks\), .*\(bends\), .*\(slides\)",
         r"--- the gains of the autotuner ---",
@@ -160,26 +164,29 @@ PRINTED = {
 
 def test_examples_are_short_and_have_a_title():
     for name in names():
-        assert len((EXAMPLES / f"{name}.py").read_text().splitlines()) <= 100, name
+        lines = (EXAMPLES / f"{name}.py").read_text().splitlines()
+        assert len([line for line in lines if line != "# %%"]) <= 104, name
         title, text = title_and_text(name)
-        assert 10 < len(title) < 90, name
+        assert 10 < len(title) < 94, name
         assert text, name
     assert set(PRINTED) <= set(names())
 
 
 @pytest.mark.parametrize("name", names())
 def test_example(name):
-    folder = outputs(name)
-    printed = (folder / "printed.txt").read_text(encoding="utf-8")
-    place = 0
+    text, place = printed(name), 0
     for pattern in PRINTED.get(name, ["[0-9]"]):
-        found = re.compile(pattern).search(printed, place)
-        assert found, f"{name} did not print {pattern!r} after {printed[:place][-60:]!r}, but\n{printed[place:]}"
+        found = re.compile(pattern).search(text, place)
+        assert found, f"{name} did not print {pattern!r} after {text[:place][-60:]!r}, but\n{text[place:]}"
         place = found.start()
-    if not printed.startswith("skipped"):
-        pictures = list(folder.glob("*.png"))
-        assert pictures
-        assert all(picture.stat().st_size > 10_000 for picture in pictures)
+    pictures = list(outputs(name).glob("*.png"))
+    assert pictures
+    assert all(picture.stat().st_size > 10_000 for picture in pictures)
+
+
+@pytest.mark.parametrize("name", names())
+def test_what_an_example_prints_fits_a_hundred_columns(name):
+    assert [line for line in printed(name).splitlines() if len(line) > 100] == []
 
 
 def test_what_the_first_example_leaves():
@@ -197,11 +204,23 @@ def test_what_the_first_example_leaves():
     assert band[0] < min(f) <= max(f) < band[1]
 
 
+def run(name, *arguments):
+    """Run an example as a script in this process, with other options than the gallery; what it printed."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), warnings.catch_warnings(), pytest.MonkeyPatch.context() as patch:
+        # what python-control is told by a newer NumPy
+        warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"control\.")
+        patch.setattr(sys, "argv", [f"{name}.py", *arguments])
+        with contextlib.suppress(SystemExit):
+            runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    return out.getvalue()
+
+
 def test_the_first_example_takes_a_file(tmp_path, monkeypatch):
     monkeypatch.setattr(matplotlib.figure.Figure, "savefig", lambda *_, **__: None)  # drawn already, once
     record = outputs("01_identify_then_design") / "record.npz"
-    printed = run("01_identify_then_design", str(record), "--discard", "0", "--poles", "2", "--out", str(tmp_path))
-    assert "nominal model: 2 poles" in printed
+    text = run("01_identify_then_design", str(record), "--discard", "0", "--poles", "2", "--out", str(tmp_path))
+    assert "nominal model: 2 poles" in text
     assert (tmp_path / "report.html").is_file()
 
 

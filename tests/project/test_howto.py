@@ -10,6 +10,7 @@ import pytest
 matplotlib.use("Agg")
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [
+    DOCS / "index.md",
     DOCS / "guide" / "primer.md",
     DOCS / "guide" / "aliases.md",
     DOCS / "guide" / "drive.md",
@@ -31,3 +32,16 @@ def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
         for block in blocks:
             exec(compile(block, page.name, "exec"), names)
     assert capsys.readouterr().out or page.stem == "which_signal"
+
+
+def test_every_name_of_the_dictionary_is_called_on_its_page():
+    page = (DOCS / "howto" / "from_matlab.md").read_text(encoding="utf-8")
+    code = "\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
+    rows = [row.split(" | ") for row in page.partition("## The dictionary")[2].partition("## Blocks")[0].splitlines()]
+    ours = [name for row in rows if len(row) == 4 for name in re.findall(r"`((?:nlfrf|robust)\.\w+)`", row[1])]
+    theirs = " ".join(row[0] for row in rows if len(row) == 4)
+    assert len(ours) >= 25
+    assert [name for name in ours if f"{name}(" not in code] == []
+    asked = "ucover mussv wcgain robstab ultidyn ureal loopmargin diskmargin systune looptune mixsyn hinfsyn ncfsyn "
+    asked += "ncfmargin gapmetric musyn usample tfest spa idinput"
+    assert [name for name in asked.split() if not re.search(rf"\b{name}\b", theirs)] == []

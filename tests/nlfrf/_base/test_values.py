@@ -55,3 +55,26 @@ def test_values_survive_pickling():
     again = pickle.loads(pickle.dumps(ms))
     np.testing.assert_array_equal(again.u, ms.u)
     assert isinstance(again.lines, LineGrid)
+
+
+@value
+class Verdict:
+    words: str
+
+    def __str__(self):
+        return self.words
+
+
+def test_what_a_value_prints_fits_a_screen_and_loses_no_word():
+    words = "  a verdict: " + "is stable with every plant, " * 20 + "x" * 120 + " end"
+    text = str(Verdict(words=f"short\n{words}"))
+    rows = text.split("\n")
+    assert rows[0] == "short"
+    assert [row for row in rows if len(row) > 100 and "x" * 120 not in row] == []
+    assert all(row.startswith("    ") for row in rows[2:])  # what continues a line stands further in than the line
+    assert text.split() == f"short {words}".split()
+
+
+def test_a_command_to_copy_and_lines_that_fit_stay_as_they_are():
+    words = "run:   nlfrf identify " + "very-long-name " * 12 + "\n\n  1   2\n" + "y " * 50
+    assert str(Verdict(words=words)) == words

@@ -10,6 +10,7 @@ import nlfrf
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 from tests.support import measurement_files as files
 from tests.support.measurement_files import FS, MS, N, P, T, U, Y
+from tests.support.printed import unwrapped
 
 
 def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
@@ -28,7 +29,7 @@ def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
     assert found.lines == f"period 250 samples (0.25 s), {P} periods; {MS.f.size} lines from 4 to 196 Hz"
     assert str(found).splitlines()[-1] == f"run:   {found.command}"
     assert "--input force --output position -o 'my run-bla.npz'" in found.command
-    assert "--hold zoh where the input is a command" in str(found)
+    assert "--hold zoh where the input is a command" in unwrapped(found)
 
 
 def test_without_names_the_input_is_the_channel_with_even_lines(tmp_path):
@@ -53,7 +54,7 @@ def test_what_this_package_wrote_is_called_so(tmp_path):
     found = nlfrf.inspect_file(tmp_path / "r.npz")
     assert found.schema == "nlfrf-record"
     assert [(channel.name, channel.n) for channel in found.channels] == [("u", P * N), ("y", P * N)]
-    assert f"1 realisation x {P} periods x {N} samples, " in str(found)
+    assert f"1 realisation x {P} periods x {N} samples, " in unwrapped(found)
     assert "written by this package, as nlfrf-record\nrun:   nlfrf identify" in str(found)
     nlfrf.save_bla(nlfrf.identify(record), tmp_path / "bla.npz")
     said = str(nlfrf.inspect_file(tmp_path / "bla.npz"))
@@ -72,7 +73,7 @@ def test_what_several_inputs_are_is_told(closed, tmp_path):
     found = nlfrf.inspect_file(tmp_path / "r.npz")
     assert [channel.name for channel in found.channels] == ["fx", "fy", "x", "y", *["r fx", "r fy"] * closed]
     assert found.lines == "2 experiments x 2 periods x 256 samples, 37 lines from 3 to 99 Hz, hold unknown"
-    assert "2 experiments x 256 samples, 37 lines" in str(nlfrf.inspect_file(tmp_path / "ms.npz"))
+    assert "2 experiments x 256 samples, 37 lines" in unwrapped(nlfrf.inspect_file(tmp_path / "ms.npz"))
 
 
 def test_from_inspect_to_identify_on_the_command_line(nlfrf_command, tmp_path):  # noqa: F811

@@ -12,6 +12,7 @@ import nlfrf
 import robust
 from robust import LoopSignals, NoiseSignal, SineSignal, StepSignal, UncertaintyModel, cli
 from tests.robust.analysis.test_loop_level import OMEGA, RADIUS, plant_set, record_of
+from tests.support.printed import unwrapped
 
 
 def test_check_and_report_carry_the_level(tmp_path):
@@ -25,7 +26,7 @@ def test_check_and_report_carry_the_level(tmp_path):
     assert str(report.level) == str(alone)
     flat = " ".join(str(report).split())
     assert f"level: {alone}" in flat
-    assert "level:" not in str(robust.check(model, 0.5))
+    assert "level:" not in unwrapped(robust.check(model, 0.5))
     for known in ({"signals": signals}, {"report": robust.check(model, 0.5, signals=signals)}):
         robust.write_report(tmp_path / "report.html", model, 0.5, **known)
         text = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -17,6 +17,7 @@ from robust import plot as pictures
 from robust.shaping_plot import plot_loop_bounds
 from tests.support.bla import make_bla
 from tests.support.pictures import labels
+from tests.support.printed import unwrapped
 
 F = np.arange(1, 120, 2) * 0.25
 
@@ -146,7 +147,7 @@ def test_units_and_names_of_the_record_stand_on_every_axis_and_in_every_text():
     ax = pictures.plot_weight(MODEL)
     assert ax.get_ylabel() == "radius, multiplicative [dB]"
     plt.close(ax.figure)
-    assert f"largest |G| {np.abs(bla.G).max():.4g} m/N at" in str(bla)
+    assert f"largest |G| {np.abs(bla.G).max():.4g} m/N at" in unwrapped(bla)
     additive = uncertainty(BLA, FIT, form="additive", order=4)
-    assert f"to {additive.radius.max():.3g} m/N (at" in str(additive)
+    assert f"to {additive.radius.max():.3g} m/N (at" in unwrapped(additive)
     assert REPORT.unit == FIT.unit == "m/N"

@@ -11,6 +11,7 @@ import pytest
 
 import nlfrf
 from nlfrf.io.channels import read_channels
+from tests.support.printed import unwrapped
 
 #: pytcs's own exports (github CagtayFabry/pytcs, tests/data): beside this repository, or where the variable says.
 EXPORTS = Path(os.environ.get("PYTCS_DATA", Path(__file__).parents[5] / "shared" / "data" / "pytcs"))
@@ -204,7 +205,7 @@ def test_a_record_from_a_compressed_table_is_that_of_the_table(tmp_path):
     assert np.array_equal(plain.u, packed.u)
     assert np.array_equal(plain.y, packed.y)
     assert (packed.u_unit, packed.y_unit, packed.fs) == ("N", "m", 4000)
-    assert "a.csv.gz" in str(nlfrf.inspect_file(tmp_path / "a.csv.gz"))
+    assert "a.csv.gz" in unwrapped(nlfrf.inspect_file(tmp_path / "a.csv.gz"))
 
 
 def test_a_broken_or_boundless_compressed_table_is_refused(tmp_path):

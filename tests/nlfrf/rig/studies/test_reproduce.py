@@ -27,6 +27,7 @@ from nlfrf.rig.studies.level_study import LevelStudy, level_study
 from nlfrf.rig.studies.reproduce import reproduce
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import multisine
+from tests.support.printed import unwrapped
 
 LINES = LineGrid(excited=np.array([n for n in range(1, 400) if n % 8 in (1, 3)]))
 
@@ -179,5 +180,5 @@ def test_a_finding_is_text_on_a_terminal_and_a_row_in_markdown():
     rows = str(found).splitlines()
     assert rows[0] == "F1 DOES NOT HOLD"
     assert [row.split(":")[0] for row in rows[1:]] == ["claim", "paper", "ours", "holds if"]
-    assert "|" not in str(found)
+    assert "|" not in unwrapped(found)
     assert "| F1 | A claim | 7.7 dB | level 1 [dB]: 1.23 | below 2 | **no** |" in format_table([found], 10)

@@ -13,6 +13,7 @@ from robust.friction.classes import any_maxwell_slip
 from robust.friction.describing_function import describing_function
 from robust.friction.passivity import measured_impedances
 from tests.support.friction_loops import ORACLES, RIG, T, pid
+from tests.support.printed import unwrapped
 
 FRICTION = nlfrf.paper_rig().friction
 A = np.geomspace(1e-6, 1e-1, 31)
@@ -45,7 +46,7 @@ def test_coulomb_friction_on_negative_damping_runs_away_from_4_fc_over_pi_w_c():
     assert found.amplitude == pytest.approx(7.87777e-4, rel=2e-3)
     assert found.kick == pytest.approx(found.amplitude * found.omega)
     assert found.cycles.size == 0
-    assert "not proved" in str(found)
+    assert "not proved" in unwrapped(found)
 
 
 @pytest.mark.parametrize(("zeta", "omega", "Fc"), [(0.1, 100.0, 1.0), (0.02, 30.0, 5.0), (0.2, 2000.0, 0.1)])

@@ -14,6 +14,7 @@ from robust import uncertainty, validate
 from robust.models.sets.records import RecordSummary
 from robust.models.validation import fit_shape_and_level, local_slope, shared_lines
 from tests.support.bla import make_bla
+from tests.support.printed import unwrapped
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25
 W0 = 2 * np.pi * 60
@@ -82,7 +83,7 @@ def test_a_change_is_told_by_its_name(change, name, size, frf):
     seen = pair(3, None if frf else NOMINAL, **change)
     assert seen.p_value < 1e-4
     assert getattr(seen, name) == pytest.approx(size, rel=0.35)
-    assert f"{name} +" in str(seen)
+    assert f"{name} +" in unwrapped(seen)
 
 
 def test_more_scatter_is_a_matter_of_level_and_not_of_shape():
