@@ -50,6 +50,7 @@ __all__ = [
     "extend",
     "format_length",
     "gain_of",
+    "linear_columns",
     "mode_error",
     "mode_term",
     "motion_of_record",
@@ -59,6 +60,7 @@ __all__ = [
     "reweight",
     "search",
     "slopes_of",
+    "start_candidates",
     "unit_of",
     "units_of",
 ]
@@ -519,10 +521,10 @@ def extend(
     return max(options, key=lambda one: one[0])[1] if options else None
 
 
-def search(levels: list[Motion], span: tuple[float, float], *, spring: bool) -> Candidate:
-    """Search from the best starts, until one explains all levels or `N_STARTS` have been tried; the likeliest."""
+def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, float]) -> Candidate:
+    """Search from the first starts, until one explains all levels or `N_STARTS` have been tried; the likeliest."""
     found: list[tuple[float, Candidate]] = []
-    for start in start_candidates(levels, span, spring=spring)[:N_STARTS]:
+    for start in starts[:N_STARTS]:
         candidate = refine(levels, reweight(levels, start), start, span)
         for _ in range(MOST_ELEMENTS + 4):
             stds = reweight(levels, candidate)

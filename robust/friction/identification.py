@@ -29,6 +29,7 @@ from robust.friction.balance import (
     element_spectra,
     format_length,
     gain_of,
+    linear_columns,
     mode_error,
     motion_of_record,
     pack,
@@ -37,6 +38,7 @@ from robust.friction.balance import (
     reweight,
     search,
     slopes_of,
+    start_candidates,
     unit_of,
     units_of,
 )
@@ -328,7 +330,13 @@ def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBal
     # noise of an encoder is alike in all periods where the motion is a few of its steps: it counts against Fs there
     Fs = float(candidate.stiffness @ candidate.breakaway)
     power = float(max((np.abs(level.U[:, chosen]) ** 2).sum(), 2 * left.shape[0] * Fs**2))
-    gain = np.abs(level.U[:, chosen]) ** 2 / np.maximum(np.abs(level.Y[:, chosen]) ** 2, np.finfo(float).tiny)
+    # where noise is most of Y, only the machine itself tells what force it stands for
+    machine = sum(
+        candidate.numbers[name] * column / np.where(level.Y == 0, 1.0, level.Y)
+        for name, column in zip(candidate.terms.linear, linear_columns(level, candidate.terms), strict=True)
+    )
+    measured = np.abs(level.U) / np.maximum(np.abs(level.Y), np.finfo(float).tiny)
+    gain = np.maximum(measured, np.abs(machine))[:, chosen] ** 2
     noise = float((gain * level.noise[:, chosen]).sum()) / power
     unexplained = float((np.abs(left[:, chosen]) ** 2).sum()) / power
     return LevelBalance(
@@ -495,15 +503,16 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False) ->
     order = sorted(range(len(records)), key=lambda i: -coarse[i].force)
     records, coarse = [records[i] for i in order], [coarse[i] for i in order]
     span = (min(float(np.std(one.x)) for one in coarse) / 2, 0.9 * max(one.half_swing for one in coarse))
-    candidate = search(coarse, span, spring=not free)
+    starts = start_candidates(coarse, span, spring=not free)
+    if not starts[0].numbers["mass"] > 0:
+        raise ValueError(
+            f"records must be from force to position, got a mass of {starts[0].numbers['mass']:.3g} kg: the output "
+            "falls when the input rises. Turn the sign of the sensor"
+        )
+    candidate = search(coarse, starts, span)
     fine = [motion_of_record(record, FINE) for record in records]
     for _ in range(N_PASSES):
         candidate = refine(fine, reweight(fine, candidate), candidate, span)
-    if not candidate.numbers["mass"] > 0:
-        raise ValueError(
-            f"records must be from force to position, got a mass of {candidate.numbers['mass']:.3g} kg: the output "
-            "falls when the input rises. Turn the sign of the sensor"
-        )
     stds = reweight(fine, candidate)
     numbers, spread = numbers_with_spread(records, fine, stds, candidate, span)
     balances = [balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]

@@ -66,9 +66,8 @@ def sprung():
 @pytest.fixture(scope="module")
 def motor():
     """The linear motor preset at rest, in closed loop with delay, lag, an encoder and stiction."""
-    return robust.identify_friction(
-        measure_at_rest(nlfrf.servo_axis("linear motor"), AT_REST["linear motor"], 3), free=True
-    )
+    plan = replace(AT_REST["linear motor"], rms=(1, 15, 30, 60), n_samples=4000)
+    return robust.identify_friction(measure_at_rest(nlfrf.servo_axis("linear motor"), plan, 3), free=True)
 
 
 def test_a_machine_on_a_spring_is_identified(sprung):
@@ -99,7 +98,7 @@ def test_levels_look_as_springs_and_dampers_as_fitted(motor):
     """From the whole stiffness at rest to little of it, measured and fitted alike."""
     stiffness = np.array([level.stiffness for level in motor.levels])
     fitted = np.array([level.stiffness_fit for level in motor.levels])
-    assert np.all(np.diff(stiffness[:4]) > 0)
+    assert np.all(np.diff(stiffness) > 0)
     assert stiffness == pytest.approx(fitted, rel=0.02)
     assert stiffness[-1] == pytest.approx(2e6, rel=0.01)
     assert max(level.unexplained for level in motor.levels) < 0.01
@@ -149,8 +148,8 @@ def test_two_masses_are_no_one_mass():
     masses, springs = np.diag([1.0, 0.5]), np.array([[2e5, -1.2e5], [-1.2e5, 1.2e5]])
     law = VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
     rig = nlfrf.Rig(masses, springs, [law, None], 5e-5 * springs, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
-    grid = {"fs": 1024, "n_samples": 2048, "f_min": 2, "f_max": 200}
-    played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate(GOOD)]
+    grid = {"fs": 1024, "n_samples": 1024, "f_min": 2, "f_max": 200}
+    played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate(GOOD[1:])]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         records = [nlfrf.simulate(rig, ms, n_periods=2, n_discard=4, oversampling=4) for ms in played]
