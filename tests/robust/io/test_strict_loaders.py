@@ -31,6 +31,7 @@ from tests.robust.io.test_certificates import make_model
 from tests.robust.io.test_export import MODELS
 from tests.robust.io.test_matrix_files import MODELS as MATRICES
 from tests.support.friction_loops import ORACLES, RIG, pid
+from tests.support.printed import unwrapped
 
 SCHEMAS = (
     "robust-model",
@@ -207,4 +208,4 @@ def test_texts_of_a_model_are_one_line_that_commands_nothing(written, tmp_path):
             model = loader(tmp_path / "x.json")
             assert model.source == "run\\u001b[2J ROBUST (proved)"
             assert model.extrapolation == "\\u202eflat"
-            assert str(model).isprintable()
+            assert unwrapped(model).isprintable()

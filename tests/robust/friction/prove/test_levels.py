@@ -206,13 +206,13 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in out
     text = (tmp_path / "proof.txt").read_text()
     assert text.removesuffix("\n\n(written by 'robust prove')\n") in out
-    assert "Two standard deviations. Frequency test, not a proof" in out
+    assert "Two standard deviations. Frequency test, not a proof" in unwrapped(out)
     assert robust.verify_certificate("proof.certificate.json").verified
     nominal = robust.fit_nominal(measured_levels[2], n_poles=2, n_zeros=0)
     robust.save_model(robust.uncertainty(measured_levels[2], nominal), "m.json")
     code, out, _ = run("m.json K.json --stiffness 74e3 --stiction 1.2")
     assert code == 0
-    assert "model of order 2" in out
+    assert "model of order 2" in unwrapped(out)
     assert out.count("proved: Comes to rest") == 2  # without damping, and with that of the fit
     assert "modal damping" in out
     code, out, _ = run("0.npz 1.npz 2.npz K.json --nominal m.json --stiction 1.2")

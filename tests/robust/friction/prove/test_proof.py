@@ -12,6 +12,7 @@ from robust.friction.plant import friction_loop, loop_frequencies, mobility
 from robust.friction.prove import certify_maxwell_slip, machines_of_nominal, undamped
 from robust.friction.storage import SLACKS, build_storage, in_balanced_coordinates, judge_storage, proposed_storage
 from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
+from tests.support.printed import unwrapped
 
 SLIP = any_maxwell_slip(64e3, 1.05)
 
@@ -198,7 +199,7 @@ def test_a_numerical_failure_is_told(monkeypatch):
 
 def test_what_is_said():
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP, Fs=1.0)
-    text = str(proof)
+    text = unwrapped(proof)
     assert text.startswith("proved: Comes to rest from every state with every Maxwell-slip friction of presliding")
     assert "up to 64 kN/m" in text
     assert "sampled at 1 kHz" in text
