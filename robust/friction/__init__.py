@@ -12,6 +12,7 @@ presliding_fit       mass, stiffness and virgin curve from all levels at once, b
 plant                a machine with friction and its sampled loop; bounded motion
 prove                a proof for every friction of a class
 saturation           a machine with friction whose actuator saturates
+settling             how far from rest friction with stiction can keep a loop
 storage              quadratic storage functions, and polynomials that keep their sign
 units                units of an axis that moves or turns
 """

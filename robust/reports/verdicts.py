@@ -24,6 +24,7 @@ __all__ = ["both_verdicts", "friction_section", "in_short", "refuse_another"]
 
 MEANS = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
+    FrictionVerdict.SETTLES: "stays within a bound with every friction of the class, from every state",
     FrictionVerdict.REFUTED: (
         "said of the class, not of the machine: a named member makes the loop unstable; yours may be another"
     ),
