@@ -29,6 +29,7 @@ COMMANDS = (
     "bench_mu",
     "bench_friction_proof --bursts 2",
     "bench_friction_attack --loops 100",
+    "settling --runs 120",
     "read_class --machines 60",
     "read_machine --runs 4",
     "bench_saturation --every 24",

@@ -4,6 +4,7 @@ The public names of `robust.synthesis.drive`, in one place.
 """
 
 from robust.synthesis.drive.cascade import cascade
+from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.feedforward import (
     FeedforwardError,
     FeedforwardGains,
@@ -23,11 +24,13 @@ __all__ = [
     "FeedforwardError",
     "FeedforwardGains",
     "FilterSlot",
+    "FrictionCure",
     "biquad",
     "cascade",
     "compensated",
     "feedforward",
     "feedforward_error",
+    "friction_cures",
     "gains",
     "load_gains",
     "low_pass",

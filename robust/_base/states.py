@@ -56,6 +56,7 @@ class FrictionVerdict(State):
 
     PROVED = "proved"
     PROVED_LOCALLY = "proved up to a kick"
+    SETTLES = "settles"
     REFUTED = "refuted"
     NOT_DECIDED = "not decided"
 

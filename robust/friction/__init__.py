@@ -14,6 +14,7 @@ passivity            every passive friction: what damping a loop leaves at its p
 plant                a machine with friction and its sampled loop; bounded motion
 prove                a proof for every friction of a class
 saturation           a machine with friction whose actuator saturates
+settling             how far from rest friction with stiction can keep a loop
 storage              quadratic storage functions, and polynomials that keep their sign
 units                units of an axis that moves or turns
 """

@@ -14,7 +14,7 @@ from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust.friction.classes import AnyFriction
 from robust.friction.dissipation import ROUNDED_UP, bristle_dissipation, maxwell_slip_dissipation
-from robust.friction.exact.claim import FrictionClaim
+from robust.friction.exact.claim import FrictionClaim, Settling
 from robust.friction.exact.verify import verify_friction
 from robust.friction.multipliers import (
     bristle_multipliers,
@@ -37,6 +37,7 @@ from robust.friction.plant import (
     separate_delay,
     steady_error_bound,
 )
+from robust.friction.settling import largest_rest, settling_numbers
 from robust.friction.storage import METHOD, JudgedStorage, certified_dissipation
 from robust.friction.units import MechanicalUnits
 from robust.lti.lti import poles, response, timebase, zeros
@@ -216,6 +217,11 @@ def largest_ratio(holds: Callable[[float], bool]) -> float:
     return low
 
 
+#: Verdicts with a claim.
+CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.SETTLES)
+SETTLING_SUBJECT = "the position settles within a bound"
+SETTLING_METHOD = "semidefinite program, Bernstein, exact arithmetic"
+SETTLING_ROUNDED_UP = 1 + 1e-9
 CLASS_PARAMETERS = ("K0", "stiction", "bristle_time", "microdamping")
 #: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
 ROUNDING = 1e-9
@@ -237,7 +243,8 @@ class FrictionProof:
     verdict : FrictionVerdict
         "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
         to rest, with integral action where it should. "refuted", said of the class and not of the machine: a named
-        member makes the loop unstable; yours may be another. "not decided": neither.
+        member makes the loop unstable; yours may be another: the loop may hunt. "settles": not decided, but with every
+        friction of the class, of at most Fs, it stays within `settling_error` in the end. "not decided": none of them.
     claim, not_claimed, reason : str
         What is proved, in one sentence; what is not; why the verdict is what it is.
     machine : FrictionPlant
@@ -252,6 +259,10 @@ class FrictionProof:
     error_bound : float
         How far from rest the position stays in the end with any friction of at most Fs [m]; nan where no Fs was given,
         the sliding loop is not stable, or its fastest mode is too fast for its clock or its slowest one to follow.
+    settling_error : float
+        How far from rest the position stays in the end with every friction of the class of at most Fs [m]: the smaller
+        of a bound of the class, which `certificate.verify()` proves over the rationals, and `error_bound`, which is in
+        floating point. nan where no Fs was given, the loop comes to rest, or there is none.
     kick_sure : float
         Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
         given, the sliding loop is stable, or none was found.
@@ -275,6 +286,11 @@ class FrictionProof:
     >>> proof = prove_friction(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3))
     >>> proof.verdict, proof.counterexample
     ('proved', None)
+    >>> from robust.drive import DriveSettings, cascade
+    >>> K = cascade(DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04), output_unit="N")
+    >>> proof = prove_friction(friction_plant(1.0, 0.0), K, any_maxwell_slip(1e5, 2.0), Fs=1.0)
+    >>> proof.verdict, bool(proof.settling_error < 0.8 * proof.error_bound)
+    ('settles', True)
     """
 
     verdict: FrictionVerdict
@@ -287,6 +303,7 @@ class FrictionProof:
     K0_max: float
     stiction_max: float
     error_bound: float
+    settling_error: float
     kick_sure: float
     certificate: Any
     multipliers: np.ndarray
@@ -294,8 +311,8 @@ class FrictionProof:
     form: np.ndarray
 
     def __str__(self) -> str:
-        lines = [f"{self.verdict}: {self.claim if self.verdict.is_proved else self.reason}"]
-        if self.verdict.is_proved and self.reason:
+        lines = [f"{self.verdict}: {self.claim or self.reason}"]
+        if self.claim and self.reason:
             lines.append(self.reason)
         if np.isfinite(self.K0_max):
             times = self.K0_max / self.friction.K0
@@ -381,17 +398,19 @@ def prove_friction(
             )
         Fs = friction.Fs
     spring = destabilizing_stiffness(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
-    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
+    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, "settling_error": np.nan, **no_certificate()}
     found |= describe_bounded(machine, loop, Fs)
     if spring is not None:
         found |= {"verdict": FrictionVerdict.REFUTED, "reason": describe_counterexample(spring, loop, friction)}
     elif friction.kind in ("Maxwell slip", "bristle"):
         found |= certified_verdict(machine, K, delay, loop, friction, limits)
+        if found["verdict"] is FrictionVerdict.NOT_DECIDED and np.isfinite(Fs):
+            found |= settling_verdict(machine, K, delay, loop, friction, Fs, found["error_bound"])
     elif friction.kind == "bounded":
         found |= bounded_verdict(loop, found["error_bound"])
     else:
         found |= dict(zip(("verdict", "reason"), passive_verdict(machine, K, delay, loop), strict=True))
-    found["claim"] = describe_claim(machine, friction, K, delay, found) if found["verdict"].is_proved else ""
+    found["claim"] = describe_claim(machine, friction, K, delay, found, Fs) if found["verdict"] in CLAIMED else ""
     return FrictionProof(
         machine=machine,
         friction=friction,
@@ -469,6 +488,51 @@ def certified_verdict(
     return found
 
 
+def settling_verdict(
+    machine: FrictionPlant,
+    K: Any,
+    delay: float,
+    loop: FrictionLoop,
+    friction: AnyFriction,
+    Fs: float,
+    error_bound: float,
+) -> dict[str, Any]:
+    """Return what changes where the position has a bound: over the rationals, else that of any friction up to Fs."""
+    any_friction: dict[str, Any] = {}
+    if np.isfinite(error_bound):
+        any_friction = {"verdict": FrictionVerdict.SETTLES, "settling_error": error_bound}
+    if friction.kind != "Maxwell slip" or friction.bristle_time or not loop.growth() < 0:
+        return any_friction
+    try:
+        proposed = settling_numbers(loop, friction.K0, reference_rate(machine, loop))
+        still, off = loop.rest()
+    except (np.linalg.LinAlgError, ValueError, FloatingPointError):
+        return any_friction
+    held = float(abs(loop.x @ still) + np.abs(loop.x) @ off) * (1 + 1 / friction.stiction) / 2 * Fs
+    for one in proposed:
+        # a bound of zero is no claim, and a rest of zero with a stiction of one
+        error = max((one.reach * largest_rest(Fs, friction.stiction) + held) * SETTLING_ROUNDED_UP, 1e-300)
+        numbers = {"rates": one.rates, "weights": one.weights, "free": 0.0, **no_bristle_multipliers()}
+        exact = replace(
+            build_claim(machine, K, delay, friction, numbers | {"V": one.V, "P": one.P, "counts": one.counts}),
+            settling=Settling(decay=one.decay, Fs=Fs, error=error),
+        )
+        if verify_friction(exact).verified:
+            certificate = Certificate(
+                subject=SETTLING_SUBJECT,
+                outcome=Outcome.HOLDS,
+                level=error,
+                method=SETTLING_METHOD,
+                intervals=np.array([[0.0, np.inf]]),
+                reason="",
+                claim=exact,
+                again=verify_friction,
+            )
+            found = {"verdict": FrictionVerdict.SETTLES, "settling_error": error, "certificate": certificate}
+            return found if not error_bound < error else found | any_friction
+    return any_friction
+
+
 def build_claim(
     machine: FrictionPlant, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
 ) -> FrictionClaim:
@@ -521,8 +585,14 @@ def format_pole_modulus(size: float) -> str:
     return f"{size:.{digits}g}"
 
 
-def describe_claim(machine: FrictionPlant, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any]) -> str:
+def describe_claim(
+    machine: FrictionPlant, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any], Fs: float
+) -> str:
     """State what is proved in one sentence."""
+    if found["verdict"] is FrictionVerdict.SETTLES:
+        bound = f"{found['settling_error']:.3g} {machine.units.position}"
+        most = f"of at most {Fs:g} {machine.units.force}"
+        return f"Settles within {bound} of rest from every state {describe_scope(machine, friction, K, delay)}, {most}."
     rest = (
         f"Stays within {found['error_bound']:.3g} {machine.units.position} of rest in the end"
         if friction.kind == "bounded"

@@ -322,7 +322,7 @@ def prove_all(
 ) -> tuple[FrictionProof, ...]:
     """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
     proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
-    worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.PROVED)
+    worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 

@@ -24,6 +24,7 @@ __all__ = ["describe_proof", "friction_section", "require_report_of", "verdict_r
 
 MEANING_OF_PROOF = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
+    FrictionVerdict.SETTLES: "stays within a bound with every friction of the class, from every state",
     FrictionVerdict.REFUTED: (
         "said of the class, not of the machine: a named member makes the loop unstable; yours may be another"
     ),

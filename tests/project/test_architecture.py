@@ -66,7 +66,7 @@ HEAVY = {
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
     "cvxpy": "robust.proofs.search robust.mu.lmi robust.synthesis.fixed.cone_program "
-    "robust.friction.multipliers robust.friction.linear_uncertainty",
+    "robust.friction.multipliers robust.friction.linear_uncertainty robust.friction.settling",
     "clarabel": "robust.synthesis.tuning.minimax",
     "jinja2": "robust.reports.page",
     "flint": "robust.proofs.exact robust.friction.exact",

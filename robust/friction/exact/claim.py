@@ -18,6 +18,7 @@ __all__ = [
     "SCHEMA",
     "Actuator",
     "FrictionClaim",
+    "Settling",
     "claim_from_dict",
     "claim_to_dict",
     "read_friction_claim",
@@ -58,8 +59,27 @@ class Actuator:
 
 
 @value
+class Settling:
+    """How far from rest a friction with stiction can keep a loop, and the rate of decay that shows it.
+
+    Fields
+    ------
+    decay : float
+        lambda [1/s] in V' + 2 lambda V <= r^2.
+    Fs : float
+        Largest force of the friction [N].
+    error : float
+        Bound of the displacement at the port in the end [m].
+    """
+
+    decay: float
+    Fs: float
+    error: float
+
+
+@value
 class FrictionClaim:
-    """The loop u = -K y around p' = A p + B (u, -f), with friction f of a class, comes to rest; and the numbers why.
+    """The loop u = -K y around p' = A p + B (u, -f), with friction f of a class, comes to rest or settles; and why.
 
     Fields
     ------
@@ -90,6 +110,8 @@ class FrictionClaim:
         Intervals of equal length in each span between changes of the force.
     actuator : Actuator or None
         None where it never saturates. Its filters are the last states of the loop, before those of the friction.
+    settling : Settling or None
+        None where the loop comes to rest; else what is claimed is a bound.
     """
 
     machine: Matrices
@@ -109,6 +131,7 @@ class FrictionClaim:
     P: np.ndarray
     counts: np.ndarray
     actuator: Actuator | None = None
+    settling: Settling | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -123,6 +146,10 @@ class FrictionClaim:
         for name in ("rates", "weights", "free", "block", "bounds", "V", "P", "K0", "stiction", "delay"):
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} must be finite, got something else")
+        if self.settling is not None:
+            own = [getattr(self.settling, field.name) for field in fields(Settling)]
+            if not np.isfinite(own).all() or self.actuator is not None:
+                raise ValueError("settling must have finite numbers and no actuator, got something else")
         if self.actuator is not None:
             numbers = [np.ravel(getattr(self.actuator, field.name)) for field in fields(Actuator)]
             if not np.isfinite(np.concatenate(numbers)).all() or len(numbers[-1]) != len(numbers[-2]):
@@ -134,7 +161,7 @@ def claim_to_dict(claim: FrictionClaim) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in fields(claim):
         part = getattr(claim, field.name)
-        if isinstance(part, Actuator):
+        if isinstance(part, (Actuator, Settling)):
             found[field.name] = {own.name: np.asarray(getattr(part, own.name)).tolist() for own in fields(part)}
         elif field.name in SYSTEMS:
             found[field.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
@@ -146,7 +173,7 @@ def claim_to_dict(claim: FrictionClaim) -> dict[str, Any]:
 def claim_from_dict(given: Any) -> FrictionClaim:
     """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
     names = {field.name for field in fields(FrictionClaim)}
-    if not isinstance(given, dict) or set(given) | {"actuator"} != names:
+    if not isinstance(given, dict) or set(given) | {"actuator", "settling"} != names:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
     try:
         parts: dict[str, Any] = {}
@@ -162,6 +189,8 @@ def claim_from_dict(given: Any) -> FrictionClaim:
                     key: np.array(x, float) if isinstance(x, list) else float(x) for key, x in (part or {}).items()
                 }
                 parts[name] = Actuator(**own) if own else None
+            elif name == "settling":
+                parts[name] = Settling(**{key: float(x) for key, x in part.items()}) if part else None
             elif name == "kind":
                 parts[name] = str(part)
             elif isinstance(part, list):
@@ -176,8 +205,8 @@ def claim_from_dict(given: Any) -> FrictionClaim:
 # ---- Proofs of a machine with friction as files that someone else can check: every number as given, and a digest.
 
 SCHEMA = "robust-friction-certificate"
-VERSION = 2
-READABLE_VERSIONS = (1, 2)  # the first without actuators
+VERSION = 3
+READABLE_VERSIONS = (1, 2, 3)  # the first without actuators, the second without settling
 
 
 def write_friction_claim(

@@ -29,7 +29,7 @@ from robust.proofs.exact.loops import Verification
 from robust.proofs.exact.matrices import positive_definite
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
-__all__ = ["ExactSupply", "check_weights", "exact_supply", "verify_friction"]
+__all__ = ["ExactSupply", "check_weights", "exact_supply", "settling_supply", "verify_friction"]
 
 
 # ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
@@ -86,6 +86,45 @@ def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """The inequality of the class for this loop."""
     form = maxwell_slip_supply(claim, loop) if claim.kind == "Maxwell slip" else bristle_supply(claim, loop)
     return form if claim.actuator is None else with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
+
+
+def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: Any) -> ExactSupply:
+    """Return the supply of friction without stiction and a rest: states (y, e_j), inputs d = g - gh_1 and r; T7.
+
+    The decay is in the flow, A + decay I, and in the losses of the filters; stored: a form in (y, e_j, d).
+    """
+    a, mu = [to_rational(x) for x in claim.rates], [to_rational(x) for x in claim.weights]
+    K0, zero = to_rational(claim.K0), to_rational(0.0)
+    rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
+    size = n + len(a) - 1
+    A, jumps = with_force_filters(loop, a[1:])
+    for i in range(size):
+        A[i][i] += decay
+    B = [[b[0] - a[0] * r, b[0]] for b, r in zip(loop.B.tolist(), rest, strict=True)]
+    B += [[aj - a[0], zero] for aj in a[1:]]
+    v = loop.v.tolist()[0] + [zero] * (size - n)
+    total = sum(mu)
+    lost = [m * (aj - decay) / K0 for m, aj in zip(mu, a, strict=True)]
+    Q, N, stored = (
+        zero_matrix(size, size),
+        [[total / 2 * v[i], zero] for i in range(size)],
+        zero_matrix(size + 1, size + 1),
+    )
+    stored[size][size] = total / (2 * K0)
+    for j in range(1, len(a)):
+        e, held = n + j - 1, mu[j] / (2 * K0)
+        for i in range(size):
+            Q[e][i] -= mu[j] / 2 * v[i]
+            Q[i][e] -= mu[j] / 2 * v[i]
+        Q[e][e] -= lost[j]
+        N[e][0] += lost[j]
+        stored[e][e] += held
+        stored[e][size] -= held
+        stored[size][e] -= held
+    R = [[-sum(lost), zero], [zero, to_rational(-1.0)]]
+    return ExactSupply(
+        A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
+    )
 
 
 def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
@@ -206,6 +245,7 @@ PARTS = (
     "the energy falls at samples",
     "the energy is positive",
 )
+SETTLING_CLAIM = "the position settles within the bound"
 ACTUATOR_CLAIM = "the actuator stays within reach"
 BITS = 512
 
@@ -215,6 +255,8 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
 
     Not verified is a result, not an error: each part with its reason.
     """
+    if claim.settling is not None:
+        return verify_settling(claim, time_cap=time_cap)
     deadline = time.monotonic() + time_cap
     wrong = check_weights(claim)
     failed = {PARTS[0]: wrong} if wrong else {}
@@ -234,6 +276,63 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
     parts = PARTS if claim.actuator is None else (*PARTS, ACTUATOR_CLAIM)
     proved = tuple(part for part in parts if part not in failed) if "the claim" not in failed else ()
     return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
+
+
+def verify_settling(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verification:
+    """Prove the bound of a claim again, from its numbers as rationals."""
+    deadline = time.monotonic() + time_cap
+    own = claim.settling
+    assert own is not None
+    wrong = check_weights(claim) or check_decay(claim)
+    failed = {PARTS[0]: wrong} if wrong else {}
+    try:
+        loop, decay = exact_loop(claim), to_rational(own.decay)
+        form = in_coordinates(settling_supply(claim, loop, decay), claim)
+        energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
+        failed |= check_decrease(claim, loop, form, energy, deadline)
+        whole = [full_storage(form.stored, P) for interval in energy for P in interval]
+        if not all(map(positive_definite, whole)):
+            failed[PARTS[3]] = "it is not"
+        elif not settles_within(claim, loop, whole):
+            failed[SETTLING_CLAIM] = "the energy allows more"
+    except (ValueError, ZeroDivisionError) as error:
+        failed |= {"the claim": str(error)}
+    parts = (*PARTS, SETTLING_CLAIM)
+    proved = tuple(part for part in parts if part not in failed) if "the claim" not in failed else ()
+    return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
+
+
+def check_decay(claim: FrictionClaim) -> str:
+    """Return an empty string if rate of decay and class are those of T7, else what is wrong with them."""
+    own = claim.settling
+    assert own is not None
+    if claim.kind != "Maxwell slip" or claim.bristle_time or claim.free:
+        return "only for Maxwell slip without a damper, and without a weight of the friction itself"
+    if not (own.decay > 0 and own.Fs > 0):
+        return "decay or Fs is not positive"
+    slow = any(weight > 0 and rate < own.decay for rate, weight in zip(claim.rates, claim.weights, strict=True))
+    return "a filter is slower than the decay" if slow else ""
+
+
+def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[Any]) -> bool:
+    """Whether the displacement at the port is within the bound where V is at most its value in the end.
+
+    |x| <= |x_y| + |x_e| |gh_1|: the sliders without stiction hold (1 + 1/rho)/2 of Fs at most.
+    """
+    own = claim.settling
+    assert own is not None
+    Fs, rho, decay = to_rational(own.Fs), to_rational(claim.stiction), to_rational(own.decay)
+    x, size = loop.x.tolist()[0], claim.V.shape[0]
+    x_e = sum((a * row[0] for a, row in zip(x, equilibrium(loop).tolist(), strict=True)), start=to_rational(0.0))
+    left = to_rational(own.error) - abs(x_e) * (1 + 1 / rho) / 2 * Fs
+    if left <= 0:
+        return False
+    rest = (1 - 1 / rho) * Fs / 2
+    wide = [*x, *[to_rational(0.0)] * (size - len(x))]
+    read = (to_rational_matrix(claim.V).transpose() * fmpq_mat([[a] for a in wide])).tolist()
+    row = fmpq_mat([*read, [to_rational(0.0)]])
+    reached = [(row.transpose() * energy.solve(row)).tolist()[0][0] for energy in energies]
+    return bool(max(reached) * rest * rest <= 2 * decay * left * left)
 
 
 def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:

@@ -1,6 +1,7 @@
 """The language of a drive: position P and velocity PI with their filters, both ways.
 
 cascade          the gains of a drive as one controller
+cures            what a change of the drive does to a friction verdict
 feedforward      mass, friction and jerk as gains of the drive, and what they leave
 filters          filter slots: notch, low-pass, biquad
 gains            a controller as the gains of a drive

@@ -1,0 +1,152 @@
+"""What a change of a drive does to a friction verdict: each change proved again, the most useful first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from nlfrf._base.arguments import require_kind, require_positive
+from nlfrf._base.values import value
+from robust._base.states import FrictionVerdict
+from robust.friction.classes import AnyFriction
+from robust.friction.plant import FrictionPlant, friction_loop
+from robust.friction.prove import prove_friction
+from robust.synthesis.drive.cascade import cascade
+from robust.synthesis.drive.settings import DriveSettings
+
+__all__ = ["FrictionCure", "friction_cures"]
+
+#: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
+STEP = 1.5
+
+
+@value
+class FrictionCure:
+    """One change of a drive, and the verdict with it.
+
+    Fields
+    ------
+    change : str
+        What is changed, from which number to which.
+    verdict : FrictionVerdict
+        With the change.
+    error : float
+        How far from the set point the axis stays in the end [m] or [rad], every friction of the class of at most Fs:
+        where it rests if it comes to rest; infinite where no bound is known.
+    unit : str
+        Of the error.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (cures of stick-slip).
+
+    Examples
+    --------
+    >>> cure = FrictionCure(change="tn 10 ms -> 15 ms", verdict=FrictionVerdict.SETTLES, error=2e-6, unit="m")
+    >>> print(cure)
+    tn 10 ms -> 15 ms: settles, within 2e-06 m
+    """
+
+    change: str
+    verdict: FrictionVerdict
+    error: float
+    unit: str
+
+    def __str__(self) -> str:
+        bound = f"within {self.error:.3g} {self.unit}" if np.isfinite(self.error) else "without a bound"
+        return f"{self.change}: {self.verdict}, {bound}"
+
+
+def friction_cures(
+    machine: FrictionPlant,
+    settings: DriveSettings,
+    friction: AnyFriction,
+    *,
+    Fs: float,
+    output_unit: str = "",
+    compensation_error: float = 0.3,
+) -> tuple[FrictionCure, ...]:
+    """Prove a loop again with each change that helps against hunting, and put them in the order of what helps.
+
+    Changed one at a time: velocity gain times 1.5, reset time times 1.5, no integral action (what a dead band or a leak
+    of the integrator tends to), and a compensation of the friction that is wrong by a share of it. The last leaves a
+    friction of at most that share of Fs, of which nothing else is known; one that follows the set point compensates
+    while the set point moves, and nothing at rest.
+
+    Parameters
+    ----------
+    machine : FrictionPlant
+        In the units of the velocity loop (m or rad).
+    settings : DriveSettings
+        The drive as it is.
+    friction : AnyFriction
+        The class.
+    Fs : float
+        Largest friction force [N] or [Nm].
+    output_unit : str
+        As of `cascade`: "N" or "Nm".
+    compensation_error : float
+        Relative error of a compensation, q.
+
+    Returns
+    -------
+    tuple of FrictionCure
+        That come to rest first, then by their error.
+
+    Raises
+    ------
+    ValueError
+        No settings, a force or an error that is not positive, units that differ.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (cures of stick-slip).
+
+    Examples
+    --------
+    >>> from robust import any_maxwell_slip, friction_plant
+    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> cures = friction_cures(friction_plant(1.0, 0.0), settings, any_maxwell_slip(1e5, 3.0), Fs=1.0)
+    >>> str(cures[0].verdict), cures[0].change
+    ('proved', 'no integral action (dead band or leak of the integrator)')
+    """
+    require_kind("settings", settings, DriveSettings)
+    Fs, q = require_positive("Fs", Fs), require_positive("compensation_error", compensation_error)
+    unit = settings.kp_unit
+    changed = {
+        f"kp {settings.kp:.4g} -> {STEP * settings.kp:.4g} {unit}": replace(settings, kp=STEP * settings.kp),
+    }
+    if np.isfinite(settings.tn):
+        longer = f"tn {1e3 * settings.tn:.4g} -> {1e3 * STEP * settings.tn:.4g} ms"
+        changed[longer] = replace(settings, tn=STEP * settings.tn)
+        changed["no integral action (dead band or leak of the integrator)"] = replace(settings, tn=np.inf)
+    found = []
+    for change, other in changed.items():
+        verdict, error, _ = judge(machine, other, friction, Fs=Fs, output_unit=output_unit)
+        found.append(FrictionCure(change=change, verdict=verdict, error=error, unit=machine.position_unit))
+    bound = judge(machine, settings, friction, Fs=Fs, output_unit=output_unit)[2]
+    found.append(
+        FrictionCure(
+            change=f"friction compensated to {100 * q:g} % of it, while that acts",
+            verdict=FrictionVerdict.SETTLES if np.isfinite(bound) else FrictionVerdict.NOT_DECIDED,
+            error=q * bound,
+            unit=machine.position_unit,
+        )
+    )
+    return tuple(sorted(found, key=lambda cure: (cure.verdict is not FrictionVerdict.PROVED, cure.error)))
+
+
+def judge(
+    machine: FrictionPlant, settings: DriveSettings, friction: AnyFriction, *, Fs: float, output_unit: str
+) -> tuple[FrictionVerdict, float, float]:
+    """Return the verdict, its error, and the bound of any friction up to Fs; infinite where there is none."""
+    K = cascade(settings, output_unit=output_unit)
+    proof = prove_friction(machine, K, friction, delay=settings.delay, Fs=Fs)
+    bound = float(np.nan_to_num(proof.error_bound, nan=np.inf))
+    if proof.verdict is FrictionVerdict.PROVED:
+        loop = friction_loop(machine, K, settings.delay)
+        still, off = loop.rest()
+        return proof.verdict, Fs * float(abs(loop.x @ still) + np.abs(loop.x) @ off), bound
+    known = proof.settling_error if proof.verdict is FrictionVerdict.SETTLES else bound
+    return proof.verdict, known, bound

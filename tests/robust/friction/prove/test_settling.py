@@ -1,0 +1,132 @@
+"""Friction with stiction settles within a bound: its lemma, what is below it, an attack, and the certificate."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from benchmarks.settling import FS, Axis, attack, cascade, draw_axis, draw_law, hunting, settling_proof
+from robust import any_maxwell_slip, friction_plant, prove_friction, save_certificate, verify_certificate
+from robust.friction.exact.claim import Settling
+from robust.friction.exact.verify import verify_friction
+from robust.friction.plant import friction_loop, steady_error_bound
+from robust.friction.prove import settling_verdict
+from robust.friction.settling import largest_rest
+
+T = 1 / 4000
+MACHINE = friction_plant(10.0, 0.0)
+AXIS = Axis(mass=10.0, K=cascade(10.0, 50.0, T, 0.25, 10.0), T=T, K0=2e6, stiction=1.5)
+SLOW = 2 * np.pi * 10.0  # rad/s
+HUNTS = Axis(mass=10.0, K=cascade(10.0, 10.0, 1e-3, 0.3, 4.0), T=1e-3, K0=80 * SLOW**2, stiction=3.0)
+
+
+@pytest.fixture(scope="module")
+def proof():
+    return settling_proof(AXIS)
+
+
+def test_the_rest_beside_constant_sliders_is_bounded():
+    """f with sliders drawn anew whenever they stick, and that drop on the way; g with constant ones."""
+    rng, W, rho, step = np.random.default_rng(1), 1.0, 1.7, 1e-3
+    worst, f, g, limit = 0.0, 0.0, 0.0, W
+    mean, bound = (W + W / rho) / 2, largest_rest(W, rho)
+    direction = 1.0
+    for _ in range(200_000):
+        direction = -direction if rng.random() < 1e-3 else direction
+        if abs(f) < limit:
+            f += step * direction
+            if abs(f) >= limit:  # breaks away, and may fall at once
+                f = np.sign(f) * rng.uniform(W / rho, abs(f))
+                limit = abs(f)
+        elif np.sign(f) != direction:
+            limit = rng.choice([W, W / rho, rng.uniform(W / rho, W)])
+            f, limit = f + step * direction, max(limit, abs(f))
+        else:
+            limit = rng.uniform(max(W / rho, limit - 0.01), min(W, limit + 0.01))
+            f = np.sign(f) * limit
+        g = float(np.clip(g + step * direction, -mean, mean))
+        worst = max(worst, abs(f - g))
+    assert 0.9 * bound < worst <= bound + 2 * step
+
+
+def test_no_bound_is_below_that_of_a_spring_of_the_class(proof):
+    """Beside any rest a spring of the class is a friction without stiction: the bound covers its convolution."""
+    rest = largest_rest(FS, AXIS.stiction)
+    for stiffness in (0.0, AXIS.K0 / 3, AXIS.K0):
+        held = friction_loop(friction_plant(10.0, stiffness), AXIS.K, T)
+        assert proof.settling_error > 0.99 * rest * steady_error_bound(held)
+
+
+def test_it_is_below_the_bound_of_any_friction_and_scales_with_the_force(proof):
+    assert proof.verdict == "settles"
+    assert proof.settling_error < 0.5 * proof.error_bound
+    assert f"Settles within {proof.settling_error:.3g} m of rest from every state" in str(proof)
+    assert "of at most 20 N" in proof.claim
+    half = prove_friction(MACHINE, AXIS.K, any_maxwell_slip(2e6, 1.5), delay=T, Fs=FS / 2)
+    assert half.settling_error == pytest.approx(proof.settling_error / 2, rel=1e-6)
+
+
+def test_friction_that_is_chosen_to_hunt_stays_inside():
+    proof = settling_proof(HUNTS)
+    reached, moves = attack(np.random.default_rng(5), HUNTS, 16)
+    assert moves.any()
+    assert 0.05 * proof.settling_error < reached[moves].max() <= reached.max() <= proof.settling_error
+
+
+def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path):
+    assert proof.certificate.verify().verified
+    save_certificate(proof, tmp_path / "settles.json")
+    assert verify_certificate(tmp_path / "settles.json", K=AXIS.K).verified
+    claim = proof.certificate.claim
+    own = claim.settling
+    for changed, failed in (
+        (replace(own, error=0.99 * own.error), "the energy allows more"),
+        (replace(own, Fs=1.01 * own.Fs), "the energy allows more"),
+        (replace(own, decay=2 * claim.rates.max()), "a filter is slower than the decay"),
+        (replace(own, decay=-1.0), "decay or Fs is not positive"),
+    ):
+        found = verify_friction(replace(claim, settling=changed))
+        assert not found.verified
+        assert failed in dict(found.failed).values()
+    assert not verify_friction(replace(claim, K0=3 * claim.K0)).verified
+    assert not verify_friction(replace(claim, free=1.0)).verified
+    assert "it does not" in dict(verify_friction(replace(claim, P=1.5 * claim.P)).failed).values()
+    with pytest.raises(ValueError, match="settling must have finite numbers"):
+        replace(claim, settling=Settling(decay=np.nan, Fs=1.0, error=1.0))
+
+
+def test_a_continuous_controller_and_a_part_of_a_sample():
+    friction = any_maxwell_slip(2e6, 2.0)
+    late = prove_friction(MACHINE, AXIS.K, friction, delay=0.4 * T, Fs=FS)
+    assert late.certificate.claim.counts.size == 2
+    assert late.certificate.verify().verified
+    K = control.ss(control.tf([3140.0, 3140.0 * 110, 3140.0 * 78 * 31.4], [1e-4, 1, 0]))
+    held = prove_friction(MACHINE, K, friction, Fs=FS)
+    assert held.certificate.claim.P.shape[:2] == (1, 1)
+    assert held.certificate.verify().verified
+    assert held.settling_error < 0.7 * held.error_bound
+
+
+def test_without_integral_action_the_rest_is_in_the_bound():
+    """K = 20 kN/m holds the mass up to Fs (1 + 1/rho)/2 over K away; a spring of the class keeps it still."""
+    K = control.ss(control.tf([100.0, 2e4], [1e-4, 1]))
+    loop = friction_loop(MACHINE, K)
+    found = settling_verdict(MACHINE, K, 0.0, loop, any_maxwell_slip(1e5, 2.0), FS, np.nan)
+    assert found["settling_error"] > FS * 0.75 / 2e4
+    assert found["certificate"].verify().verified
+
+
+def test_a_class_without_the_theorem_has_the_bound_of_any_friction():
+    friction = any_maxwell_slip(2e6, 1.5, bristle_time=1e-4)
+    proof = prove_friction(MACHINE, AXIS.K, friction, delay=T, Fs=FS)
+    assert proof.verdict == "settles"
+    assert proof.settling_error == proof.error_bound
+    assert "Settles within" in proof.claim
+
+
+def test_drawn_axes_and_laws_run():
+    rng = np.random.default_rng(3)
+    axis = draw_axis(rng)
+    assert hunting(rng, AXIS, draw_law(rng, AXIS))[0] >= 0
+    assert axis.stiction > 1
