@@ -163,8 +163,8 @@ def design(
         plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else robust.load_model(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
-            asked: dict[str, Any] = {"M_S": peak, "omega_c": omega_c, "dt": sample_time, "delay": delay}
-            result = robust.design_frf(plant, structure, positive=positive_gains, **asked)
+            options: dict[str, Any] = {"M_S": peak, "omega_c": omega_c, "dt": sample_time, "delay": delay}
+            result = robust.design_frf(plant, structure, positive=positive_gains, **options)
         words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
     else:
         if bandwidth is None:

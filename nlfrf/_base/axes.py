@@ -246,7 +246,7 @@ def save_figure(path: Path, figure: Any, *, dpi: int, role: Role = Role.NAMED) -
     kind = path.suffix.lstrip(".").lower()
     existing = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
     metadata = {} if existing is None else {"metadata": {existing: PICTURE_SIGNATURE}}
-    write_atomically(path, lambda beside: figure.savefig(beside, format=kind, dpi=dpi, **metadata), role=role)
+    write_atomically(path, lambda temporary: figure.savefig(temporary, format=kind, dpi=dpi, **metadata), role=role)
 
 
 def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
@@ -275,11 +275,11 @@ def gain_band(
     ax.fill_between(f, edge, top, color=color, alpha=alpha, lw=0, label=label)
     endless = ~(low > 0) & (size > 0)
     if endless.any():
-        beside = endless.copy()  # half a step is none: hatched up to the next line on both sides
-        beside[1:] |= endless[:-1]
-        beside[:-1] |= endless[1:]
+        hatched = endless.copy()  # half a step is none: hatched up to the next line on both sides
+        hatched[1:] |= endless[:-1]
+        hatched[:-1] |= endless[1:]
         look: dict[str, Any] = {"facecolor": "none", "edgecolor": color, "hatch": "/////", "lw": 0}
-        ax.fill_between(f, edge, top, where=beside, label=over, **look)
+        ax.fill_between(f, edge, top, where=hatched, label=over, **look)
 
 
 def follow_lines(ax: Any) -> None:

@@ -107,8 +107,8 @@ def html_card(thing: Any) -> str:
     """A value as HTML: what it says of itself, a picture where it has one, its fields with their meaning."""
     kind: Any = type(thing)
     parts = [f"<b>{html.escape(kind.__name__)}</b>"]
-    spoken = kind.__str__ is not object.__str__
-    if spoken:
+    has_own_text = kind.__str__ is not object.__str__
+    if has_own_text:
         parts.append(f"<pre style='line-height:1.25'>{html.escape(str(thing))}</pre>")
     sketch = getattr(thing, "_sketch_", None)
     if sketch is not None:
@@ -121,7 +121,7 @@ def html_card(thing: Any) -> str:
         for name in (field.name for field in fields(thing))
     )
     table = f"<table>{rows}</table>"
-    parts.append(f"<details><summary>fields</summary>{table}</details>" if spoken else table)
+    parts.append(f"<details><summary>fields</summary>{table}</details>" if has_own_text else table)
     return f"<div>{''.join(parts)}</div>"
 
 

@@ -337,10 +337,12 @@ def require_start(ratio: np.ndarray, record: Record) -> None:
     N = record.n_samples
     spectrum = np.zeros(N // 2 + 1, dtype=complex)
     spectrum[record.lines.excited] = np.mean(ratio / np.abs(ratio), axis=0)
-    alike = np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size  # 1: all lines agree on that delay
-    late, near, half = int(np.argmax(alike)), max(int(START * N), 1), N // 2
+    agreement = (
+        np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size
+    )  # 1: all lines agree on that delay
+    late, near, half = int(np.argmax(agreement)), max(int(START * N), 1), N // 2
     late = (late + half // 2) % half - half // 2  # over half a period odd lines repeat with the other sign
-    if alike[late] > AGREE and max(alike[: near + 1].max(), alike[-near:].max()) < AGREE * alike[late]:
+    if agreement[late] > AGREE and max(agreement[: near + 1].max(), agreement[-near:].max()) < AGREE * agreement[late]:
         raise ValueError(
             "path must begin with what was played, or start say when it begins, got a force that is "
             f"{late / record.fs:.3g} s late, give or take half periods"

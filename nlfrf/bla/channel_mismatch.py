@@ -127,10 +127,10 @@ def estimate_mismatches(
     channels += [(f"all of {', '.join(record.outputs)}", slice(n_y), outputs)] * (n_y > 1)
     # one nonlinearity sends a product of four lines to each of them: what it does to the gain on all of them is twice
     # what they tell one by one (a delay has each with either sign, and is none)
-    bent = 1 + np.clip(1 - np.median(noise / C, axis=1), 0.0, 1.0)
+    curvature_factor = 1 + np.clip(1 - np.median(noise / C, axis=1), 0.0, 1.0)
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
-            chance = bent[rows].max() if kind == "gain" else 1.0
+            chance = curvature_factor[rows].max() if kind == "gain" else 1.0
             yield estimate_mismatch(
                 V[rows],
                 x * slope,

@@ -238,8 +238,8 @@ def count_independent_experiments(excited: Spectra) -> int:
     Z = excited.excitation
     if len(Z) == 1 or Z.shape[2] <= FEW_PHASE_LINES:
         return Z.shape[1]
-    alike = np.all(find_phase_copies(np.swapaxes(Z, 0, 1)), axis=0)  # (M, M)
-    return sum(not alike[m, :m].any() for m in range(len(alike)))
+    same_phases = np.all(find_phase_copies(np.swapaxes(Z, 0, 1)), axis=0)  # (M, M)
+    return sum(not same_phases[m, :m].any() for m in range(len(same_phases)))
 
 
 def warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["plot_frm", "plot_frm_bounds", "plot_frm_phase", "plot_rga", "plot_singular_values"]
 
 
-LEGEND_ROOM = 12.0  # dB above and below the curves
+LEGEND_DB = 12.0  # dB above and below the curves
 MAX_MARKED_LINES = 300  # lines that are drawn as points too
 LINE_STYLES = ("-", "--", "-.", ":")
 
@@ -44,7 +44,7 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
     size, radius = np.abs(frm.matrix), expand_entries(frm, frm.bound(confidence))
     label = f"{100 * confidence:g} % bound of the entry"
     for j in range(frm.n_outputs):
-        floor, ceiling = smallest_nonzero(size[j]) - LEGEND_ROOM / 2, float(to_decibel(size[j].max())) + LEGEND_ROOM / 2
+        floor, ceiling = smallest_nonzero(size[j]) - LEGEND_DB / 2, float(to_decibel(size[j].max())) + LEGEND_DB / 2
         for i, entry in enumerate(made[j]):
             gains = size[j, i], size[j, i] - radius[j, i], size[j, i] + radius[j, i]
             gain_band(entry, frm.f, *gains, color=COLOR["bound"], label=label, over=OVER_100)
@@ -127,7 +127,7 @@ def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Ax
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel="singular values of G [dB]",
-        ylim=(smallest_nonzero(found.sigma) - LEGEND_ROOM / 2, float(to_decibel(found.sigma.max())) + LEGEND_ROOM / 2),
+        ylim=(smallest_nonzero(found.sigma) - LEGEND_DB / 2, float(to_decibel(found.sigma.max())) + LEGEND_DB / 2),
         title="Gain in the strongest and in the weakest direction",
     )
     return finish_axes(ax)

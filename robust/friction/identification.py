@@ -566,6 +566,6 @@ def numbers_with_spread(
         "stiction": SLIDING_ERROR * numbers["stiction"],
     }
     for name, std in spread.items():
-        apart = np.mean([(other[name] - numbers[name]) ** 2 for other in others])
-        spread[name] = float(np.sqrt(std**2 + apart + floors.get(name, FORCE_ERROR * numbers[name]) ** 2))
+        between = np.mean([(other[name] - numbers[name]) ** 2 for other in others])
+        spread[name] = float(np.sqrt(std**2 + between + floors.get(name, FORCE_ERROR * numbers[name]) ** 2))
     return numbers, spread

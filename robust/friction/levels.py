@@ -259,9 +259,9 @@ def variance_inflation(solution: Solution, misfit: float) -> float:
     """
     r = solution.residual
     power = float((np.abs(r) ** 2).sum())
-    alike = float((r[1:] * r[:-1].conj()).real.sum()) / power if power > 0 else 0.0
-    alike = float(np.clip(alike, 0.0, 0.99))
-    return max(1.0, misfit) * (1 + alike) / (1 - alike)
+    autocorrelation = float((r[1:] * r[:-1].conj()).real.sum()) / power if power > 0 else 0.0
+    autocorrelation = float(np.clip(autocorrelation, 0.0, 0.99))
+    return max(1.0, misfit) * (1 + autocorrelation) / (1 - autocorrelation)
 
 
 def profile_interval(solutions: list[Solution], i: int, least: float, spread: float) -> tuple[float, float]:

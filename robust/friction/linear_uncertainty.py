@@ -165,12 +165,12 @@ def uncertain_rows(
     error : (W,) largest |p/x| [N/m].
     """
     s = 1j * omega[:, None]
-    bent = np.column_stack([np.ones(omega.size), 1 - rates / (rho * (rates - s))]) * mobility[:, None]
+    multiplier_row = np.column_stack([np.ones(omega.size), 1 - rates / (rho * (rates - s))]) * mobility[:, None]
     lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
     table = np.zeros((omega.size, 1 + rates.size, 2, 2), complex)
-    table[..., 0, 0] = bent.real
+    table[..., 0, 0] = multiplier_row.real
     table[:, 1:, 0, 0] -= lost
-    table[..., 0, 1], table[..., 1, 0] = -bent / 2, -bent.conj() / 2  # v = M (f - p)
+    table[..., 0, 1], table[..., 1, 0] = -multiplier_row / 2, -multiplier_row.conj() / 2  # v = M (f - p)
     squared_error = (error * np.abs(mobility) / omega) ** 2
     q = squared_error[:, None, None] * np.array([[1, -1], [-1, 1]]) - np.diag([0, 1])
     return table, q

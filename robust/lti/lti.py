@@ -105,8 +105,8 @@ def is_clockless(system: control.StateSpace) -> bool:
 def sampling_times_differ(one: control.StateSpace, other: control.StateSpace) -> bool:
     """Whether two systems state sampling times that are not the same; a gain without one fits any."""
     steps = timebase(one), timebase(other)
-    unlike = abs(steps[0] - steps[1]) > SAMPLING_TOLERANCE * max(steps)
-    return unlike and not is_clockless(one) and not is_clockless(other)
+    differ = abs(steps[0] - steps[1]) > SAMPLING_TOLERANCE * max(steps)
+    return differ and not is_clockless(one) and not is_clockless(other)
 
 
 def common_sampling_time(*systems: Any) -> float | None:
@@ -122,15 +122,15 @@ def common_sampling_time(*systems: Any) -> float | None:
     return None
 
 
-def require_sampling_time(name: str, system: Any, beside: str, wanted: float | None) -> None:
+def require_sampling_time(name: str, system: Any, reference: str, wanted: float | None) -> None:
     """Check that a system states no other sampling time than the one wanted; None accepts any."""
     mine = common_sampling_time(system)
     if mine is None or wanted is None or abs(mine - wanted) <= SAMPLING_TOLERANCE * max(mine, wanted):
         return
     got = f"{mine:g} s" if mine else "a continuous one"
     if wanted:
-        raise ValueError(f"{name} must have the sampling time of {beside}, {wanted:g} s, got {got}")
-    raise ValueError(f"{name} must be continuous as {beside}, got one sampled at {got}")
+        raise ValueError(f"{name} must have the sampling time of {reference}, {wanted:g} s, got {got}")
+    raise ValueError(f"{name} must be continuous as {reference}, got one sampled at {got}")
 
 
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:

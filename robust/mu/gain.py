@@ -90,7 +90,7 @@ def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
     return gain
 
 
-def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], room: np.ndarray, s: BlockStructure) -> np.ndarray:
+def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], slack: np.ndarray, s: BlockStructure) -> np.ndarray:
     """(W,) least gain that scalings prove, from those of the blocks, which leave `room` under one to their own loop."""
     rows, cols = s.shape
     D_L, D_R, G = of_blocks
@@ -98,7 +98,7 @@ def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], room: np.ndarra
     scaled = M.copy()
     scaled[:, :rows] = D_L @ scaled[:, :rows]
     scaled[:, :, :cols] = scaled[:, :, :cols] @ np.linalg.inv(D_R)
-    size, level = starting_size(scaled, G, room)
+    size, level = starting_size(scaled, G, slack)
     unit = np.sqrt(level)
     scaled[:, rows:] *= size[:, None, None]
     scaled[:, :, cols:] /= (size * unit)[:, None, None]
@@ -132,14 +132,14 @@ def proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.n
     return gain
 
 
-def starting_size(M: np.ndarray, G: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(W,) the size of the performance at which scalings of one prove least, and the level they prove there.
 
     The smallest of those tried takes half of the room that the loop of the blocks leaves, so that it proves something.
     """
     cols, rows = G.shape[1:]
     reads = np.linalg.norm(M[:, rows:, :cols], axis=(1, 2))
-    smallest = np.sqrt(0.5 * room) / np.maximum(reads, 1e-9 * np.linalg.norm(M, axis=(1, 2)) + 1e-300)
+    smallest = np.sqrt(0.5 * slack) / np.maximum(reads, 1e-9 * np.linalg.norm(M, axis=(1, 2)) + 1e-300)
     sizes = smallest * 2.0 ** np.arange(N_STARTING_SIZES)[:, None]
     levels = []
     for size in sizes:
@@ -147,7 +147,7 @@ def starting_size(M: np.ndarray, G: np.ndarray, room: np.ndarray) -> tuple[np.nd
         scaled[:, rows:] *= size[:, None, None]
         scaled[:, :, cols:] /= size[:, None, None]
         closed = np.linalg.eigvalsh(scaled_square(scaled, G)[:, :cols, :cols])[:, -1]
-        levels.append(np.where(closed < 1 - 0.01 * room, least_level(scaled, G), np.inf))
+        levels.append(np.where(closed < 1 - 0.01 * slack, least_level(scaled, G), np.inf))
     best = np.argmin(levels, axis=0), np.arange(len(M))
     return sizes[best], np.maximum(np.array(levels)[best], 1e-300)
 

@@ -131,7 +131,7 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     """
     difference = [cumulative_power(one - following) for one, following in pairwise(y)]
     noise = least_noise(difference, y[-1])
-    unlike, corrupted, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
+    mismatched, corrupted, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
     for j, up_to in enumerate(difference):
         if gaps[j] or gaps[j + 1]:
             continue
@@ -139,17 +139,17 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
         if found and shift:  # what stands before both gaps is found elsewhere in the period that follows them
             corrupted[j], total[j] = True, shift
         elif found:
-            unlike[j + 1] = True  # one or the other: nothing is lost
+            mismatched[j + 1] = True  # one or the other: nothing is lost
         else:
             backwards = up_to[-1] - up_to[::-1]
             found, shift = has_slip_pair(y[j + 1, ::-1], y[j, ::-1], backwards, noise, last)
             if found:
                 corrupted[j + 1], total[j + 1] = True, -shift
     if len(y) == 2:
-        return corrupted | unlike[1], total
-    corrupted |= unlike[1:] & unlike[:-1]
-    corrupted[0] |= unlike[1] and not (unlike[2] or corrupted[1])
-    corrupted[-1] |= unlike[-2] and not (unlike[-3] or corrupted[-2])
+        return corrupted | mismatched[1], total
+    corrupted |= mismatched[1:] & mismatched[:-1]
+    corrupted[0] |= mismatched[1] and not (mismatched[2] or corrupted[1])
+    corrupted[-1] |= mismatched[-2] and not (mismatched[-3] or corrupted[-2])
     return corrupted, total
 
 
@@ -210,8 +210,8 @@ def has_slip_pair(
         )
 
     # one shift up to the first gap, another up to the second: the pair that leaves least
-    tells = (difference - left[1:]).max(axis=1)
-    for before in ([0], (np.argsort(tells)[-MIN_PERIODS:] + 1).tolist()):
+    slip_gain = (difference - left[1:]).max(axis=1)
+    for before in ([0], (np.argsort(slip_gain)[-MIN_PERIODS:] + 1).tolist()):
         least = np.inf, 0, 0, 0, 0
         for i in before:
             from_first = np.minimum.accumulate(left[i] - left[1:], axis=1)
@@ -234,14 +234,14 @@ def candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[in
     cross = rfft(one).conj() * rfft(following)
     cross[0], cross[last + 1 :] = 0.0, 0.0
     reach = max(2, n // 8)
-    alike = np.fft.irfft(cross / np.maximum(np.abs(cross), TINY), n)
-    alike = np.concatenate([alike[-reach:], alike[: reach + 1]])
-    alike[max(reach - MAX_SHORT_SHIFT, 0) : reach + MAX_SHORT_SHIFT + 1] = -np.inf
+    lag_correlation = np.fft.irfft(cross / np.maximum(np.abs(cross), TINY), n)
+    lag_correlation = np.concatenate([lag_correlation[-reach:], lag_correlation[: reach + 1]])
+    lag_correlation[max(reach - MAX_SHORT_SHIFT, 0) : reach + MAX_SHORT_SHIFT + 1] = -np.inf
     found: set[int] = set()
     for _ in range(N_LIKELIEST):
-        best = int(alike.argmax())
+        best = int(lag_correlation.argmax())
         found |= {best - reach + offset for offset in (-1, 0, 1)}
-        alike[max(best - MAX_SHORT_SHIFT, 0) : best + MAX_SHORT_SHIFT + 1] = -np.inf
+        lag_correlation[max(best - MAX_SHORT_SHIFT, 0) : best + MAX_SHORT_SHIFT + 1] = -np.inf
     return sorted(found)
 
 

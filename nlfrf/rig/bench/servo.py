@@ -603,8 +603,8 @@ def run_experiment(experiment: ServoExperiment) -> Arrays:
     y = kept(trace.position - base)
     change = 0.0
     if experiment.n_periods > 1 and not experiment.base_velocity:
-        apart = np.sqrt(np.mean((y[-1] - y[-2]) ** 2))
-        change = max(apart - 2 * axis.resolution, 0.0) / max(np.std(y[-1]), np.finfo(float).tiny)
+        period_difference = np.sqrt(np.mean((y[-1] - y[-2]) ** 2))
+        change = max(period_difference - 2 * axis.resolution, 0.0) / max(np.std(y[-1]), np.finfo(float).tiny)
     back = kept(trace.v[-1]) * experiment.base_velocity < 0
     return {
         "u": kept(trace.force_set),

@@ -80,20 +80,20 @@ def build_servo_kernel(stamp: str) -> Callable[..., int]:
                 last = y
             speed += gains[SMOOTHING] * ((y - last) * fs - speed)
             last = y
-            asked, error = 0.0, 0.0
+            current_set_point, error = 0.0, 0.0
             if closed:
                 if k % position_every == 0:
                     ahead = (position[k] - last_set) * fs / position_every
                     by_position = gains[KV] * (position[k] - y) + gains[FEEDFORWARD] * ahead
                     last_set = position[k]
                 error = by_position + velocity[k] - speed
-                asked = gains[KP] * error + sum_of_errors
+                current_set_point = gains[KP] * error + sum_of_errors
                 for s in range(filters.shape[0]):  # direct form II, transposed
-                    new = filters[s, 0] * asked + sections[s, 0]
-                    sections[s, 0] = filters[s, 1] * asked - filters[s, 4] * new + sections[s, 1]
-                    sections[s, 1] = filters[s, 2] * asked - filters[s, 5] * new
-                    asked = new
-            unlimited = asked + current[k]
+                    new = filters[s, 0] * current_set_point + sections[s, 0]
+                    sections[s, 0] = filters[s, 1] * current_set_point - filters[s, 4] * new + sections[s, 1]
+                    sections[s, 1] = filters[s, 2] * current_set_point - filters[s, 5] * new
+                    current_set_point = new
+            unlimited = current_set_point + current[k]
             limited = min(max(unlimited, -limit), limit)
             if (unlimited - limited) * error <= 0.0:  # anti-windup: no further into the limit
                 sum_of_errors += gains[INTEGRAL] * error

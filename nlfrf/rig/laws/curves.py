@@ -232,9 +232,9 @@ class Table:
         slope = np.diff(force, prepend=0.0) / np.diff(z, prepend=0.0)
         if slope[0] <= 0 or np.any(slope < 0):
             raise ValueError(f"F must be increasing for z > 0, got a slope of {slope.min():g} N/m")
-        bent = np.flatnonzero(np.diff(slope) > 1e-9 * slope[0])
-        if bent.size:
-            i = int(bent[0]) + 1
+        kinks = np.flatnonzero(np.diff(slope) > 1e-9 * slope[0])
+        if kinks.size:
+            i = int(kinks[0]) + 1
             raise ValueError(
                 f"F must be concave for z > 0 (slopes that do not grow), "
                 f"got {slope[i]:g} after {slope[i - 1]:g} N/m at z = {z[i - 1]:g} m"

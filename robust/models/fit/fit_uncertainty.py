@@ -183,7 +183,7 @@ def format_roots(known: FitUncertainty | None, discrete: bool) -> str:
     """Return poles and zeros with their standard deviations, a line each kind; a pair once."""
     if known is None:
         return ""
-    said = ""
+    text = ""
     unit = "" if discrete else " rad/s"
     for name, roots, std in (("poles", known.poles, known.std_poles), ("zeros", known.zeros, known.std_zeros)):
         each = [
@@ -191,6 +191,6 @@ def format_roots(known: FitUncertainty | None, discrete: bool) -> str:
             for r, sd in zip(roots, std, strict=True)
             if r.imag >= 0
         ]
-        said += f"\n  {name}{unit}: {', '.join(each)}" if each else ""
-    said += f"\n  gain: relative std {known.std_gain:.2g}"
-    return said + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")
+        text += f"\n  {name}{unit}: {', '.join(each)}" if each else ""
+    text += f"\n  gain: relative std {known.std_gain:.2g}"
+    return text + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")

@@ -416,9 +416,10 @@ class NominalFit:
     def __str__(self) -> str:
         ratio = self.cost / self.expected_cost
         kind = f"sampled at {1 / self.G.dt:g} Hz" if self.G.dt else "continuous"
-        told = ", ".join(f"{1e3 * tau:.3g}" for tau in np.unique(self.delay if self.delays is None else self.delays))
+        delays = np.unique(self.delay if self.delays is None else self.delays)
+        delays_in_ms = ", ".join(f"{1e3 * tau:.3g}" for tau in delays)
         return (
-            f"nominal model: {self.G.nstates} poles, {kind}, delay {told} ms; "
+            f"nominal model: {self.G.nstates} poles, {kind}, delay {delays_in_ms} ms; "
             f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
             + ("" if np.isnan(self.p_value) else f" (p = {self.p_value:.2g})")
             + format_roots(self.uncertainty, bool(self.G.dt))

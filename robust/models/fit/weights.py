@@ -298,8 +298,8 @@ def sections_on_peaks(problem: MagnitudeProblem, order: int) -> np.ndarray:
         peak = int(np.argmax(free))
         if taken[peak]:
             break
-        beside = t[max(0, peak - width) : peak + width + 1]
-        sharp = np.clip(np.exp(-(t[peak] - beside.min())), 1e-3, 0.5)
+        neighbourhood = t[max(0, peak - width) : peak + width + 1]
+        sharp = np.clip(np.exp(-(t[peak] - neighbourhood.min())), 1e-3, 0.5)
         theta[2 * k], theta[2 * k + 1] = log_x[peak], np.log(0.7)
         theta[order + 2 * k], theta[order + 2 * k + 1] = log_x[peak], np.log(sharp)
         taken[max(0, peak - 2 * width) : peak + 2 * width + 1] = True

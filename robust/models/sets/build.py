@@ -147,9 +147,9 @@ def uncertainty(
     if several and form == DEFAULT_FORM:
         form = ELEMENTS
     if several and form == AUTO:  # the price of looking at both: what may go wrong is shared between them
-        asked: dict[str, Any] = {"order": order, "confidence": (1 + require_probability("confidence", confidence)) / 2}
-        asked |= {"simultaneous": simultaneous, "even": even, "systematic": systematic, "perturbation": perturbation}
-        both = [uncertainty(bla, nominal, form=one, below=below, above=above, **asked) for one in (ELEMENTS, ADDITIVE)]
+        shared: dict[str, Any] = {"order": order, "confidence": (1 + require_probability("confidence", confidence)) / 2}
+        shared |= {"simultaneous": simultaneous, "even": even, "systematic": systematic, "perturbation": perturbation}
+        both = [uncertainty(bla, nominal, form=one, below=below, above=above, **shared) for one in (ELEMENTS, ADDITIVE)]
         return replace(both[0], alternative_form=both[1])
     require_choice("form", form, (*MATRIX_FORMS, AUTO) if several else tuple(FORMS))
     spec = RadiusSpec(

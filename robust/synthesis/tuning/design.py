@@ -190,11 +190,11 @@ class TunedDesign:
         if not self.limits:
             return f"no stable loop was found, the slowest pole has a real part of {self.excess:.3g} rad/s"
         if missed:
-            said = "; ".join(
+            entries = "; ".join(
                 f"{one.limit} is missed by a factor {one.ratio:.4g} at {format_hertz(one.omega)} on plant {one.plant}"
                 for one in missed[:3]
             )
-            return f"not met: {said} ({self.ended.value})"
+            return f"not met: {entries} ({self.ended.value})"
         if not self.stable:
             return "not met: a loop cannot be told from one on the stability boundary. Ask for a decay"
         return self.ended.value
@@ -237,11 +237,11 @@ class TunedDesign:
         met = "met, on lines or as norms as said" if self.met else "NOT MET"
         rows = [f"tuned {format_small_count(len(self.blocks), 'block')}: {met}; {self.reason}"]
         for name, block in self.blocks.items():
-            said = [
+            entries = [
                 f"{key} = {np.array2string(number, precision=6)}{f' {UNITS[key]}' if key in UNITS else ''}"
                 for key, number in parameter_values(block).items()
             ]
-            rows.append(f"  {name}: {', '.join(said)}")
+            rows.append(f"  {name}: {', '.join(entries)}")
         rows += [f"  {one}" for one in self.limits]
         rows.append(f"  starts: {', '.join(f'{one:.5g}' for one in self.spread)}")
         if self.at_bounds:

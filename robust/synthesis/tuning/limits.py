@@ -197,11 +197,11 @@ def largest_singular_values(H: np.ndarray) -> np.ndarray:
 
 def distance_to_one(N11: np.ndarray, smooth: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return 1 - |N11|^2, below NEAR_ONE a positive hyperbola where smooth, and its slope over |N11|^2."""
-    room = 1 - np.abs(N11) ** 2
+    slack = 1 - np.abs(N11) ** 2
     if not smooth:
-        return room, -np.ones(room.shape)
-    away = np.maximum(2 - room / NEAR_ONE, 1.0)
-    return np.where(room > NEAR_ONE, room, NEAR_ONE / away), -1 / away**2
+        return slack, -np.ones(slack.shape)
+    away = np.maximum(2 - slack / NEAR_ONE, 1.0)
+    return np.where(slack > NEAR_ONE, slack, NEAR_ONE / away), -1 / away**2
 
 
 def largest_over_discs(
@@ -212,14 +212,14 @@ def largest_over_discs(
     The channel fills a disc with centre N22 + N21 N12 conj(N11)/(1 - |N11|^2) and radius |N21 N12|/(1 - |N11|^2). With
     several inputs or outputs centre plus radius is an upper bound. `smooth` carries it on where |N11| >= 1.
     """
-    room, _ = distance_to_one(N11, smooth)
+    slack, _ = distance_to_one(N11, smooth)
     product = N21[:, :, None] * N12[:, None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
-        centre = N22 + product * (np.conj(N11) / room)[:, None, None]
-        edge = np.linalg.norm(N21, axis=1) * np.linalg.norm(N12, axis=1) / room
+        centre = N22 + product * (np.conj(N11) / slack)[:, None, None]
+        edge = np.linalg.norm(N21, axis=1) * np.linalg.norm(N12, axis=1) / slack
     if smooth:
         return largest_singular_values(centre) + edge
-    inside = (room > 0) & np.isfinite(centre).all(axis=(1, 2))
+    inside = (slack > 0) & np.isfinite(centre).all(axis=(1, 2))
     centre[~inside] = 0.0
     return np.where(inside, largest_singular_values(centre) + edge, np.inf)
 
@@ -257,8 +257,8 @@ def worst_case_slope(channel: Channel, H: np.ndarray, a: complex, g: complex) ->
     u_row, at_input, at_output = channel.perturbation
     rows, columns = channel.rows, channel.columns
     (N11,), (N12,), (N21,) = channel.perturbation_loop(H[None], np.array([a]), np.array([g]))
-    (room,), (slope,) = distance_to_one(np.array([N11]), smooth=True)
-    inverse = 1 / room
+    (slack,), (slope,) = distance_to_one(np.array([N11]), smooth=True)
+    inverse = 1 / slack
     centre = H[rows[:, None], columns] + np.outer(N21, N12) * np.conj(N11) * inverse
     U, sigma, V = np.linalg.svd(centre, full_matrices=False)
     u, v = U[:, 0], V[0].conj()
@@ -274,8 +274,8 @@ def worst_case_slope(channel: Channel, H: np.ndarray, a: complex, g: complex) ->
         of_N21 = of_N21 + N21 / n21 * n12 * inverse
         of_N12 = of_N12 + N12 / n12 * n21 * inverse
     # D moves by D'(q) 2 Re(conj(N11) dN11)
-    by_room = -((left * right * np.conj(N11)).real + n21 * n12) * inverse**2
-    of_N11 = of_N11 + by_room * slope * 2 * N11
+    by_slack = -((left * right * np.conj(N11)).real + n21 * n12) * inverse**2
+    of_N11 = of_N11 + by_slack * slope * 2 * N11
     Q = np.zeros(H.shape, complex)
     np.add.at(Q, (rows[:, None], columns), of_nominal)
     np.add.at(Q, (np.full(columns.size, u_row), columns), of_N12)
