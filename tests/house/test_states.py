@@ -41,6 +41,8 @@ REVIEWED = {
     "nlfrf.io.readers.layout:head_of": "the beginning of a file",
     "nlfrf.io.readers.lvm:contents": "a file",
     "nlfrf.io.readers.twincat:with_tabs": "a file",
+    "nlfrf._base.arguments:wrap_lines": "lines of what is printed, broken to fit a screen",
+    "nlfrf._base.arguments:format_paragraph": "the same",
     "nlfrf._base.values:field_meanings": "a docstring, for a table in a notebook",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
     "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
