@@ -19,16 +19,19 @@ parser.add_argument("--out", type=Path, default=Path("demo/00"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. One special-odd multisine record of a mass on a spring with friction: force [N] in, position [m] out, 4 s a period.
+# %%
+# One special-odd multisine record of a mass on a spring with friction: force [N] in, position [m] out, 4 s a period.
 record = nlfrf.load_record(Path(__file__).parent / "data" / "record.npz")
 bla = nlfrf.identify(record)
 print(f"BLA on {bla.f.size} lines, 95 % bound of {100 * np.median(bla.bound() / np.abs(bla.G)):.1f} % in the median")
 
-# 2. A nominal model, and a multiplicative weight W that covers what the record leaves open: G_p = G (1 + W Delta).
+# %%
+# A nominal model, and a multiplicative weight W that covers what the record leaves open: G_p = G (1 + W Delta).
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3))
 G, W = model.nominal, control.tf(model.weight)
 
-# 3. Loop shaping: an integrator that rolls off at 20 Hz, below the resonance at 60 Hz; a gain for a crossover at 4 Hz.
+# %%
+# Loop shaping: an integrator that rolls off at 20 Hz, below the resonance at 60 Hz; a gain for a crossover at 4 Hz.
 s, omega_c = control.tf("s"), 2 * np.pi * 4
 shape = 1 / s / (s / (2 * np.pi * 20) + 1) ** 2
 K = shape / abs((G * shape)(1j * omega_c))
@@ -37,12 +40,14 @@ S, T = control.feedback(1, L), control.feedback(L, 1)
 gain_margin, phase_margin, *_ = control.margin(L)
 print(f"nominal margins: a factor of {gain_margin:.2f}, {phase_margin:.0f} deg")
 
-# 4. Robust stability of the set is |W T| < 1 at every frequency: a linear matrix inequality for cvxpy, then checked.
+# %%
+# Robust stability of the set is |W T| < 1 at every frequency: a linear matrix inequality for cvxpy, then checked.
 certificate = robust.certify_norm(W * T, 1.0)
 print(f"|W T| < 1 at every frequency: {certificate.outcome} ({certificate.method} lemma)")
 print(robust.check(model, K).verdict)
 
-# 5. The picture.
+# %%
+# The picture.
 f = np.geomspace(0.1, 300, 500)
 figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
 ax.loglog(bla.f, np.abs(bla.G) / abs(G(0)), ".k", label="|G| of the record over its stiffness")

@@ -21,7 +21,8 @@ parser.add_argument("--out", type=Path, default=Path("demo/21"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# 1. What is known before: mass and force constant from the data sheet, and soft gains with which the axis stands still.
+# %%
+# What is known before: mass and force constant from the data sheet, and soft gains with which the axis stands still.
 machine = nlfrf.servo_axis("linear motor")
 machine = replace(machine, drive=replace(machine.drive, kv=20, kp=40, tn=0.05))
 rough = nlfrf.ServoAxis(motor_inertia=12, force_constant=52.8, drive=machine.drive)
@@ -35,13 +36,15 @@ def play(experiment, name, axis=machine):
     return load_trace(out / f"{name}-trace.csv", out / f"{name}.npz", u="force set point", y="position")
 
 
-# 2. The pre-test: one multisine at rising levels says which levels stick, bend and slide.
+# %%
+# The pre-test: one multisine at rising levels says which levels stick, bend and slide.
 ramp = design_ramp(rough, n_samples=4000, f_min=4, f_max=100, limits=limits, rng=1)
 levels = find_levels(play(ramp, "ramp"), ramp)
 print(levels)
 
-# 3. The experiments. At rest: two levels that stick, one that bends, one that slides. In motion: one at 0.1 m/s,
-#    where friction slides all the time.
+# %%
+# The experiments. At rest: two levels that stick, one that bends, one that slides. In motion: one at 0.1 m/s,
+# where friction slides all the time.
 sticks, bends, slides = levels.records
 wanted = ((sticks, levels.rms[0]), (sticks, 4 * levels.rms[0]), (bends, levels.rms[1]), (slides, levels.rms[2]))
 at_rest = [design_experiment(source, n_samples=4000, f_min=5, f_max=98, rms=rms, rng=2) for source, rms in wanted]
@@ -52,7 +55,8 @@ moving = design_experiment(
 records += play(moving, "moving")[:1]  # forth; the way back is a second record
 names = [*(f"rest {k + 1}" for k in range(len(wanted))), "forth"]
 
-# 4. The gains that the autotuner of the drive proposes, on one page.
+# %%
+# The gains that the autotuner of the drive proposes, on one page.
 proposed = drive.DriveSettings(
     fs=4000, kv=250, kp=290, kp_unit="A/(m/s)", tn=0.004, torque_constant=52.8, lag=0.3e-3, delay_periods=1
 )
@@ -60,7 +64,8 @@ before = check_drive(records, proposed, names=names)
 print("\n--- the gains of the autotuner ---")
 print(before)
 
-# 5. Gains with more margin: |S| below 1.8 on the FRF in motion, the reset time chosen, then read back as gains.
+# %%
+# Gains with more margin: |S| below 1.8 on the FRF in motion, the reset time chosen, then read back as gains.
 PI = robust.pid(1.0, 1 / 0.03, dt=1 / 4000)
 design = robust.design_frf(nlfrf.identify(records[-1]), "PD", M_S=1.8, fixed=PI, dt=1 / 4000, filter_time=0.14e-3)
 better = drive.gains(design.K, like=proposed, output_unit="N").alternative  # the faster position loop
@@ -68,10 +73,12 @@ after = check_drive(records, better, names=names)
 print("\n--- gains with more margin ---")
 print(after)
 
-# 6. For the drive or a PLC: the same cascade as a function block.
+# %%
+# For the drive or a PLC: the same cascade as a function block.
 (out / "FB_Axis.st").write_text(drive.structured_text(better, name="FB_Axis"))
 
-# 7. A year later the friction has doubled. Is it still the machine of the model?
+# %%
+# A year later the friction has doubled. Is it still the machine of the model?
 law = machine.motor_friction
 worn = replace(machine, motor_friction=replace(law, strength=tuple(2 * force for force in law.strength)))
 for name, experiment, k in (("in motion", moving, -1), ("at rest, bending", at_rest[2], 2)):
@@ -79,7 +86,8 @@ for name, experiment, k in (("in motion", moving, -1), ("at rest, bending", at_r
     print(f"\n--- {name}, after the friction doubled ---")
     print(robust.validate(nlfrf.identify(records[k]), later))
 
-# 8. The picture: the levels of the pre-test, and a step of the position set point with both sets of gains.
+# %%
+# The picture: the levels of the pre-test, and a step of the position set point with both sets of gains.
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
 left.loglog(1e6 * levels.position_rms, levels.stiffness / 1e6, "o-")
 left.set(xlabel="position [um rms]", ylabel="stiffness [N/um]", title="pre-test: friction sticks, bends, slides")

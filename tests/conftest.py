@@ -11,6 +11,11 @@ settings.register_profile("patient", deadline=None)  # how long a case takes say
 settings.load_profile("patient")
 
 
+def pytest_collection_modifyitems(items):
+    """Build the documentation last: it takes what the tests of the examples have run, each in its own process."""
+    items.sort(key=lambda item: item.path.name == "test_docs.py")
+
+
 @pytest.fixture(scope="session")
 def measured():
     """The folder of measured records: NLFRF_DATA, else ../shared/data beside the checkout."""
