@@ -459,6 +459,10 @@ def check_gains(
         bool, typer.Option("--actual", help="The input is the actual current, not its set point.")
     ] = False,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
+    force: Annotated[
+        float | None,
+        typer.Option(help="Largest friction force [N] or [Nm]: a bound where the axis may hunt, and what changes it."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Page to write (.txt).")] = None,
     json: Json = False,
 ) -> None:
@@ -476,7 +480,9 @@ def check_gains(
     load |= {"n_discard": discard, "design": design}
     records = [read_trace(path, settings, actual=actual, **load) for path in traces]
     with spinner("checking"):
-        found = check_drive(records, settings, names=[path.name for path in traces], actual=actual, stiction=stiction)
+        found = check_drive(
+            records, settings, names=[path.name for path in traces], actual=actual, stiction=stiction, Fs=force
+        )
     say(found)
     if out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")

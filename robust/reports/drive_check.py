@@ -36,6 +36,7 @@ from robust.models.fit.nominal import DesignWarning
 from robust.models.fit.orders import scan_orders
 from robust.models.sets.build import uncertainty
 from robust.synthesis.drive.cascade import cascade, with_set_point
+from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.drive.units import POSITIONS
 
@@ -81,6 +82,8 @@ class DriveCheck:
         The verdicts with it, the least proved first.
     friction_note : str
         Why there is no friction verdict.
+    cures : tuple of FrictionCure
+        What a change of the drive does to a verdict that is not proved, where the friction force is known.
     actual : bool
         Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
     """
@@ -96,6 +99,7 @@ class DriveCheck:
     proofs: tuple[FrictionProof, ...]
     friction_note: str
     actual: bool
+    cures: tuple[FrictionCure, ...] = ()
 
     @property
     def is_exact(self) -> bool:
@@ -139,7 +143,7 @@ class DriveCheck:
         parts["friction"] = f"not judged: {self.friction_note}"
         if self.proofs:
             evidence = in_rotary_units(str(self.friction)) if position == "rad" else str(self.friction)
-            parts["friction"] = "\n".join([evidence, *map(str, self.proofs)])
+            parts["friction"] = "\n".join([evidence, *map(str, self.proofs), *map(str, self.cures)])
         elif position == "rad":
             parts["friction"] = in_rotary_units(parts["friction"])
         if self.step is not None:
@@ -218,6 +222,7 @@ def check_drive(
     names: Sequence[str] = (),
     actual: bool = False,
     stiction: float = 1.5,
+    Fs: float | None = None,
 ) -> DriveCheck:
     """Check the gains of a drive against traces of its axis, one a level.
 
@@ -233,6 +238,9 @@ def check_drive(
         Whether the input is the actual current or force, so that delay and lag are not in the traces.
     stiction : float
         Largest over smallest force of a slider, which no trace shows.
+    Fs : float, optional
+        Largest friction force [N] or [Nm]: gives a bound of the error where the axis may not come to rest, and what
+        changes it.
 
     Raises
     ------
@@ -253,7 +261,7 @@ def check_drive(
     machine = set_around(blas[chosen], nominal)
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = check(model, K, delay=settings.delay)
-    found, proofs, note = judge_friction(blas, settings, unit=unit, stiction=stiction)
+    found, proofs, cures, note = judge_friction(blas, settings, unit=unit, stiction=stiction, Fs=Fs)
     return DriveCheck(
         settings=settings,
         unit=unit,
@@ -265,6 +273,7 @@ def check_drive(
         friction=found,
         proofs=proofs,
         friction_note=note,
+        cures=cures,
         actual=actual,
     )
 
@@ -321,24 +330,29 @@ def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:
 
 
 def judge_friction(
-    blas: list[nlfrf.Bla], settings: DriveSettings, *, unit: str, stiction: float
-) -> tuple[FrictionClass | None, tuple[FrictionProof, ...], str]:
-    """What the levels say of the friction, the proofs with it, or why there are none."""
+    blas: list[nlfrf.Bla], settings: DriveSettings, *, unit: str, stiction: float, Fs: float | None
+) -> tuple[FrictionClass | None, tuple[FrictionProof, ...], tuple[FrictionCure, ...], str]:
+    """What the levels say of the friction, the proofs with it and what changes them, or why there are none."""
     if len(blas) < 3:
-        return None, (), f"it takes traces at three levels or more, from sticking to sliding, got {len(blas)}"
+        return None, (), (), f"it takes traces at three levels or more, from sticking to sliding, got {len(blas)}"
     if unit == "A":
-        return None, (), "it takes a force, and the gains have no torque_constant"
+        return None, (), (), "it takes a force, and the gains have no torque_constant"
     try:
         found = friction_class(blas, stiction=stiction)
     except ValueError as error:
-        return None, (), str(error)
+        return None, (), (), str(error)
     base = settings.base_unit
     friction = replace(found.friction, position_unit=base)
     # without a nominal the levels give a single mass
     mass = 1 / float(found.machine.velocity @ found.machine.B_port)
-    machine = friction_plant(mass, found.stiffness_low, position_unit=base)
+    plain = friction_plant(mass, found.stiffness_low, position_unit=base)
+    machine = friction_behind_lag(plain, settings.lag)
     K = cascade(settings, output_unit=unit)
-    return found, prove_all((friction_behind_lag(machine, settings.lag),), K, friction, delay=settings.delay), ""
+    cures: tuple[FrictionCure, ...] = ()
+    proofs = prove_all((machine,), K, friction, delay=settings.delay, Fs=Fs)
+    if Fs is not None and proofs[0].verdict is not FrictionVerdict.PROVED:
+        cures = friction_cures(machine, settings, friction, Fs=Fs, output_unit=unit)
+    return found, proofs, cures, ""
 
 
 def step_of(model: Any, K: control.StateSpace, settings: DriveSettings, unit: str) -> StepResponse:

@@ -69,10 +69,10 @@ def friction_cures(
 ) -> tuple[FrictionCure, ...]:
     """Prove a loop again with each change that helps against hunting, and put them in the order of what helps.
 
-    Changed one at a time: velocity gain times 1.5, reset time times 1.5, no integral action (what a dead band or a leak
-    of the integrator tends to), and a compensation of the friction that is wrong by a share of it. The last leaves a
-    friction of at most that share of Fs, of which nothing else is known; one that follows the set point compensates
-    while the set point moves, and nothing at rest.
+    Only what helps is returned. Changed one at a time: velocity gain times 1.5, reset time times 1.5, no integral
+    action (what a dead band or a leak of the integrator tends to), and a compensation of the friction that is wrong by
+    a share of it. The last leaves a friction of at most that share of Fs, of which nothing else is known; one that
+    follows the set point compensates while the set point moves, and nothing at rest.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def friction_cures(
     Returns
     -------
     tuple of FrictionCure
-        That come to rest first, then by their error.
+        Those that come to rest first, then those with a smaller error than the drive as it is; by their error.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def friction_cures(
     for change, other in changed.items():
         verdict, error, _ = judge(machine, other, friction, Fs=Fs, output_unit=output_unit)
         found.append(FrictionCure(change=change, verdict=verdict, error=error, unit=machine.position_unit))
-    bound = judge(machine, settings, friction, Fs=Fs, output_unit=output_unit)[2]
+    _, present, bound = judge(machine, settings, friction, Fs=Fs, output_unit=output_unit)
     found.append(
         FrictionCure(
             change=f"friction compensated to {100 * q:g} % of it, while that acts",
@@ -134,7 +134,8 @@ def friction_cures(
             unit=machine.position_unit,
         )
     )
-    return tuple(sorted(found, key=lambda cure: (cure.verdict is not FrictionVerdict.PROVED, cure.error)))
+    helps = [cure for cure in found if cure.verdict is FrictionVerdict.PROVED or cure.error < present]
+    return tuple(sorted(helps, key=lambda cure: (cure.verdict is not FrictionVerdict.PROVED, cure.error)))
 
 
 def judge(
