@@ -83,19 +83,19 @@ class ClassicalMargins:
 
     def __str__(self) -> str:
         if np.isnan(self.crossover):
-            said = "|L| never crosses one"
+            text = "|L| never crosses one"
         else:
-            said = (
+            text = (
                 f"crossover {format_hertz(self.crossover)}, phase margin {np.degrees(self.phase_margin):.1f} deg"
                 f" at {format_hertz(self.omega_phase)}"
             )
         if np.isfinite(self.gain_margin):
-            said += f", gain margin {20 * np.log10(self.gain_margin):.2f} dB at {format_hertz(self.omega_gain)}"
+            text += f", gain margin {20 * np.log10(self.gain_margin):.2f} dB at {format_hertz(self.omega_gain)}"
         else:
-            said += ", no gain above this one makes it unstable"
+            text += ", no gain above this one makes it unstable"
         if self.gain_reduction:
-            said += f", {20 * np.log10(self.gain_reduction):.2f} dB at {format_hertz(self.omega_reduction)}"
-        return said + (f", bandwidth {format_hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
+            text += f", {20 * np.log10(self.gain_reduction):.2f} dB at {format_hertz(self.omega_reduction)}"
+        return text + (f", bandwidth {format_hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
 
 
 def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:

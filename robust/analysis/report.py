@@ -93,11 +93,11 @@ def advise_on_margin(
             f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
             f"go on from the {edge} line, {format_hertz(model.omega[k])}, "
         ) + where
-    said = [f"The margin is limited at {seen_at}, {where}."]
+    sentences = [f"The margin is limited at {seen_at}, {where}."]
     if rise > MENTIONED_EXCESS:
-        said.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
+        sentences.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
     if over > MENTIONED_EXCESS:
-        said.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
+        sentences.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
     if rise > DECISIVE_EXCESS or (outside and not shares):
         cause = "assumed"
     elif over > DECISIVE_EXCESS:
@@ -105,9 +105,9 @@ def advise_on_margin(
     else:
         cause = shares[0][1] if shares else ""
     if cause:
-        said.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
-        said += ["Or measure there."] * (outside and cause != "assumed")
-    return " ".join(said)
+        sentences.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
+        sentences += ["Or measure there."] * (outside and cause != "assumed")
+    return " ".join(sentences)
 
 
 def advise_on_weight(model: UncertaintyModel, loop: Loop, peaks: Peaks) -> str:

@@ -50,9 +50,9 @@ def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
 def multiplier_terms(mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float) -> np.ndarray:
     """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v first, then one a filter."""
     s = 1j * omega[:, None]
-    bent = (1 - rates / (rho * (rates - s))) * mobility[:, None]
+    stiction_row = (1 - rates / (rho * (rates - s))) * mobility[:, None]
     lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
-    return np.column_stack([mobility.real, bent.real - lost])
+    return np.column_stack([mobility.real, stiction_row.real - lost])
 
 
 def maxwell_slip_multipliers(table: np.ndarray) -> tuple[np.ndarray, float]:

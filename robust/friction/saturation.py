@@ -262,9 +262,9 @@ def saturation_terms(
     rest = float(cut.command_row @ loop.rest()[0]) * (rates[0] / (rates[0] + s))[:, None] * f
     columns = [hermitian_product(f, v)]
     for a in rates:
-        bent = (1 - a / (rho * (a - s)))[:, None] * v
+        stiction_row = (1 - a / (rho * (a - s)))[:, None] * v
         columns.append(
-            hermitian_product(f, bent)
+            hermitian_product(f, stiction_row)
             - (a * omega**2 / (rho * K0 * (a**2 + omega**2)))[:, None, None] * hermitian_product(f, f)
         )
     each = 1 / loop.T if loop.T else 1.0  # samples a second

@@ -142,8 +142,8 @@ def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, 
     """Return zeros, poles and gain, the gain fitted where the response is neither very large nor very small."""
     dt = timebase(system)
     # of a sampled one as they lie beside one, where slow roots are small numbers with digits of their own
-    beside = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
-    z, p = (order_roots(roots(beside) + (1.0 if dt else 0.0)) for roots in (zeros, poles))
+    shifted = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
+    z, p = (order_roots(roots(shifted) + (1.0 if dt else 0.0)) for roots in (zeros, poles))
     size = np.concatenate([np.abs(np.log(r[r != 0].astype(complex)) / dt if dt else r) for r in (z, p)])
     centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
     omega = centre * np.geomspace(0.1, 10, 21)

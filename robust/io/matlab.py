@@ -68,13 +68,14 @@ def export_matlab(content: Any, path: PathLike) -> None:
     loader = path.with_name(f"load_{name}.m")
     require_writable(loader, role=Role.DERIVED)  # before the first of two files is there
 
-    def write_mat(beside: Path) -> None:
-        savemat(beside, {"content": struct}, oned_as="column")
+    def write_mat(temporary: Path) -> None:
+        savemat(temporary, {"content": struct}, oned_as="column")
 
     write_atomically(path, write_mat)
-    said = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
+    replacements = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
     text = (
-        re.sub("NAME|'FILE'|FILE", lambda found: said[found[0]], script) + f"% {command_signature('robust export')}\n"
+        re.sub("NAME|'FILE'|FILE", lambda found: replacements[found[0]], script)
+        + f"% {command_signature('robust export')}\n"
     )
     write_text(loader, text, role=Role.DERIVED)
 

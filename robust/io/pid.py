@@ -123,18 +123,18 @@ class PidGains:
 
     def __str__(self) -> str:
         per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
-        said = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
-        said += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
-        said += [f"Kd = {self.kd:.6g}{times_s or ' s'}", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
+        parts = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
+        parts += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
+        parts += [f"Kd = {self.kd:.6g}{times_s or ' s'}", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
         form = "Kp" + " + Ki/s" * bool(self.ki) + " + Kd s/(Tf s + 1)" * bool(self.kd)
-        rows = [f"parallel, {form}: {', '.join(said)}"]
+        rows = [f"parallel, {form}: {', '.join(parts)}"]
         if self.kp and not self.has_ideal_form:
             times = [f"Ti = {self.integral_time:.4g} s"] * bool(self.ki) + [
                 f"Td = {self.derivative_time:.4g} s"
             ] * bool(self.kd)
             rows.append(f"ideal: none that a PLC takes, as {' and '.join(times)} would be negative times")
         elif self.kp and (self.ki or self.kd):
-            times = [said[0]]
+            times = [parts[0]]
             times += [f"Ti = {self.integral_time:.6g} s"] if self.ki else []
             times += [f"Td = {self.derivative_time:.6g} s", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
             form = "1" + " + 1/(Ti s)" * bool(self.ki) + " + Td s/(Tf s + 1)" * bool(self.kd)
@@ -227,8 +227,8 @@ def reason_for_unusual_gains(K: Any) -> str:
         for gains in found if isinstance(found, tuple) else (found,):
             named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
             if len({gain > 0 for gain in named.values() if gain}) > 1:
-                said = join_names([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
-                return f"the PID has {said}: no PLC takes gains of different signs"
+                parts = join_names([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
+                return f"the PID has {parts}: no PLC takes gains of different signs"
     return ""
 
 

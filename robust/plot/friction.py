@@ -117,5 +117,5 @@ def format_amplitude(a: float) -> str:
 def quasi_linear_title(q: QuasiLinear, kick_sure: float) -> str:
     """Return the heading."""
     fates = {0.0: "not to come to rest", np.inf: "to come to rest"}
-    said = "Predicted " + fates.get(q.amplitude, f"to grow from a kick of {q.kick:.3g} m/s")
-    return f"{said},\nsurely to run away from {kick_sure:.3g} m/s" if np.isfinite(kick_sure) else said
+    text = "Predicted " + fates.get(q.amplitude, f"to grow from a kick of {q.kick:.3g} m/s")
+    return f"{text},\nsurely to run away from {kick_sure:.3g} m/s" if np.isfinite(kick_sure) else text

@@ -71,11 +71,11 @@ def describe_stray_energy(record: Record) -> str:
     grid = record.lines
     spectrum = np.abs(np.fft.rfft(record.u, axis=-1)) / record.n_samples * 2
     power = np.mean(spectrum**2, axis=(0, 1))
-    beside = np.concatenate([grid.odd, grid.even])
-    if not beside.size:
+    detection = np.concatenate([grid.odd, grid.even])
+    if not detection.size:
         return "every line of the band was excited"
     with np.errstate(divide="ignore"):
-        below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[beside]))
+        below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[detection]))
     return (
         f"where nothing was to be played stands nothing to speak of (over {NEGLIGIBLE_DECIBELS:g} dB less)"
         if below > NEGLIGIBLE_DECIBELS

@@ -139,8 +139,8 @@ def write_report(
         worst_case_section(model, K, report, delay),
         settings_section(model, K, w_P, delay),
     ]
-    beside = "" if friction is None else describe_proof(friction)
-    write_text(path, render_page(title=title, notes=notes, report=report, beside=beside, sections=sections))
+    friction_line = "" if friction is None else describe_proof(friction)
+    write_text(path, render_page(title=title, notes=notes, report=report, beside=friction_line, sections=sections))
     return report
 
 

@@ -84,18 +84,18 @@ def describe_roots(roots: np.ndarray, dt: float) -> str:
         return "none"
     with np.errstate(divide="ignore"):
         s = np.log(roots.astype(complex)) / dt if dt else roots
-    said = []
+    text = []
     for root in sorted(s[s.imag >= -1e-9 * np.abs(s)], key=abs):
         size = abs(root)
         if not np.isfinite(size):
-            said.append("z = 0")
+            text.append("z = 0")
         elif size < 1e-6:
-            said.append("0 Hz (integrator)")
+            text.append("0 Hz (integrator)")
         elif abs(root.imag) < 1e-9 * size:
-            said.append(f"{size / 2 / np.pi:.4g} Hz" + (" (unstable side)" if root.real > 0 else ""))
+            text.append(f"{size / 2 / np.pi:.4g} Hz" + (" (unstable side)" if root.real > 0 else ""))
         else:
-            said.append(f"{size / 2 / np.pi:.4g} Hz, damping {round(-root.real / size, 6) + 0.0:.3g}")
-    return "; ".join(said)
+            text.append(f"{size / 2 / np.pi:.4g} Hz, damping {round(-root.real / size, 6) + 0.0:.3g}")
+    return "; ".join(text)
 
 
 def describe_demand(w_P: Any) -> str:

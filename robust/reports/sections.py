@@ -48,15 +48,15 @@ def verdict_section(report: RobustnessReport) -> Section:
 
 def describe_margins(report: RobustnessReport) -> str:
     """Return how far the loop is from trouble, in one line; nothing where it is in trouble."""
-    said = []
+    parts = []
     if report.nominally_stable and np.isfinite(report.margin_rs):
-        said.append(format_margin_factor(report.margin_rs))
+        parts.append(format_margin_factor(report.margin_rs))
     if report.margins is not None and not report.margins.reason:
-        said.append(report.margins.least())
+        parts.append(report.margins.least())
     if report.nominally_stable and np.isfinite(report.disk_margin):
         gain, phase = 20 * np.log10(report.gain_margin), np.degrees(report.phase_margin)
-        said.append(f"the nominal loop bears {gain:.1f} dB of gain and {phase:.0f} deg of phase at once")
-    return "; ".join(said)
+        parts.append(f"the nominal loop bears {gain:.1f} dB of gain and {phase:.0f} deg of phase at once")
+    return "; ".join(parts)
 
 
 def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> Section:

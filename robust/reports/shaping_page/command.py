@@ -17,14 +17,14 @@ __all__ = ["write_from_files"]
 
 
 def write_from_files(
-    out: Path, models: list[Any], K: Any, paths: tuple[Sequence[Path], Path | None], asked: Any, **loop: float
+    out: Path, models: list[Any], K: Any, paths: tuple[Sequence[Path], Path | None], demand: Any, **loop: float
 ) -> None:
-    """Write the page of models and a controller, and the paths of both; asked is bandwidth [Hz], peak, error."""
+    """Write the page of models and a controller, and the paths of both; demand is bandwidth [Hz], peak, error."""
     files, controller = paths
     if out.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"out must end in .html, got {out.name!r}")
-    bandwidth, peak, error = asked
-    told = PartSources(
+    bandwidth, peak, error = demand
+    sources = PartSources(
         names=tuple(path.stem for path in files),
         files=tuple(map(str, files)),
         controller="" if controller is None else str(controller),
@@ -33,4 +33,4 @@ def write_from_files(
         title="Shape a loop around " + ", ".join(path.stem for path in files),
     )
     w_P = None if bandwidth is None else performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    write_text(out, page_text(page_content(models, w_P=w_P, K=K, told=told, **loop)))
+    write_text(out, page_text(page_content(models, w_P=w_P, K=K, sources=sources, **loop)))

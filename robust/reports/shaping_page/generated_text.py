@@ -44,31 +44,31 @@ class PartSources:
 
 
 def python_script(
-    told: PartSources, models: list[Any], w_P: Any, K: control.StateSpace, dt: float, delay: float
+    sources: PartSources, models: list[Any], w_P: Any, K: control.StateSpace, dt: float, delay: float
 ) -> str:
     """Return a script that checks, and proves where it can, the controller that stands at its place in it."""
-    files = told.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
+    files = sources.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
     several = len(files) > 1
     rows = ["import control", "import numpy as np", "import robust", ""]
-    if not told.files:
+    if not sources.files:
         rows.append("# or the model at hand" + " itself" * (not several) + "; robust.save_model writes such a file")
     if several:
         rows.append(f"models = [robust.load_model(path) for path in {list(files)!r}]")
     else:
         rows.append(f"model = robust.load_model({files[0]!r})")
     if w_P is not None:
-        rows.append(f"w_P = {told.demand or state_space_literal(w_P)}")
-    rows += [f"dt = {dt!r}", starting_controller(told, K, dt), PLACE_OF_K, ""]
-    asked = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
-    check = f"print(robust.check(model, K{asked}))"
+        rows.append(f"w_P = {sources.demand or state_space_literal(w_P)}")
+    rows += [f"dt = {dt!r}", starting_controller(sources, K, dt), PLACE_OF_K, ""]
+    arguments = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
+    check = f"print(robust.check(model, K{arguments}))"
     rows += ["for model in models:", f"    {check}"] if several else [check]
     return "\n".join([*rows, 'robust.save_controller(K, "controller.json")', ""])
 
 
-def starting_controller(told: PartSources, K: control.StateSpace, dt: float) -> str:
+def starting_controller(sources: PartSources, K: control.StateSpace, dt: float) -> str:
     """Return the controller to begin with; its gain alone is part of what is shaped."""
-    if told.controller:
-        return f"K = robust.load_controller({told.controller!r})"
+    if sources.controller:
+        return f"K = robust.load_controller({sources.controller!r})"
     return "K = " + (state_space_literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
 
 
@@ -78,9 +78,9 @@ def state_space_literal(system: control.StateSpace) -> str:
     return f"control.ss({matrices}, {0 if system.dt is None else system.dt!r})"
 
 
-def proof_commands(told: PartSources, w_P: Any, delay: float) -> list[str]:
+def proof_commands(sources: PartSources, w_P: Any, delay: float) -> list[str]:
     """Return the commands that prove it, one a model; none where a file or the demand is not known to the command."""
-    if not told.files or (w_P is not None and not told.options):
+    if not sources.files or (w_P is not None and not sources.options):
         return []
-    asked = f" {told.options}" * bool(told.options) + (f" --delay {delay:g}" if delay else "")
-    return [f"robust check {shlex.quote(file)} controller.json{asked}" for file in told.files]
+    arguments = f" {sources.options}" * bool(sources.options) + (f" --delay {delay:g}" if delay else "")
+    return [f"robust check {shlex.quote(file)} controller.json{arguments}" for file in sources.files]

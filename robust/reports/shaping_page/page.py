@@ -97,7 +97,7 @@ def uncertain_poles(system: control.StateSpace) -> list[list[float]]:
     return [[float(p.real), float(p.imag)] for p in found]
 
 
-# ---- What the page is told: models as a controller sees them, the demand, the controller to begin with.
+# ---- What the page is sources: models as a controller sees them, the demand, the controller to begin with.
 
 LARGEST_NUMBER = 1e300
 UNFILTERED_SIZE = 1e120  # stands for a sum over aliases without a bound: its square is a number still
@@ -109,7 +109,7 @@ NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
 MAX_LINES = 400
 
 
-def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told: PartSources) -> dict[str, Any]:
+def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, sources: PartSources) -> dict[str, Any]:
     """Everything the page needs, as JSON holds it."""
     models = list(models) if isinstance(models, Sequence) else [models]
     if not models or not all(isinstance(model, UncertaintyModel) for model in models):
@@ -127,9 +127,9 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
     dt = loops[0].dt
     for model in models if dt else ():
         warn_of_unknown_hold(model, dt)
-    names = [*told.names, *(f"level {k + 1}" for k in range(len(told.names), len(models)))]
+    names = [*sources.names, *(f"level {k + 1}" for k in range(len(sources.names), len(models)))]
     return {
-        "title": told.title,
+        "title": sources.title,
         "dt": dt,
         "delay": delay,
         "omega": shared_grid(models, loops),
@@ -138,8 +138,8 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
         "K": encode_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
         "K_poles": uncertain_poles(start),
         "begun": not is_constant(start) or float(start.D[0, 0]) != 1.0,
-        "python": python_script(told, models, w_P, start, dt, delay),
-        "command": proof_commands(told, w_P, delay),
+        "python": python_script(sources, models, w_P, start, dt, delay),
+        "command": proof_commands(sources, w_P, delay),
     }
 
 
@@ -322,7 +322,7 @@ def write_shaping_page(
     path = to_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
-    write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=PartSources(title=title))))
+    write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources(title=title))))
 
 
 def page_text(content: dict[str, Any]) -> str:

@@ -65,7 +65,7 @@ def shape(model: Any, *, w_P: Any = None, K: Any = None, dt: float = 0.0, delay:
         ...
     ValueError: model must be an UncertaintyModel or a list of them, got []
     """
-    content = page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=PartSources())
+    content = page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources())
     return widget_class()(content=content, begun=1.0 if K is None else K)
 
 

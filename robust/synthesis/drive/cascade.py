@@ -90,8 +90,10 @@ def with_set_point(settings: DriveSettings, *, output_unit: str = "") -> control
     n, held = settings.position_every, hold_mean(settings)
     ahead = settings.velocity_feedforward * settings.fs / n  # differences over a period of the position loop
     difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
-    asked = beside(times(settings.kv, held), in_series(difference, held, dt=settings.dt), joined=True)
-    error = beside(times(factor, asked), times(-1.0, measured_velocity(settings)), joined=False)
+    velocity_set_point = stack_systems(
+        times(settings.kv, held), in_series(difference, held, dt=settings.dt), joined=True
+    )
+    error = stack_systems(times(factor, velocity_set_point), times(-1.0, measured_velocity(settings)), joined=False)
     return in_series(error, *behind_velocity_loop(settings, scale), dt=settings.dt)
 
 
@@ -99,7 +101,7 @@ def measured_velocity(settings: DriveSettings) -> control.StateSpace:
     """What the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
     velocity = times(settings.unit_factor, realise_section(velocity_section(settings), settings.dt))
     factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
-    return beside(velocity, times(settings.kv * factor, hold_mean(settings)), joined=settings.encoder != "both")
+    return stack_systems(velocity, times(settings.kv * factor, hold_mean(settings)), joined=settings.encoder != "both")
 
 
 def behind_velocity_loop(settings: DriveSettings, scale: float) -> list[control.StateSpace]:
@@ -161,7 +163,7 @@ def times(factor: float, system: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(system.A, system.B, factor * system.C, factor * system.D, system.dt)
 
 
-def beside(F: control.StateSpace, G: control.StateSpace, *, joined: bool) -> control.StateSpace:
+def stack_systems(F: control.StateSpace, G: control.StateSpace, *, joined: bool) -> control.StateSpace:
     """The sum of two outputs, of one input that both share or of inputs of their own."""
     n, m = F.nstates, G.nstates
     A = np.block([[F.A, np.zeros((n, m))], [np.zeros((m, n)), G.A]])

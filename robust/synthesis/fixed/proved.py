@@ -155,9 +155,9 @@ def design_proved(
     free = [i for i in (0, 1) if shape[i] > 0]
 
     def missed(theta: np.ndarray) -> float:
-        bent = shape.copy()
-        bent[free] *= np.exp(theta)
-        return task.bent(bent, tried)
+        candidate = shape.copy()
+        candidate[free] *= np.exp(theta)
+        return task.negative_log_bandwidth(candidate, tried)
 
     missed(np.zeros(len(free)))
     if tried["best"] is None:
@@ -180,7 +180,7 @@ class ProofSearch:
     M_S: float
     factor: control.StateSpace
 
-    def bent(self, shape: np.ndarray, tried: dict[str, Any]) -> float:
+    def negative_log_bandwidth(self, shape: np.ndarray, tried: dict[str, Any]) -> float:
         """Minus the log bandwidth of the largest proved gain of a shape; the best one is kept."""
         K = in_series(sampled_pid(shape, self.dt), self.factor)
 

@@ -66,19 +66,19 @@ def state_plant(open_loop: control.StateSpace, n_states: int, n_in: int, n_out: 
     A, B, C, D = continuous_matrices(open_loop, dt)
     n_w, n_z = B.shape[1] - n_out, C.shape[0] - n_in
 
-    def beside(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    def block_diagonal(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
         out = np.zeros((upper.shape[0] + lower.shape[0], upper.shape[1] + lower.shape[1]))
         out[: upper.shape[0], : upper.shape[1]] = upper
         out[upper.shape[0] :, upper.shape[1] :] = lower
         return out
 
     zero, one = np.zeros((n_states, n_states)), np.eye(n_states)
-    B2 = beside(B[:, n_w:], one)  # (states, states of the blocks) <- (u, derivatives)
-    C2 = beside(C[n_z:], one)
+    B2 = block_diagonal(B[:, n_w:], one)  # (states, states of the blocks) <- (u, derivatives)
+    C2 = block_diagonal(C[n_z:], one)
     u_first, y_first = np.r_[n_out : n_out + n_states, :n_out], np.r_[n_in : n_in + n_states, :n_in]
-    D22 = beside(D[n_z:, n_w:], zero)
+    D22 = block_diagonal(D[n_z:, n_w:], zero)
     return StatePlant(
-        A=beside(A, zero),
+        A=block_diagonal(A, zero),
         B1=np.vstack([B[:, :n_w], np.zeros((n_states, n_w))]),
         B2=B2[:, u_first],
         C1=np.hstack([C[:n_z], np.zeros((n_z, n_states))]),
