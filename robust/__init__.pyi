@@ -13,6 +13,7 @@ from . import reports as reports
 from . import shaping as shaping
 from . import synthesis as synthesis
 from . import tuning as tuning
+from ._base.warnings import DesignWarning as DesignWarning
 
 # Modelling: a nominal, weights
 # Analysis: a controller checked
@@ -99,7 +100,6 @@ from .io.pid import pid_gains as pid_gains
 # Systems: what a sampled controller sees
 from .lti.sampling import discretize as discretize
 from .lti.sampling import sampled as sampled
-from .models.fit.nominal import DesignWarning as DesignWarning
 from .models.fit.nominal import NominalFit as NominalFit
 from .models.fit.nominal import fit_nominal as fit_nominal
 from .models.fit.nominal import frd as frd

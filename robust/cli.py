@@ -14,31 +14,27 @@ import nlfrf
 import robust
 from nlfrf._base.arguments import require_choice, require_positive
 from nlfrf._base.axes import write_pictures
-from nlfrf._base.command import Commands, Json, Version, finish_command, parse_number, printer, run_command, spinner
+from nlfrf._base.command import (
+    Commands,
+    Json,
+    ModuleOnDemand,
+    Version,
+    finish_command,
+    parse_number,
+    printer,
+    run_command,
+    spinner,
+)
 from nlfrf._base.files import command_signature, require_writable, write_text
 from robust._base.states import FrictionVerdict
-from robust.io.certificates import (
-    certificate_path,
-    class_from_files,
-    describe_frequency_test,
-    load_existing_controller,
-    prove_all,
-    save_proofs,
-)
-from robust.io.pid import format_gains, reason_for_unusual_gains
-from robust.models.sets.forms import DEFAULT_FORM
-from robust.reports.command import (
-    check_pictures,
-    demand_weight,
-    load_blas,
-    load_single_model,
-    model_pictures,
-    signals_from_options,
-    write_report_files,
-)
-from robust.reports.drive_check import check_drive, read_trace
-from robust.reports.shaping_page.command import write_from_files
-from robust.synthesis.drive.gains_file import load_gains
+
+#: Imported when a command uses them: help and refusals of the command line need none of them.
+certificates = ModuleOnDemand("robust.io.certificates")
+pid = ModuleOnDemand("robust.io.pid")
+from_options = ModuleOnDemand("robust.reports.command")
+drive_check = ModuleOnDemand("robust.reports.drive_check")
+shaping_page = ModuleOnDemand("robust.reports.shaping_page.command")
+gains_file = ModuleOnDemand("robust.synthesis.drive.gains_file")
 
 app = Commands(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
@@ -84,7 +80,7 @@ def model(
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
         str, typer.Option(help="multiplicative, additive, inverse-..., coprime; of a matrix elements, additive, input.")
-    ] = DEFAULT_FORM,
+    ] = "multiplicative",
     order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
     confidence: Annotated[
         float, typer.Option(help="Probability that a line of another realisation is covered.")
@@ -98,7 +94,7 @@ def model(
     picture: Picture = None,
 ) -> None:
     """Fit a nominal model to a measured BLA and put a weight over what it leaves open."""
-    blas = load_blas(bla)
+    blas = from_options.load_blas(bla)
     with spinner("fitting the nominal model"):
         nominal = robust.fit_nominal(
             blas,
@@ -126,7 +122,7 @@ def model(
     print(result)
     robust.save_model(result, out)
     if picture is not None:
-        write_pictures(picture, model_pictures(result, blas))
+        write_pictures(picture, from_options.model_pictures(result, blas))
 
 
 @app.command()
@@ -188,12 +184,12 @@ def design(
         words = (
             f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
         )
-    if unusual := reason_for_unusual_gains(result.K):
+    if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    say(f"controller of order {result.K.nstates}, {kind}: {words}{format_gains(result.K, plant.unit, plc=True)}")
+    say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
     if method == "pid":
         say(describe_limit_checks(plant, model, out, delay))
     if method == "ncfsyn" and result.gamma > 4:
@@ -235,11 +231,11 @@ def check(
     several = len(controller) > 1
     files = {path: [controller_file(path, one, several) for one in (out, picture)] for path in controller}
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
-    require_writable(*(certificate_path(report) for report, _ in files.values() if report is not None))
+    require_writable(*(certificates.certificate_path(report) for report, _ in files.values() if report is not None))
     plant, say, reports = robust.load_model(model), printer(json), {}
     w_P, signals = (
-        demand_weight(plant, bandwidth, peak, error),
-        signals_from_options(reference_step, disturbance, noise, up_to),
+        from_options.demand_weight(plant, bandwidth, peak, error),
+        from_options.signals_from_options(reference_step, disturbance, noise, up_to),
     )
     for path in controller:
         K = robust.load_controller(path)
@@ -247,13 +243,13 @@ def check(
             report = robust.check(
                 plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver, signals=signals
             )
-        gains = format_gains(K, getattr(plant, "unit", ""))
+        gains = pid.format_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         text, drawing = files[path]
         if text is not None:
-            write_report_files(report, text, say)
+            from_options.write_report_files(report, text, say)
         if drawing is not None:
-            write_pictures(drawing, check_pictures(plant, K, report))
+            write_pictures(drawing, from_options.check_pictures(plant, K, report))
         reports[str(path)] = report
     good = all(r.robustly_stable and (r.robust_performance or w_P is None) for r in reports.values())
     finish_command(reports, good, json)
@@ -300,18 +296,18 @@ def prove(
     Exit code 0 where it is proved, of every machine; 1 where not.
     """
     if out is not None:
-        require_writable(*(certificate_path(out, number) for number in range(2)))
-    machines, friction, text = class_from_files(machine, controller, nominal, stiffness, stiction)
-    K = load_existing_controller(controller, nominal or machine[0])
+        require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
+    machines, friction, text = certificates.class_from_files(machine, controller, nominal, stiffness, stiction)
+    K = certificates.load_existing_controller(controller, nominal or machine[0])
     with spinner("proving"):
-        proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
-        tested = describe_frequency_test(machine, nominal, K, friction, delay)
+        proofs = certificates.prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
+        tested = certificates.describe_frequency_test(machine, nominal, K, friction, delay)
     text += "\n\n".join(map(str, proofs)) + tested
     say = printer(json)
     say(text)
     if out is not None:
         write_text(out, f"{text}\n\n{command_signature('robust prove')}\n")
-        save_proofs(proofs, out)
+        certificates.save_proofs(proofs, out)
     finish_command(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
 
 
@@ -327,7 +323,7 @@ def orders(
     """Fit nominal models of growing order and say which one the data ask for."""
     with spinner("fitting nominal models"):
         scan = robust.scan_orders(
-            load_blas(bla),
+            from_options.load_blas(bla),
             n_poles=range(max(relative_degree, 1), most + 1),
             relative_degree=relative_degree,
             delay=delay if delay in ("estimate", "auto") else parse_number("delay", delay),
@@ -400,11 +396,11 @@ def report(
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
     if not plant.is_single:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
-    w_P = demand_weight(plant, bandwidth, peak, error)
+    w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
-        machines, friction, _ = class_from_files([model], controller, None, stiffness, stiction)
-        proof = prove_all(machines, K, friction, delay=delay, Fs=force)[0]
+        machines, friction, _ = certificates.class_from_files([model], controller, None, stiffness, stiction)
+        proof = certificates.prove_all(machines, K, friction, delay=delay, Fs=force)[0]
     with spinner("checking and drawing"):
         result = robust.write_report(
             out,
@@ -415,7 +411,7 @@ def report(
             w_P=w_P,
             delay=delay,
             friction=proof,
-            signals=signals_from_options(reference_step, disturbance, noise, up_to),
+            signals=from_options.signals_from_options(reference_step, disturbance, noise, up_to),
             title=title,
             notes=notes,
         )
@@ -436,8 +432,10 @@ def shape(
 ) -> None:
     """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
     require_demand(bandwidth, error)
-    parts = [load_single_model(path) for path in model], controller and robust.load_controller(controller)
-    write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
+    parts = [from_options.load_single_model(path) for path in model], controller and robust.load_controller(controller)
+    shaping_page.write_from_files(
+        out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay
+    )
 
 
 @drive_app.command(name="check")
@@ -475,12 +473,12 @@ def check_gains(
     traces = [path for path in file if path not in gains]
     if len(gains) != 1 or not traces:
         raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, file))}")
-    settings, say = load_gains(gains[0]), printer(json)
+    settings, say = gains_file.load_gains(gains[0]), printer(json)
     load: dict[str, Any] = {"u": input, "y": output, "r": reference, "fs": fs, "n_samples": period}
     load |= {"n_discard": discard, "design": design}
-    records = [read_trace(path, settings, actual=actual, **load) for path in traces]
+    records = [drive_check.read_trace(path, settings, actual=actual, **load) for path in traces]
     with spinner("checking"):
-        found = check_drive(
+        found = drive_check.check_drive(
             records, settings, names=[path.name for path in traces], actual=actual, stiction=stiction, Fs=force
         )
     say(found)

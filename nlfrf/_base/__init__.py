@@ -1,6 +1,6 @@
 """What every module of both packages uses: arguments, values, numbers, files, the command line.
 
-arguments    checks of arguments, and the words of their messages
+arguments    checks of arguments, and the text of messages: counts, ratios of units, frequencies
 axes         axes, grids and decibels of every picture
 command      what the two commands share: versions, warnings and refusals in one line
 extras       packages that an extra installs, with the command for it
@@ -8,5 +8,5 @@ files        files written whole, none overwritten, strict JSON
 numbers      least squares, Fourier transforms, quantiles of the largest root
 own_process  files read by a library that may crash, in a process of its own
 progress     a bar for whatever counts what it has done
-values       small frozen values, their cards and what they hold as plain data
+values       frozen data classes, their printed text and tables in a notebook, and their fields as plain data
 """

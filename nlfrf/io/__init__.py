@@ -4,7 +4,7 @@ channels        the named channels inside such a file, by the reader of its kind
 designs         multisines, and the signals to play
 inspection      what such a file holds, and a guess at how to load it
 moments         whether channels were sampled at the same moments
-npz             arrays of NPZ files, read to where they stay
+npz             arrays of NPZ files, memory-mapped where they can be
 readers         readers of file formats
 records         records, from any measurement file
 results         `Bla` and tables

@@ -2,4 +2,5 @@
 
 channels  whether a measured FRF is of one input and one output, or a matrix
 states    what was decided, as enums: stable or not, holds or is violated, the verdicts
+warnings  a result that is usable but suspicious
 """

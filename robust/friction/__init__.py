@@ -2,10 +2,10 @@
 
 balance              forces along measured motions, and the search for a machine that balances them
 classes              classes of friction laws, without their parameters
-describing_function  the door: amplitude, kick and outcome of a loop around friction of a given amplitude
-dissipation          the inequality they give, in states that come to rest
+describing_function  the entry point: amplitude, initial velocity and outcome of a loop around given friction
+dissipation          the dissipation inequality of the multipliers, in states that come to rest
 exact                verification of friction proofs in exact arithmetic
-identification       the door: machine and friction with intervals, from records at several levels
+identification       the entry point: machine and friction with intervals, from records at several levels
 in_motion            mass, viscous and Coulomb friction of an axis in motion
 levels               machine and class read from measured levels, and what of it is refused
 linear_uncertainty   the class beside an LTI error of the linear part: a test at frequencies, no proof

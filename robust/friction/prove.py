@@ -313,7 +313,8 @@ class FrictionProof:
     def __str__(self) -> str:
         lines = [f"{self.verdict}: {self.claim or self.reason}"]
         if self.claim and self.reason:
-            lines.append(self.reason)
+            settles = self.verdict is FrictionVerdict.SETTLES
+            lines.append(f"Whether it comes to rest is not decided: {self.reason}." if settles else self.reason)
         if np.isfinite(self.K0_max):
             times = self.K0_max / self.friction.K0
             lines.append(

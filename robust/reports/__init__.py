@@ -1,6 +1,6 @@
 """Reports: a whole run in one file.
 
-command       what the command reads, draws and writes next to a report
+command       pictures, models and demands for the commands: what they read, draw and write
 data          sections on what was measured and modelled
 drive_check   gains of a drive checked against traces of its axis
 page          the file: its sections in order

@@ -22,6 +22,7 @@ import nlfrf
 from nlfrf._base.arguments import format_hertz, ratio_unit, require_kind
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
+from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop
 from robust.analysis.performance import StepResponse, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
@@ -32,7 +33,6 @@ from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.prove import FrictionProof
 from robust.io.certificates import highest_level, prove_all
 from robust.lti.connections import in_series
-from robust.models.fit.nominal import DesignWarning
 from robust.models.fit.orders import scan_orders
 from robust.models.sets.build import uncertainty
 from robust.synthesis.drive.cascade import cascade, with_set_point

@@ -34,7 +34,7 @@ MEANING_OF_PROOF = {
 
 def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
     """Return rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
-    friction = proof.friction.description
+    friction, settles = proof.friction.description, proof.verdict is FrictionVerdict.SETTLES
     away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} {proof.units.velocity}"
     fails = away if np.isfinite(proof.kick_sure) else "no kick from which it surely does is known"
     if proof.verdict.is_proved:
@@ -43,7 +43,7 @@ def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[
         ("", "check: a set of linear plants", "proof: a class of friction"),
         ("verdict", report.verdict, proof.verdict),
         ("it means", verdict_meaning(report.verdict, report.probability), MEANING_OF_PROOF[proof.verdict]),
-        ("because", report.reason, proof.reason or proof.claim),
+        ("because", report.reason, proof.claim if settles else proof.reason or proof.claim),
         ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
         ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.description}, exactly"),
         ("a harder kick than measured", "nothing is said: the machine slides more than in any record", "is in it"),

@@ -2,5 +2,5 @@
 
 claim   what is claimed: machine, controller, class of friction, weights and stored energy, with every number as given
 loops   the sliding loop over the rationals, built anew from the claim
-verify  the door: a claim in, `Verification` out
+verify  the entry point: a claim in, `Verification` out
 """

@@ -4,7 +4,7 @@ fit_uncertainty  standard deviations of poles, zeros, gain and delay
 nominal          the nominal model: a rational function through a measured FRF
 orders           how many poles the FRF asks for
 rational         rational functions through complex data: vector fitting, starting poles, numerators
-refinement       the same, refined by its roots
+refinement       a weight refined by its roots
 shared_poles     several inputs and outputs: poles shared by all entries, residues of low rank
 weights          weights that cover a radius: stable, minimum phase, as little above it as the order allows
 """

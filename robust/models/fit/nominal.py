@@ -14,6 +14,7 @@ from nlfrf import Bla, bla_from_frf
 from nlfrf._base.arguments import require_integer, require_nonnegative, require_real_array, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
+from robust._base.warnings import DesignWarning
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
 from robust.lti.realisation import from_roots, order_roots
 from robust.lti.sampling import delay_samples, discretize, hold_correction
@@ -41,7 +42,6 @@ from robust.models.fit.shared_poles import (
 __all__ = [
     "MAX_POLES",
     "OUTSIDE_FACTOR",
-    "DesignWarning",
     "NominalFit",
     "bla_behind_hold",
     "bla_of_fit",
@@ -275,16 +275,6 @@ HARMLESS_SHARE = (
 )
 INTEGRATOR_RATIO = 1e-6  # of the first line: a pole below it is one at zero
 EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
-
-
-class DesignWarning(UserWarning):
-    """A result that is usable but suspicious: the model or the design limits what it means.
-
-    Examples
-    --------
-    >>> issubclass(DesignWarning, UserWarning)  # warnings.simplefilter("error", DesignWarning) stops at each
-    True
-    """
 
 
 def warn_of_fit(

@@ -10,7 +10,8 @@ import numpy as np
 
 from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
-from robust.models.fit.nominal import OUTSIDE_FACTOR, DesignWarning, NominalFit, fit_nominal, matrices_given
+from robust._base.warnings import DesignWarning
+from robust.models.fit.nominal import OUTSIDE_FACTOR, NominalFit, fit_nominal, matrices_given
 
 __all__ = ["OrderScan", "scan_orders"]
 

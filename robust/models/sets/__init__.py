@@ -2,7 +2,7 @@
 
 coprime          normalised coprime factors of a plant, and the plants that other factors make
 build            `uncertainty`: the set around a nominal, from records or from a radius of one's own
-forms            the ways Delta enters, one row each: plant, S_p, discs of the loop, ports
+forms            the forms of uncertainty, a row each: perturbed plant, sensitivity, discs of the loop
 interconnection  several uncertainties, joined by the names of their signals
 joint            the probability that a whole FRF lies in the set
 measured         a plant known on measured lines only: its lines, radius, hold

@@ -2,10 +2,10 @@
 
 aliases        claims about continuous plants under a sampled controller
 claim          what is claimed of a loop, with every number as given, and its digest
-closed_loops   the norm of a plant closed through a controller, in many digits and in balls
+closed_loops   the norm of a plant closed through a controller, in many digits and in ball arithmetic
 conditions     what a claim asks at a frequency, in sums and products
-loops          the door: a claim in, `Verification` out
-matrices       matrix inequalities over the rationals
+loops          the entry point for one loop: a claim in, `Verification` out
+matrices       matrix inequalities over the rationals: norms and definiteness decided
 polynomials    exact numbers, roots of polynomials, signs on a half line
 stability      Routh's array; what a delay does to the roots
 taylor_models  enclosures of functions on intervals

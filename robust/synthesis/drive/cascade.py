@@ -13,10 +13,10 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
+from robust._base.warnings import DesignWarning
 from robust.lti.connections import in_series
 from robust.lti.lti import with_names
 from robust.lti.sampling import sampled
-from robust.models.fit.nominal import DesignWarning
 from robust.synthesis.drive.filters import bilinear_section
 from robust.synthesis.drive.settings import DriveSettings
 

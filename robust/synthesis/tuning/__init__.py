@@ -5,7 +5,7 @@ closing     the closed loop and how it moves with the blocks
 design      the result
 limits      what is asked: gains of closed-loop channels, of the nominal or of the whole set
 loops       the loop of one plant with its limits: peaks of each over frequency
-minimax     the search: stability first, then the smallest worst level
+minimax     the minimax search: stability first, then the smallest largest limit, at exact peaks
 parameters  all blocks as one matrix of the coordinates of the search, and its slopes
 plants      plants behind hold and delay, or on their lines
 problem     poles, peaks and slopes of all plants at given coordinates

@@ -1,0 +1,15 @@
+"""What is warned of where a model or a design is usable but suspicious."""
+
+from __future__ import annotations
+
+__all__ = ["DesignWarning"]
+
+
+class DesignWarning(UserWarning):
+    """A result that is usable but suspicious: the model or the design limits what it means.
+
+    Examples
+    --------
+    >>> issubclass(DesignWarning, UserWarning)  # warnings.simplefilter("error", DesignWarning) stops at each
+    True
+    """
