@@ -1,4 +1,3 @@
-from .._base.warnings import DesignWarning as DesignWarning
 from .fit.nominal import NominalFit as NominalFit
 from .fit.nominal import fit_nominal as fit_nominal
 from .fit.nominal import frd as frd
