@@ -79,8 +79,11 @@ def model(
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
-        str, typer.Option(help="multiplicative, additive, inverse-..., coprime; of a matrix elements, additive, input.")
-    ] = "multiplicative",
+        str | None,
+        typer.Option(
+            help="multiplicative (when not given), additive, inverse-..., coprime; of a matrix elements, additive, input."
+        ),
+    ] = None,
     order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
     confidence: Annotated[
         float, typer.Option(help="Probability that a line of another realisation is covered.")
@@ -109,7 +112,7 @@ def model(
         result = robust.uncertainty(
             blas,
             nominal,
-            form=form,
+            **({} if form is None else {"form": form}),
             order=order,
             confidence=confidence,
             simultaneous=simultaneous,
