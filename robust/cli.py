@@ -81,7 +81,7 @@ def model(
     form: Annotated[
         str | None,
         typer.Option(
-            help="multiplicative (when not given), additive, inverse-..., coprime; of a matrix elements, additive, input."
+            help="multiplicative (default), additive, inverse-..., coprime; of a matrix elements, additive, input."
         ),
     ] = None,
     order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,

@@ -324,7 +324,7 @@ def backward_steps(t: np.ndarray) -> str:
 
 
 def to_stream(array: np.ndarray) -> np.ndarray:
-    """The same as float64, sample by sample in memory, which nobody writes."""
+    """Return an array as contiguous float64 that is read-only, itself where it is such already."""
     stream = np.ascontiguousarray(array, dtype=float)
     stream.flags.writeable = False
     return stream

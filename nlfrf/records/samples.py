@@ -318,7 +318,7 @@ def records_from_streams(
 
 
 def require_whole_period(n: int, n_samples: int, n_discard: int) -> None:
-    """Refuse streams of n samples in which no whole period is left."""
+    """Refuse streams of n samples that leave no whole period of n_samples behind the n_discard periods left out."""
     if n < (n_discard + 1) * n_samples:
         raise ValueError(
             f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "

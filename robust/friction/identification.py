@@ -547,7 +547,11 @@ LEFT_OPEN = {
 def numbers_with_spread(
     records: list[Any], fine: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Reported numbers, and their standard deviations: sandwich, and what fits that ought to agree differ by."""
+    """Return the numbers and their standard deviations.
+
+    A variance is that of the sandwich, plus the mean square by which fits with other time steps and another
+    suppression of noise differ, plus a floor for errors of the model.
+    """
     x, terms = pack(candidate), candidate.terms
     numbers = derived_numbers(x, terms)
     spread = deviations(x, terms, covariance_of(fine, stds, candidate))

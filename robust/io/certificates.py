@@ -186,7 +186,10 @@ def is_same_system(mine: Matrices, other: Matrices) -> bool:
 def class_from_files(
     files: Sequence[Path], controller: Path, nominal: Path | None, stiffness: float | None, stiction: float
 ) -> tuple[tuple[FrictionPlant, ...], AnyFriction, str]:
-    """From one model and a stiffness [N/m], or from BLAs at three levels or more and perhaps a model at the highest.
+    """Return machines, friction class and the text of what was found.
+
+    From one model and a stiffness [N/m], or from BLAs at three levels or more and perhaps a model at the highest; a
+    stiffness that is given replaces that of the BLAs. The controller stands in the commands of the messages only.
 
     Raises
     ------

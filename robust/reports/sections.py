@@ -180,7 +180,7 @@ def worst_case_section(model: UncertaintyModel, K: Any, report: RobustnessReport
 
 
 def settings_section(model: UncertaintyModel, K: control.StateSpace, w_P: Any, delay: float) -> Section:
-    """Return what is needed to repeat the run."""
+    """Return the section on settings: weight, demand, delay [s], sampling of K, versions of packages and machine."""
     facts = [
         *([("weight", describe_system(model.weight))] if model.is_single else []),
         ("performance weight", "none asked for" if w_P is None else describe_demand(w_P)),

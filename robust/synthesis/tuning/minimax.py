@@ -396,7 +396,10 @@ def quadratic_program(
 
 
 def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, groups: list[tuple[int, int]], rho: float) -> float:
-    """Return the merit of the linear model at a step."""
+    """Return the exact-penalty merit of the linearised peaks after a step d: largest soft peak plus rho violations.
+
+    peaks are with their levels, groups are (limit, plant) of the hard limits.
+    """
     soft = [level + float(peak.gradient @ d) for peak, level in peaks if not peak.hard]
     total = max(soft) if soft else 0.0
     for group in groups:
