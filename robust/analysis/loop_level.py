@@ -357,7 +357,7 @@ def require_below_nyquist(name: str, lines: LineSpectrum, dt: float) -> LineSpec
 
 
 def band_density(name: str, signal: NoiseSignal, dt: float) -> PowerDensity:
-    """Return the constant density of noise of a given rms over its band [rad/s]; an open end is the Nyquist frequency."""
+    """Return the constant density of noise of a given rms over its band [rad/s]; an open end is Nyquist."""
     high = signal.omega_max
     if np.isnan(high):
         if not dt:

@@ -234,7 +234,7 @@ def least_excess(problem: MagnitudeProblem, order: int, fits: list[Fit], deadlin
 
 
 def fit_quickly(problem: MagnitudeProblem, theta: np.ndarray, order: int, deadline: float) -> Fit:
-    """Fit in few steps: mean excess over the radius [dB], section parameters theta, log gain; until a clock time [s]."""
+    """Fit in few steps: mean excess over the radius [dB], section parameters, log gain; until a clock time [s]."""
     theta, log_k = fit_asymmetric(problem, problem.clip_sections(theta, order), order, 4.0, 10)
     theta, log_k = polish_by_barrier(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
     return problem.mean_excess(theta, log_k, order), theta, log_k
