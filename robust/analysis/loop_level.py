@@ -314,7 +314,10 @@ Spectrum = LineSpectrum | PowerDensity | Transient
 
 
 def find_spectrum(name: str, signal: Any, dt: float) -> Spectrum:
-    """Return the spectrum of a signal in a loop of sampling time dt (0: continuous)."""
+    """Return a signal of a loop of sampling time dt (0: continuous) as lines, as a power density, or as a transient.
+
+    signal is a step, samples of one period, a sine, a multisine, noise in a band, or a shaping filter of white noise.
+    """
     if isinstance(signal, StepSignal):
         return Transient(height=float(signal.height))
     if isinstance(signal, SampledSignal):

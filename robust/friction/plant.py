@@ -482,7 +482,7 @@ def support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.n
 
 
 def steady_error_bound(loop: FrictionLoop) -> float:
-    """Return the largest distance from rest [m/N] that a friction of at most 1 N can sustain around a stable loop.
+    """Return an upper bound of the distance from rest [m/N] that a friction of at most 1 N can sustain: the peak gain.
 
     inf where the loop is not stable by more than its rounding, or where it would take too many pieces or periods.
     """

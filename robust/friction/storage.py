@@ -470,7 +470,7 @@ def raise_degree(parabola: np.ndarray) -> np.ndarray:
 
 
 def judge_constant_storage(judged: BoundedForm, P: np.ndarray) -> str:
-    """Judge one P for all time, for a loop without jumps."""
+    """Return why one P for all time is no storage of a loop without jumps; an empty string where it is one."""
     still = np.zeros_like(P)
     worst = largest_scaled_eigenvalue(*flow_inequality(judged, P, still, still))
     if not worst < 0:

@@ -77,7 +77,7 @@ def object_members(held: object) -> dict[str, object]:
 
 
 def add_time_series(name: str, members: dict[str, object], found: Contents) -> bool:
-    """Add a time series: Data and Time, or Data and the start, step and length in its TimeInfo."""
+    """Add Data to found, with Time or the step in its TimeInfo as clock where there is one; False without Data."""
     data = first_numbers(members, "Data_", "Data")
     if data is None or data.size < 2:
         return False

@@ -154,7 +154,9 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
 
 
 def least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
-    """Variance of what two periods differ by in the quarter where it is least, `cumulative_power`.
+    """Return the mean power of the difference of two periods in the quarter of the period where it is least.
+
+    difference holds `cumulative_power` of each pair, n + 1 values; the floor is the rounding of y.
 
     For a signal y (N,).
     """

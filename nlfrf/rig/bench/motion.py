@@ -175,7 +175,10 @@ def to_motion(drive: np.ndarray, out: np.ndarray, fs: float) -> Motion:
 
 
 def force_at_substeps(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
-    """Return (n oversampling, 3), or (.., 3, n_u), force at begin, middle and end of each step; the last is held."""
+    """Return the force at begin, middle and end of each integration step, (n oversampling, 3) or (.., 3, n_u).
+
+    samples (n,) or (n_u, n) are interpolated with hold "linear", the last one held, and held one period otherwise.
+    """
     step = np.arange(oversampling)[:, np.newaxis]
     fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling if hold == "linear" else np.zeros((oversampling, 3))
     rise = np.diff(samples, append=samples[..., -1:])

@@ -241,7 +241,7 @@ def fit_quickly(problem: MagnitudeProblem, theta: np.ndarray, order: int, deadli
 
 
 def fit_section_by_section(problem: MagnitudeProblem, order: int, deadline: float) -> Fit:
-    """Add section by section: each new one where the excess is largest, or in the middle of a half of the band."""
+    """Fit a weight by adding second-order sections, the best of three places each: excess, parameters, log gain."""
     middle = (problem.log_x[0] + problem.log_x[-1]) / 2
     best = (problem.mean_excess(np.zeros(0), float(problem.target.max()), 0), np.zeros(0), float(problem.target.max()))
     for done in range(0, order, 2):

@@ -46,7 +46,7 @@ class PartSources:
 def python_script(
     sources: PartSources, models: list[Any], w_P: Any, K: control.StateSpace, dt: float, delay: float
 ) -> str:
-    """Return a script that checks, and proves where it can, the controller that stands at its place in it."""
+    """Return a script that loads the models, takes a controller at a marked place, checks each and saves K."""
     files = sources.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
     several = len(files) > 1
     rows = ["import control", "import numpy as np", "import robust", ""]

@@ -536,7 +536,7 @@ def hinfsyn(
 
 
 def with_certificate(P: control.StateSpace, found: Synthesis, time_cap: float) -> Synthesis:
-    """The same with gamma proved, or the reason why it is not."""
+    """Return a synthesis with the gamma that was proved, its certificate and closed loop, or the reason why not."""
     if not found.found:
         return found
     proof = certify_closed_loop(P, found.K, found.gamma, subject="norm of the closed loop", time_cap=time_cap)
