@@ -1,10 +1,13 @@
-"""From a stored record to a checked controller in thirty lines.
+"""
+0. From a stored record to a checked controller in thirty lines
+===============================================================
 
 Only numpy, scipy, control, cvxpy and matplotlib are needed beside the two packages. The weight is a transfer function
 of python-control, which also shapes and closes the loop. cvxpy finds the certificate.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import control
@@ -16,12 +19,14 @@ import robust
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/00"), help="folder for the picture")
-out = parser.parse_args().out
+parser.add_argument("--record", type=Path, default=Path(sys.argv[0]).parent / "data" / "record.npz", help="record")
+args = parser.parse_args()
+out = args.out
 out.mkdir(parents=True, exist_ok=True)
 
 # %%
 # One special-odd multisine record of a mass on a spring with friction: force [N] in, position [m] out, 4 s a period.
-record = nlfrf.load_record(Path(__file__).parent / "data" / "record.npz")
+record = nlfrf.load_record(args.record)
 bla = nlfrf.identify(record)
 print(f"BLA on {bla.f.size} lines, 95 % bound of {100 * np.median(bla.bound() / np.abs(bla.G)):.1f} % in the median")
 

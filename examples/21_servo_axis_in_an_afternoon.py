@@ -1,4 +1,6 @@
-"""A servo axis in an afternoon: from the drive's traces to gains with a proof.
+"""
+21. A servo axis in an afternoon: from the traces of its drive to gains with a proof
+====================================================================================
 
 The axis is a simulated linear motor of 12 kg under a drive at 4 kHz, with friction that sticks. Set points to play and
 traces to read are files. On a machine of your own, your drive plays and records them instead.

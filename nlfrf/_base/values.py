@@ -203,13 +203,14 @@ def value(cls: type[T], /) -> type[T]: ...
 
 
 @overload
-def value(*, kw_only: bool = True, copy: bool = True) -> Callable[[type[T]], type[T]]: ...
+def value(*, kw_only: bool = True, copy: bool = True, in_sentences: bool = False) -> Callable[[type[T]], type[T]]: ...
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
-def value(cls: Any = None, /, *, kw_only: bool = True, copy: bool = True) -> Any:
+def value(cls: Any = None, /, *, kw_only: bool = True, copy: bool = True, in_sentences: bool = False) -> Any:
     """Make a class a value type; ``kw_only=False`` lets its fields also be given in order.
-    ``copy=False`` is for values that are only made inside this package, from arrays that nobody else holds.
+    ``copy=False`` is for values that are only made inside this package, from arrays that nobody else holds. Printed
+    text is broken at the width of the screen, but for one that stands in the sentences of messages (``in_sentences``).
 
     >>> @value
     ... class Tone:
@@ -225,11 +226,11 @@ def value(cls: Any = None, /, *, kw_only: bool = True, copy: bool = True) -> Any
     ValueError: assignment destination is read-only
     """
     if cls is None:
-        return lambda c: value_class(c, kw_only, copy)
-    return value_class(cls, kw_only, copy)
+        return lambda c: value_class(c, kw_only, copy, in_sentences)
+    return value_class(cls, kw_only, copy, in_sentences)
 
 
-def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
+def value_class(cls: type[T], kw_only: bool, copy: bool, in_sentences: bool) -> type[T]:
     """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
     validate = getattr(cls, "__post_init__", None)
 
@@ -247,7 +248,7 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     if "__repr__" not in cls.__dict__:
         cls.__repr__ = repr_line  # type: ignore[method-assign]
-    if "__str__" in cls.__dict__:
+    if "__str__" in cls.__dict__ and not in_sentences:
         describe = cls.__str__
 
         @wraps(describe)

@@ -40,7 +40,7 @@ WHOLE_TOLERANCE = 0.1  # of a sample: a period further from a whole number of sa
 MAX_NAMED = 3  # jumps that a message names
 
 
-@value
+@value(in_sentences=True)
 class LostRows:
     """Where the rows of a file stand on an even clock.
 

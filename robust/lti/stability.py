@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 
-@value
+@value(in_sentences=True)
 class StabilityResult:
     """Whether a system is stable, and the pole that decides; its text is for people.
 

@@ -161,10 +161,14 @@ def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """(W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H): a Schur complement."""
+    """(W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H): a Schur complement; inf for none."""
     A, n = scaled_square(M, G), G.shape[1]
+    level = np.full(len(M), np.inf)
+    within = np.linalg.eigvalsh(A[:, :n, :n])[:, -1] < 1  # else the blocks alone leave no gamma, and I - A is singular
+    A = A[within]
     through = np.linalg.solve(np.eye(n) - A[:, :n, :n], A[:, :n, n:])
-    return np.linalg.eigvalsh(A[:, n:, n:] + A[:, n:, :n] @ through)[:, -1]
+    level[within] = np.linalg.eigvalsh(A[:, n:, n:] + A[:, n:, :n] @ through)[:, -1]
+    return level
 
 
 def solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.ndarray:
