@@ -67,7 +67,7 @@ print("\n--- the gains of the autotuner ---")
 print(before)
 
 # %%
-# Gains with more margin: |S| below 1.8 on the FRF in motion, the reset time chosen, then read back as gains.
+# Gains with more margin: ``|S|`` below 1.8 on the FRF in motion, the reset time chosen, then read back as gains.
 PI = robust.pid(1.0, 1 / 0.03, dt=1 / 4000)
 design = robust.design_frf(nlfrf.identify(records[-1]), "PD", M_S=1.8, fixed=PI, dt=1 / 4000, filter_time=0.14e-3)
 better = drive.gains(design.K, like=proposed, output_unit="N").alternative  # the faster position loop
