@@ -48,7 +48,7 @@ def main() -> None:
         page.run(files("robust.reports.shaping_page").joinpath("arithmetic.js").read_text(encoding="utf-8") + ASK)
         for k in range(args.loops):
             model, w_P, begin, dt, delay, state = random_loop([args.seed, k])
-            content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, told=PartSources())
+            content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources())
             K = shaped_controller(state, 1.0 if begin is None else begin, dt)
             report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
             curves = assemble_loop(model, K, w_P, delay).curves(report.omega)

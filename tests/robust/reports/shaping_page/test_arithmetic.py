@@ -56,7 +56,7 @@ def near(found, wanted):
 @pytest.mark.parametrize("seed", range(50))
 def test_fifty_designs_agree_with_check(seed, ask):
     model, w_P, begin, dt, delay, state = random_loop([seed])
-    content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, told=PartSources())
+    content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources())
     K = shaped_controller(state, 1.0 if begin is None else begin, dt)
     report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
     loop = assemble_loop(model, K, w_P, delay)
@@ -96,7 +96,7 @@ def test_the_step_response_is_that_of_the_loop(dt, delay, ask):
     plant, w = control.tf([4], [1, 0.8, 4]), control.tf([0.1], [1])
     model = robust.UncertaintyModel(plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.1, 0.1]))
     state = {"gain": 0.3, "elements": [{"kind": "integrator", "f": 0.2}]}
-    content = page_content(model, w_P=None, K=None, dt=dt, delay=delay, told=PartSources())
+    content = page_content(model, w_P=None, K=None, dt=dt, delay=delay, sources=PartSources())
     loop = assemble_loop(model, shaped_controller(state, 1.0, dt), None, delay)
     times = np.arange(0, 400) * 0.05
     T = control.StateSpace(*closed_loop(loop.G, loop.K, ("y",), ("r",)), dt)
@@ -111,7 +111,7 @@ def test_pid_gains_are_those_of_the_controller(kinds, dt, ask):
     numbers = {"integrator": {"f": 0.5}, "lead": {"f": 3.0, "phase": 40.0}}
     state = {"gain": 2.5, "elements": [{"kind": kind} | numbers[kind] for kind in kinds]}
     model = random_loop([3])[0]
-    gains = ask(page_content(model, w_P=None, K=None, dt=dt, delay=0, told=PartSources()), state)["pid"]
+    gains = ask(page_content(model, w_P=None, K=None, dt=dt, delay=0, sources=PartSources()), state)["pid"]
     assert gains.pop("rest") == []
     K, shaped = robust.pid(**gains, dt=dt), shaped_controller(state, 1.0, dt)
     at = np.array([0.3, 3.0, 30.0, 200.0])
@@ -120,7 +120,7 @@ def test_pid_gains_are_those_of_the_controller(kinds, dt, ask):
 
 
 def test_a_shape_that_is_no_pid_has_no_gains(ask):
-    content = page_content(random_loop([3])[0], w_P=None, K=None, dt=0, delay=0, told=PartSources())
+    content = page_content(random_loop([3])[0], w_P=None, K=None, dt=0, delay=0, sources=PartSources())
     twice = [{"kind": "integrator", "f": 0.5}] * 2
     assert ask(content, {"gain": 1.0, "elements": twice})["pid"] is None
     filtered = [{"kind": "roll-off", "f": 50.0, "order": 1, "zeta": 0.7}]
@@ -132,7 +132,7 @@ def test_the_python_to_paste_makes_the_same_loop(seed, ask, tmp_path, monkeypatc
     model, w_P, begin, dt, delay, state = random_loop([seed])
     monkeypatch.chdir(tmp_path)
     robust.save_model(model, "model.json")
-    text = ask(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, told=PartSources()), state)["python"]
+    text = ask(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), state)["python"]
     names: dict = {}
     exec(compile(text, "pasted", "exec"), names)
     assert "verdict:" in capsys.readouterr().out

@@ -295,10 +295,10 @@ def test_a_model_on_an_frf_is_refused():
     frf = control.FrequencyResponseData(1 / (1j * omega + 1), omega)
     model = robust.UncertaintyModel(frf, control.tf([0.2], [1]), "multiplicative", omega, np.full(40, 0.1))
     with pytest.raises(ValueError, match=r"parametric nominal.*fit_nominal"):
-        page_content(model, w_P=None, K=None, dt=0, delay=0, told=PartSources())
+        page_content(model, w_P=None, K=None, dt=0, delay=0, sources=PartSources())
 
 
 def test_content_is_json_with_no_number_beyond_it():
     for seed in range(6):
         model, w_P, begin, dt, delay, _ = random_loop([seed])
-        json.dumps(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, told=PartSources()), allow_nan=False)
+        json.dumps(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), allow_nan=False)
