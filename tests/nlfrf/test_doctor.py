@@ -135,6 +135,9 @@ def test_a_file_of_ones_own_in_the_working_folder_is_seen_by_the_commands(name, 
         assert "Traceback" not in done.stderr, (which, done.stderr)
         if (name, which) == ("flint", "robust"):
             continue  # which few commands import, and those say so
+        if (name, arguments) == ("control", "--version"):
+            assert done.returncode == 0  # a version needs none of it
+            continue
         assert line in (done.stdout if arguments == "doctor" and name != "random" else done.stderr)
         assert done.returncode == (1 if line in done.stdout else 2)
 
