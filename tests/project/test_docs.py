@@ -18,9 +18,10 @@ def built():
     """The built pages; an example that a test has run is not run again."""
     out = gallery.ROOT / "build" / "docs"
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", "build/doctrees", "docs", str(out)]
-    done = subprocess.run(
-        command, cwd=gallery.ROOT, env=os.environ | {"MPLBACKEND": "Agg"}, capture_output=True, text=True, check=False
-    )
+    settings = {"cwd": gallery.ROOT, "env": os.environ | {"MPLBACKEND": "Agg"}, "capture_output": True, "text": True}
+    out.parent.mkdir(exist_ok=True)
+    with gallery.only_one(out.parent / "docs.lock"):  # two processes of the suite share the folder
+        done = subprocess.run(command, check=False, **settings)
     assert done.returncode == 0, done.stderr
     return out
 
