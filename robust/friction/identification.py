@@ -168,7 +168,7 @@ REPORTED = {
 
 @value
 class FrictionFit:
-    """Machine and friction that all levels say together, given Maxwell slip.
+    """Machine and friction identified from all levels together, given Maxwell slip.
 
     Fields
     ------

@@ -47,7 +47,7 @@ REPORTED_IN_MOTION = {
 
 @value
 class SlidingFit:
-    """What an axis in motion tells: mass, viscous and Coulomb friction.
+    """Mass, viscous and Coulomb friction of an axis in motion, with intervals.
 
     Fields
     ------

@@ -91,7 +91,7 @@ def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
 
 
 def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], slack: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """(W,) least gain that scalings prove, from those of the blocks, which leave `room` under one to their own loop."""
+    """(W,) least gain that scalings prove, from those of the blocks, which leave `slack` to one."""
     rows, cols = s.shape
     D_L, D_R, G = of_blocks
     # in the coordinates of these scalings X begins at one, and the gain at one
@@ -135,7 +135,7 @@ def proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.n
 def starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(W,) the size of the performance at which scalings of one prove least, and the level they prove there.
 
-    The smallest of those tried takes half of the room that the loop of the blocks leaves, so that it proves something.
+    The smallest of those tried takes half of the slack that the loop of the blocks leaves, so that it proves something.
     """
     cols, rows = G.shape[1:]
     reads = np.linalg.norm(M[:, rows:, :cols], axis=(1, 2))

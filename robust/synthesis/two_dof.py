@@ -145,7 +145,7 @@ def prefilter(
     loop = reference_loop(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
     T = loop.closed_loop(("y",), ("r",))
-    found = matched(T_ref, T, effort)
+    found = synthesise_matching(T_ref, T, effort)
     omega = loop.grid(model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
     error, worst = tracking_errors(loop, response(F, omega), response(T_ref, omega), omega)
@@ -161,8 +161,10 @@ def prefilter(
 
 
 def prefilter_matrix(model: UncertaintyModel, K: Any, reference: Any, effort: float, delay: float) -> Prefilter:
-    """Return `prefilter` of several channels: with e = r - y in N = [N11 N12; N21 S], F changes it to
-    [N11 N12 F; N21 T_ref - (I - S) F], whose gain over the set `worst_gain` bounds.
+    """Return the prefilter of several channels, its error over the set bounded by `worst_gain`.
+
+    With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]. F makes [N11 N12 F; N21 E] of
+    it, with the error E = T_ref - (I - S) F.
     """
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, None)
@@ -172,7 +174,7 @@ def prefilter_matrix(model: UncertaintyModel, K: Any, reference: Any, effort: fl
         raise ValueError(f"reference must have {n} outputs, as the plant has, got {T_ref.noutputs}")
     S = system.N[-n:, -n:]
     T = control.StateSpace(S.A, S.B, -S.C, np.eye(n) - S.D, dt)
-    found = matched(T_ref, T, effort)
+    found = synthesise_matching(T_ref, T, effort)
     omega = gain_grid(system, model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega, dt), T, T_ref)
     N, f, wanted = (response_by_channel(each, omega) for each in (system.N, F, T_ref))
@@ -189,7 +191,9 @@ def prefilter_matrix(model: UncertaintyModel, K: Any, reference: Any, effort: fl
     )
 
 
-def matched(T_ref: control.StateSpace, T: control.StateSpace, effort: float, name: str = "prefilter") -> Synthesis:
+def synthesise_matching(
+    T_ref: control.StateSpace, T: control.StateSpace, effort: float, name: str = "prefilter"
+) -> Synthesis:
     """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refused where there is none."""
     found = hinfsyn(matching_plant(T_ref, T, effort, T.dt), T_ref.ninputs, T.ninputs)
     if not found.found:
@@ -366,7 +370,7 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
             "robust.drive.feedforward"
         )
     T_ref = on_time_base(reference, loop.dt)
-    found = matched(T_ref, loop.G, effort, "feedforward")
+    found = synthesise_matching(T_ref, loop.G, effort, "feedforward")
     omega = loop.grid(model.omega)
     F = fewest_states(found.K, loop.G, omega, loop.dt)
     wanted = response(T_ref, omega)

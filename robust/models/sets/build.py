@@ -225,7 +225,7 @@ def block_set(
     spec: RadiusSpec,
     scaling: dict[str, Any],
 ) -> dict[str, Any]:
-    """Return radii and weights of a set of several channels; what is assumed outside the band is said once, of W_l."""
+    """Return radii and weights of a set of several channels; the assumption outside the band applies to W_l only."""
     models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
     if form == ELEMENTS:
         omega, parts, radius = element_parts(frms, models, spec)

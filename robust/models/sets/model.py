@@ -362,7 +362,7 @@ class UncertaintyModel:
 
     @property
     def measured_only(self) -> bool:
-        """Return whether the nominal is an FRF: nothing can be said between and outside its lines."""
+        """Return whether the nominal is an FRF: it holds on its lines only."""
         return isinstance(self.nominal, control.FrequencyResponseData)
 
     @property

@@ -166,7 +166,7 @@ class ModelledLoop:
         rounds: int = N_ROUNDS,
         exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Refine local maxima: brackets are closed to a quarter, so many times; exact: as they are said in the end."""
+        """Refine local maxima: brackets are closed to a quarter, so many times; exact: as reported."""
         respond = loop.responses_by_elimination if exact else loop.responses
         padded = np.concatenate([[-np.inf], level, [-np.inf]])
         top = (level >= padded[:-2]) & (level >= padded[2:])
