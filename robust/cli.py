@@ -7,6 +7,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
+import lazy_loader
 import numpy as np
 import typer
 
@@ -17,7 +18,6 @@ from nlfrf._base.axes import write_pictures
 from nlfrf._base.command import (
     Commands,
     Json,
-    ModuleOnDemand,
     Version,
     finish_command,
     parse_number,
@@ -29,12 +29,17 @@ from nlfrf._base.files import command_signature, require_writable, write_text
 from robust._base.states import FrictionVerdict
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-certificates = ModuleOnDemand("robust.io.certificates")
-pid = ModuleOnDemand("robust.io.pid")
-from_options = ModuleOnDemand("robust.reports.command")
-drive_check = ModuleOnDemand("robust.reports.drive_check")
-shaping_page = ModuleOnDemand("robust.reports.shaping_page.command")
-gains_file = ModuleOnDemand("robust.synthesis.drive.gains_file")
+certificates, pid, from_options, drive_check, shaping_page, gains_file = (
+    lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
+    for module in (
+        "io.certificates",
+        "io.pid",
+        "reports.command",
+        "reports.drive_check",
+        "reports.shaping_page.command",
+        "synthesis.drive.gains_file",
+    )
+)
 
 app = Commands(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",

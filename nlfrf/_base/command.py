@@ -9,7 +9,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, TextIO, get_type_hints
@@ -25,7 +24,6 @@ __all__ = [
     "Commands",
     "Decimal",
     "Json",
-    "ModuleOnDemand",
     "Version",
     "finish_command",
     "parse_number",
@@ -34,21 +32,6 @@ __all__ = [
     "run_command",
     "spinner",
 ]
-
-
-class ModuleOnDemand:
-    """A module that is imported when one of its names is taken: the help of a command needs none of what it calls.
-
-    >>> ModuleOnDemand("json").dumps([1])
-    '[1]'
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(import_module(self._name), name)
-
 
 OUTPUT_PARAMETERS = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
 OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
