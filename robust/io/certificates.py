@@ -83,7 +83,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     robust stability: proved, rigorous
     """
     proof = report.certificate if isinstance(report, (FrictionProof, SaturatedProof)) else None
-    if proof is not None and proof.claim is not None:
+    if proof is not None and isinstance(proof.claim, FrictionClaim):
         write_friction_claim(path, proof.claim, [{"subject": proof.subject, "found by": proof.method}])
         return
     found = [c for c in getattr(report, "certificates", ()) if c.holds and isinstance(c.claim, LoopClaim)]
