@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
 
 __all__ = ["Json", "JsonObject", "Seed"]
@@ -15,4 +17,4 @@ __all__ = ["Json", "JsonObject", "Seed"]
 Json: TypeAlias = Any
 JsonObject: TypeAlias = dict[str, Json]
 #: Where random numbers come from: a generator, a seed of one, or None for one that nobody can repeat.
-Seed: TypeAlias = "np.random.Generator | int | None"
+Seed: TypeAlias = "np.random.Generator | int | Sequence[int] | None"

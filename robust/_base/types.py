@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import control
     import numpy as np
 
-__all__ = ["AnySystem", "Controller", "LinearSystem", "Weight"]
+__all__ = ["AnySystem", "Blocks", "Controller", "LinearSystem", "SystemField", "Weight"]
 
 
 #: A linear system by its matrices or its polynomials.
@@ -19,3 +21,7 @@ AnySystem: TypeAlias = "LinearSystem | control.FrequencyResponseData"
 Controller: TypeAlias = "LinearSystem | float | np.ndarray"
 #: A weight on a signal or a channel, as a user gives it.
 Weight: TypeAlias = "LinearSystem | float | np.ndarray"
+#: Type of a field that takes a `Weight`, or None, and holds a state space, or None: a dataclass can declare one only.
+SystemField: TypeAlias = Any
+#: Rows and columns of each block of a perturbation, and its kind where it is not full.
+Blocks: TypeAlias = "Sequence[tuple[int, int] | tuple[int, int, str]]"
