@@ -209,9 +209,8 @@ def main() -> None:
                         f"{k} {100 * off:+.2f} %{'' if held else ' OUT'}" for k, (off, held) in pulls.items()
                     )
                     print(f"{name} {seed} in {where}: {row}", flush=True)
-                if where == "motion" or robust.Gap.OTHER_MACHINE not in kinds:
-                    for key, pull in pulls.items():
-                        tables[where, key].append(pull)
+                for key, pull in pulls.items():
+                    tables[where, key].append(pull)
         seconds = (time.process_time() - begin) / args.runs
         print(f"{name}: {args.runs} runs, {seconds:.1f} s of CPU each; left open at rest: {dict(said) or 'nothing'}")
         print("| at | number | runs | median error | largest error | within 5 % | interval holds |")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -164,11 +165,12 @@ def design(
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
-        plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else robust.load_model(model)
+        plant = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else robust.load_model(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
-            options: dict[str, Any] = {"M_S": peak, "omega_c": omega_c, "dt": sample_time, "delay": delay}
-            result = robust.design_frf(plant, structure, positive=positive_gains, **options)
+            result = robust.design_frf(
+                plant, structure, positive=positive_gains, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay
+            )
         words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
     else:
         if bandwidth is None:
@@ -352,13 +354,17 @@ def export(
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
     from robust.io.models import is_model_file
 
-    content: Any = robust.load_model(file) if is_model_file(file) else robust.load_controller(file)
     if out.suffix == ".mat":
-        robust.export_matlab(content, out)
+        robust.export_matlab(robust.load(file), out)
     elif out.suffix == ".csv":
         if is_model_file(file):
             raise ValueError(f"file must be a controller to be written as sections, got the model {file}")
-        rows = [",".join(map(repr, row)) for row in robust.controller_sections(content).tolist()]
+        sections = robust.controller_sections(robust.load_controller(file))
+        if isinstance(sections, tuple):
+            raise ValueError(
+                f"file must be a controller of one loop to be written as sections, got {len(sections)} in {file}"
+            )
+        rows = [",".join(map(repr, row)) for row in sections.tolist()]
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
     else:
         raise ValueError(f"out must end in .mat or .csv, got {out}")
@@ -482,9 +488,19 @@ def check_gains(
     if len(gains) != 1 or not traces:
         raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, file))}")
     settings, say = gains_file.load_gains(gains[0]), printer(json)
-    load: dict[str, Any] = {"u": input, "y": output, "r": reference, "fs": fs, "n_samples": period}
-    load |= {"n_discard": discard, "design": design}
-    records = [drive_check.read_trace(path, settings, actual=actual, **load) for path in traces]
+    read = partial(
+        drive_check.read_trace,
+        settings=settings,
+        actual=actual,
+        u=input,
+        y=output,
+        r=reference,
+        fs=fs,
+        n_samples=period,
+        n_discard=discard,
+        design=design,
+    )
+    records = [read(path) for path in traces]
     with spinner("checking"):
         found = drive_check.check_drive(
             records, settings, names=[path.name for path in traces], actual=actual, stiction=stiction, Fs=force
@@ -500,7 +516,7 @@ def controller_file(controller: Path, out: Path | None, several: bool) -> Path |
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def describe_limit_checks(plant: Any, model: Path, out: Path, delay: float) -> str:
+def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, delay: float) -> str:
     """On what the limits of a design from the FRF were held, and the command that holds them against more.
 
     A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines

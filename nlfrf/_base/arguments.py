@@ -8,11 +8,11 @@ import sys
 import warnings
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import Any
 
 import numpy as np
 
 from nlfrf._base.numbers import all_finite
+from nlfrf._base.types import Seed
 
 __all__ = [
     "HOLDS",
@@ -77,7 +77,7 @@ def one_line(text: str) -> str:
     return printable(LINE_BREAKS.sub(" ", text))
 
 
-def short_form(thing: Any) -> str:
+def short_form(thing: object) -> str:
     """A short form of anything, for the end of a message."""
     if isinstance(thing, np.ndarray):
         return f"an array of shape {thing.shape}"
@@ -193,7 +193,7 @@ def data_warning(text: str) -> None:
     warnings.warn(text, DataWarning, stacklevel=level)
 
 
-def require_kind(name: str, thing: Any, *kinds: type[Any]) -> None:
+def require_kind(name: str, thing: object, *kinds: type) -> None:
     """A refusal unless the thing is of one of these kinds: what is made for one of them would fail somewhere inside."""
     if not isinstance(thing, kinds):
         raise ValueError(
@@ -201,23 +201,23 @@ def require_kind(name: str, thing: Any, *kinds: type[Any]) -> None:
         )
 
 
-def require_positive(name: str, number: Any) -> float:
+def require_positive(name: str, number: object) -> float:
     """The number as a float, or a refusal unless it is finite and above zero."""
-    number = require_real(name, number)
-    if not number > 0:
-        raise ValueError(f"{name} must be positive, got {number:g}")
-    return number
+    found = require_real(name, number)
+    if not found > 0:
+        raise ValueError(f"{name} must be positive, got {found:g}")
+    return found
 
 
-def require_nonnegative(name: str, number: Any) -> float:
+def require_nonnegative(name: str, number: object) -> float:
     """The number as a float, or a refusal unless it is finite and at least zero."""
-    number = require_real(name, number)
-    if number < 0:
-        raise ValueError(f"{name} must be zero or positive, got {number:g}")
-    return number
+    found = require_real(name, number)
+    if found < 0:
+        raise ValueError(f"{name} must be zero or positive, got {found:g}")
+    return found
 
 
-def require_real(name: str, number: Any) -> float:
+def require_real(name: str, number: object) -> float:
     """The number as a float, or a refusal unless it is one finite real number."""
     if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real):
         raise ValueError(f"{name} must be a real number, got {short_form(number)}")
@@ -226,7 +226,7 @@ def require_real(name: str, number: Any) -> float:
     return float(number)
 
 
-def require_integer(name: str, number: Any, *, least: int) -> int:
+def require_integer(name: str, number: object, *, least: int) -> int:
     """The number as an int, or a refusal unless it is a whole number of at least `least`."""
     if type(number) is int and number >= least:
         return number
@@ -237,7 +237,7 @@ def require_integer(name: str, number: Any, *, least: int) -> int:
     raise ValueError(f"{name} must be a whole number of at least {least}, got {short_form(number)}")
 
 
-def require_probability(name: str, number: Any) -> float:
+def require_probability(name: str, number: object) -> float:
     """The number as a float, or a refusal unless it lies strictly between 0 and 1."""
     p = require_real(name, number)
     if not 0 < p < 1:
@@ -245,7 +245,7 @@ def require_probability(name: str, number: Any) -> float:
     return p
 
 
-def random_generator(name: str, seed: Any) -> np.random.Generator:
+def random_generator(name: str, seed: Seed) -> np.random.Generator:
     """A source of random numbers from one, from a seed or from nothing, or a refusal."""
     try:
         return np.random.default_rng(seed)
@@ -253,14 +253,14 @@ def random_generator(name: str, seed: Any) -> np.random.Generator:
         raise ValueError(f"{name} must be a numpy Generator, a whole number or None, got {short_form(seed)}") from None
 
 
-def require_choice(name: str, choice: Any, choices: tuple[str, ...]) -> str:
+def require_choice(name: str, choice: object, choices: tuple[str, ...]) -> str:
     """The choice, or a refusal that lists what can be chosen."""
     if choice not in choices:
         raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {short_form(choice)}")
     return str(choice)
 
 
-def require_real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
+def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
     """The array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
     if isinstance(array, np.ma.MaskedArray):
         require_unmasked(name, array)
@@ -289,7 +289,7 @@ def require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
         )
 
 
-def channel_names(name: str, given: Any, count: int) -> tuple[str, ...]:
+def channel_names(name: str, given: object, count: int) -> tuple[str, ...]:
     """Names of channels, none where none are given; of one channel a text will do."""
     names = (given,) if isinstance(given, str) or not isinstance(given, Sequence) else tuple(given)
     if names and (not all(isinstance(one, str) for one in names) or len(set(names)) != count or len(names) != count):

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from nlfrf._base.files import PICTURE_SIGNATURE, Role, write_atomically
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.typing import ColorType
 
 __all__ = [
+    "AxesLike",
     "add_note",
     "axes_or_new",
     "bode_axes",
@@ -32,6 +36,8 @@ __all__ = [
 ]
 
 
+#: Axes as `plt.subplots` gives them: one, or several.
+AxesLike: TypeAlias = "Axes | list[Axes] | tuple[Axes, ...] | np.ndarray"
 LETTER_SIZE = 15.0  # of a legend in an inch, its markers counted as
 MARKER_SIZE = 6
 DEPTH_DB = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
@@ -39,7 +45,7 @@ HEADROOM = 6.0  # dB that are left free above and below the curves of a picture,
 MAX_GROWTH = 1.25  # what a layout adds to the width that the axes had to begin with
 
 
-def single_axes(ax: Any, n_axes: int = 1) -> Any:
+def single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
     """Return one Axes of what `plt.subplots` may give, or refuse an array of several: the picture draws on one."""
     if not isinstance(ax, (np.ndarray, list, tuple)):
         return ax
@@ -50,29 +56,30 @@ def single_axes(ax: Any, n_axes: int = 1) -> Any:
     raise ValueError(f"ax must be one Axes{also}, got an array of {given.size}; give one of them, such as ax.flat[0]")
 
 
-def axes_or_new(ax: Axes | None) -> Any:
+def axes_or_new(ax: AxesLike | None) -> Axes:
     """Return the axes given, or those of a new figure."""
-    if ax is not None:
-        return single_axes(ax)
+    given = single_axes(ax)
+    if given is not None:
+        return given
     from matplotlib import pyplot as plt
 
     return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
 
 
-def bode_axes(ax: Any) -> tuple[Any, Any]:
+def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
     """Return axes of magnitude and of phase: the two given, or two in the place of one, or in a new figure."""
     if isinstance(ax, (np.ndarray, list, tuple)) and np.size(np.asarray(ax, dtype=object)) == 2:
         top, bottom = np.asarray(ax, dtype=object).ravel()
         return top, bottom
-    ax = single_axes(ax, 2)
-    if ax is None:
+    whole = single_axes(ax, 2)
+    if whole is None:
         from matplotlib import pyplot as plt
 
-        ax = plt.figure(figsize=(8, 6.5), layout="constrained").add_subplot()
-    figure: Any = ax.figure
-    spec = ax.get_subplotspec()
-    place = ax.get_position()
-    ax.remove()
+        whole = plt.figure(figsize=(8, 6.5), layout="constrained").add_subplot()
+    figure = whole.figure
+    spec = whole.get_subplotspec()
+    place = whole.get_position()
+    whole.remove()
     if spec is not None:
         rows = spec.subgridspec(2, 1, height_ratios=(1.5, 1))
         top = figure.add_subplot(rows[0])
@@ -85,21 +92,21 @@ def bode_axes(ax: Any) -> tuple[Any, Any]:
     return top, bottom
 
 
-def matrix_axes(ax: Axes | None, rows: Sequence[str], columns: Sequence[str]) -> tuple[Any, Any]:
+def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]) -> tuple[np.ndarray, Axes]:
     """(n, m) axes of a matrix, in the place of those given or in a new figure, and a foot for their legend.
 
     Rows are called at their left end, columns at their top: outputs and inputs. A row shares what goes up.
     """
     n, m = len(rows), len(columns)
-    ax = single_axes(ax)
-    if ax is None:
+    whole = single_axes(ax)
+    if whole is None:
         from matplotlib import pyplot as plt
 
-        ax = plt.figure(figsize=(1.6 + 2.8 * m, 1.4 + 2.0 * n), layout="constrained").add_subplot()
-    figure: Any = ax.figure
-    spec, place = ax.get_subplotspec(), ax.get_position()
-    ax.remove()
-    inside: Any = None if spec is None else spec.subgridspec(n + 1, m, height_ratios=[1.0] * n + [1e-3])
+        whole = plt.figure(figsize=(1.6 + 2.8 * m, 1.4 + 2.0 * n), layout="constrained").add_subplot()
+    figure = whole.figure
+    spec, place = whole.get_subplotspec(), whole.get_position()
+    whole.remove()
+    inside = None if spec is None else spec.subgridspec(n + 1, m, height_ratios=[1.0] * n + [1e-3])
     wide, high = place.width / m, place.height / n
     made = np.empty((n, m), dtype=object)
     for j, i in np.ndindex(n, m):
@@ -116,9 +123,9 @@ def matrix_axes(ax: Axes | None, rows: Sequence[str], columns: Sequence[str]) ->
     return made, foot
 
 
-def finish_matrix(made: Any, foot: Any, across: str) -> Any:
+def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
     """Grids, the label of the axis that goes across in the lowest row, and one legend for all under it."""
-    entries: dict[str, Any] = {}
+    entries: dict[str, Artist] = {}
     for one in made.flat:
         draw_grid(one)
         for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
@@ -130,7 +137,7 @@ def finish_matrix(made: Any, foot: Any, across: str) -> Any:
     return made
 
 
-def finish_axes(ax: Any) -> Any:
+def finish_axes(ax: Axes) -> Axes:
     """Grid and legend, the same in every picture: the legend stands below the axes, off the data."""
     draw_grid(ax)
     handles, labels = ax.get_legend_handles_labels()
@@ -139,14 +146,14 @@ def finish_axes(ax: Any) -> Any:
     return ax
 
 
-def draw_grid(ax: Any) -> None:
+def draw_grid(ax: Axes) -> None:
     """A grid, and plain numbers on a logarithmic axis."""
     ax.grid(alpha=0.3, which="both", lw=0.5)
     if ax.get_xscale() == "log":
         plain_numbers(ax)
 
 
-def legend_below(ax: Any, handles: Sequence[Any], labels: list[str], down: float = -34) -> None:
+def legend_below(ax: Axes, handles: Sequence[Artist], labels: list[str], down: float = -34) -> None:
     """A legend under the axes, so many points down."""
     from matplotlib.transforms import offset_copy
 
@@ -156,7 +163,7 @@ def legend_below(ax: Any, handles: Sequence[Any], labels: list[str], down: float
         fontsize="small",
         loc="upper center",
         bbox_to_anchor=(0.5, 0.0),
-        bbox_transform=offset_copy(ax.transAxes, ax.figure, y=down, units="points"),
+        bbox_transform=offset_copy(ax.transAxes, ax.figure.figure, y=down, units="points"),
         ncols=legend_columns(ax, labels),
         frameon=False,
         borderaxespad=0.2,
@@ -164,7 +171,7 @@ def legend_below(ax: Any, handles: Sequence[Any], labels: list[str], down: float
     )
 
 
-def plain_numbers(ax: Any) -> None:
+def plain_numbers(ax: Axes) -> None:
     """A logarithmic axis that says 20, not two times ten to the one."""
     from matplotlib.ticker import FuncFormatter
 
@@ -176,17 +183,19 @@ def plain_numbers(ax: Any) -> None:
     )
 
 
-def join_labels(bottom: Any, top: Any) -> None:
+def join_labels(bottom: Axes, top: Axes) -> None:
     """The legend of a pair under the lower axes: the labels of the upper ones, once."""
     existing = set(bottom.get_legend_handles_labels()[1])
     for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
         if label not in existing:
-            draw = bottom.plot if hasattr(handle, "get_marker") else bottom.fill_between
-            draw(*[[]] * (2 if draw == bottom.plot else 3), label=label, **line_style(handle))
+            if hasattr(handle, "get_marker"):
+                bottom.plot([], [], label=label, **line_style(handle))
+            else:
+                bottom.fill_between([], [], [], label=label, **line_style(handle))
         handle.set_label(f"_{label}")
 
 
-def line_style(handle: Any) -> dict[str, Any]:
+def line_style(handle: Any) -> dict[str, Any]:  # what it holds has many types, as the arguments of a drawing have
     """How a curve or a band is drawn, for a sample of it in a legend."""
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
         kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
@@ -196,25 +205,25 @@ def line_style(handle: Any) -> dict[str, Any]:
     return drawn | {"hatch": handle.get_hatch(), "linewidth": 0}
 
 
-def legend_columns(ax: Any, labels: list[str]) -> int:
+def legend_columns(ax: Axes, labels: list[str]) -> int:
     """How many columns of a legend fit under the axes."""
-    available = ax.get_position().width * ax.figure.get_figwidth() * LETTER_SIZE
+    available = ax.get_position().width * ax.figure.figure.get_figwidth() * LETTER_SIZE
     if ax.figure.get_layout_engine() is not None:
         available *= MAX_GROWTH
     widest = max(map(len, labels)) + MARKER_SIZE
     return int(np.clip(available // widest, 1, len(labels)))
 
 
-def height_below(ax: Any) -> float:
+def height_below(ax: Axes) -> float:
     """Height [inch] that the axis label and the legend take below the axes."""
     legend = ax.get_legend()
     if legend is None:
         return 0.5
-    rows = -(-len(legend.get_texts()) // max(legend._ncols, 1))
+    rows = -(-len(legend.get_texts()) // max(legend._ncols, 1))  # type: ignore[attr-defined]  # nothing public tells it
     return 0.6 + 0.19 * rows
 
 
-def add_note(ax: Any, text: str) -> None:
+def add_note(ax: Axes, text: str) -> None:
     """A remark in small letters inside the axes, at the bottom."""
     ax.text(0.01, 0.015, text, transform=ax.transAxes, fontsize="small", color="0.35", va="bottom")
 
@@ -225,7 +234,7 @@ def to_decibel(x: np.ndarray) -> np.ndarray:
     return np.asarray(20 * np.log10(np.where(x > 0, x, np.nan)))
 
 
-def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., Any], Any]]) -> None:
+def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., object], object]]) -> None:
     """Draw pictures (function, what it draws) side by side into one file, without a screen."""
     import matplotlib
 
@@ -241,12 +250,14 @@ def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., Any], Any]
     plt.close(figure)
 
 
-def save_figure(path: Path, figure: Any, *, dpi: int, role: Role = Role.NAMED) -> None:
+def save_figure(path: Path, figure: Figure, *, dpi: int, role: Role = Role.NAMED) -> None:
     """Write a figure that says who drew it, in the formats that can say so."""
     kind = path.suffix.lstrip(".").lower()
     existing = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
-    metadata = {} if existing is None else {"metadata": {existing: PICTURE_SIGNATURE}}
-    write_atomically(path, lambda temporary: figure.savefig(temporary, format=kind, dpi=dpi, **metadata), role=role)
+    metadata = None if existing is None else {existing: PICTURE_SIGNATURE}
+    write_atomically(
+        path, lambda temporary: figure.savefig(temporary, format=kind, dpi=dpi, metadata=metadata), role=role
+    )
 
 
 def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
@@ -255,13 +266,13 @@ def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
 
 
 def gain_band(
-    ax: Any,
+    ax: Axes,
     f: np.ndarray,
     size: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
     *,
-    color: Any,
+    color: ColorType,
     label: str,
     over: str,
     alpha: float = 0.35,
@@ -278,11 +289,10 @@ def gain_band(
         hatched = endless.copy()  # half a step is none: hatched up to the next line on both sides
         hatched[1:] |= endless[:-1]
         hatched[:-1] |= endless[1:]
-        look: dict[str, Any] = {"facecolor": "none", "edgecolor": color, "hatch": "/////", "lw": 0}
-        ax.fill_between(f, edge, top, where=hatched, label=over, **look)
+        ax.fill_between(f, edge, top, where=hatched, label=over, facecolor="none", edgecolor=color, hatch="/////", lw=0)
 
 
-def follow_lines(ax: Any) -> None:
+def follow_lines(ax: Axes) -> None:
     """Fit the vertical axis to the curves and points that are drawn, whatever the bands around them do."""
     drawn_values = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
     values = np.concatenate([y[np.isfinite(y)] for y in drawn_values]) if drawn_values else np.zeros(0)

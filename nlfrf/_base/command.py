@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, TextIO, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, get_type_hints
 
 import typer
 
@@ -19,6 +19,9 @@ from nlfrf._base.arguments import one_line, printable
 from nlfrf._base.extras import MissingPackageError
 from nlfrf._base.files import guarded_outputs, require_writable
 from nlfrf._base.values import to_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 __all__ = [
     "Commands",
@@ -37,13 +40,16 @@ OUTPUT_PARAMETERS = ("out", "picture")  # parameters that name a file to write; 
 OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
 
 
+Command = TypeVar("Command", bound=Callable[..., object])
+
+
 class Commands(typer.Typer):
     """The commands of a program. Each keeps its inputs from its outputs, and names every file that it wrote."""
 
-    def command(self, *arguments: Any, **options: Any) -> Callable[[Any], Any]:
+    def command(self, *arguments: Any, **options: Any) -> Callable[[Command], Command]:
         """Register a command; one with an output has `--overwrite`, too."""
 
-        def add(function: Any) -> Any:
+        def add(function: Command) -> Command:
             # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
             sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
             super(Commands, self).command(*arguments, **{"short_help": sentence, **options})(guard_outputs(function))
@@ -52,14 +58,14 @@ class Commands(typer.Typer):
         return add
 
 
-def guard_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
+def guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
     """The same command, whose outputs are held against its inputs and named at its end."""
     signature = inspect.signature(function)
     if not set(OUTPUT_PARAMETERS) & set(signature.parameters):
         return function
 
     @functools.wraps(function)
-    def run_with_outputs(*, overwrite: bool, **given: Any) -> None:
+    def run_with_outputs(*, overwrite: bool, **given: object) -> None:
         read = [path for name, value in given.items() if name not in OUTPUT_PARAMETERS for path in find_paths(value)]
         with guarded_outputs(read, overwrite=overwrite) as running:
             require_writable(
@@ -84,7 +90,7 @@ def guard_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
     return run_with_outputs
 
 
-def find_paths(value: Any) -> list[Path]:
+def find_paths(value: object) -> list[Path]:
     """The paths among what a parameter was given."""
     return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
@@ -121,14 +127,14 @@ def clean_streams() -> Iterator[None]:
         sys.stdout, sys.stderr = before
 
 
-def rich_console() -> Any:
+def rich_console() -> Console:
     """A console of rich on standard error itself: what moves there is drawn by codes that are meant."""
     from rich.console import Console
 
     return Console(file=getattr(sys.stderr, "stream", sys.stderr))
 
 
-def run_command(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
+def run_command(name: str, app: Callable[..., object], *shown: type[Warning], options: Mapping[str, str]) -> None:
     """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
 
     Warnings of the classes `shown` are one line there too, each once. `options` says which parameters of the library
@@ -142,9 +148,16 @@ def run_command(name: str, app: Callable[..., Any], *shown: type[Warning], optio
 
         others = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
             if not issubclass(category, shown):  # of a library below: nothing that a user of ours can mend
-                others(message, category, *where, **more)
+                others(message, category, filename, lineno, file, line)
                 return
             text = name_options(one_line(str(message)), options)
             if text not in printed:  # of several outputs, each warns of what they share
@@ -186,12 +199,12 @@ def describe_error(error: Exception) -> str:
     return one_line(str(error))
 
 
-def printer(json: bool) -> Callable[[Any], None]:
+def printer(json: bool) -> Callable[[object], None]:
     """Who says what was found: standard output, or standard error where that is kept for JSON."""
     return lambda printed: typer.echo(str(printed), err=json)
 
 
-def finish_command(results: Any, good: bool, json: bool) -> None:
+def finish_command(results: object, good: bool, json: bool) -> None:
     """The end of a command with a verdict: the result as JSON where asked for, exit code 1 where it is not good."""
     if json:
         typer.echo(to_json(results, most=MAX_ROWS))

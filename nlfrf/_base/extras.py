@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from types import ModuleType
 
 __all__ = ["MissingPackageError", "import_extra"]
 
@@ -12,7 +12,7 @@ class MissingPackageError(ModuleNotFoundError):
     """A package that is not installed, with the command that installs it."""
 
 
-def import_extra(name: str, extra: str, purpose: str) -> Any:
+def import_extra(name: str, extra: str, purpose: str) -> ModuleType:
     """Import a package that an extra installs.
 
     Parameters

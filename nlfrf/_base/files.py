@@ -15,12 +15,14 @@ from enum import Enum
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NoReturn
+from types import UnionType
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.extras import import_extra
+from nlfrf._base.types import Json, JsonObject
 
 __all__ = [
     "DECIMALS",
@@ -289,7 +291,7 @@ def first_and_last_bytes(path: Path) -> bytes:
         return head + stream.read()
 
 
-KIND_READERS: dict[str, Callable[[Path], Any]] = {
+KIND_READERS: dict[str, Callable[[Path], str | None]] = {
     ".npz": kind_of_npz,
     ".mat": kind_of_mat,
     ".json": kind_of_json,
@@ -307,7 +309,7 @@ CHUNK_ROWS = 1 << 14  # of a table that are put into text at a time
 VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
 
 
-def to_path(path: Any) -> Path:
+def to_path(path: object) -> Path:
     """The path as a `Path`, or a refusal of what is none."""
     if not isinstance(path, str | os.PathLike):
         raise ValueError(f"path must be a text or a pathlib.Path, got {short_form(path)}")
@@ -437,7 +439,13 @@ def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAM
 # The schema is the file that is published, so that what a reader accepts is what the schema says, to the last rule. Of
 # JSON Schema (draft 2020-12) as much is understood as our schemas use, and nothing else is skipped in silence.
 
-JSON_KINDS: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}
+JSON_KINDS: dict[str, type | UnionType] = {
+    "object": dict,
+    "array": list,
+    "string": str,
+    "number": int | float,
+    "boolean": bool,
+}
 JSON_NAMES = {
     "object": "an object",
     "array": "a list",
@@ -451,10 +459,12 @@ JSON_BOUNDS = {
     "maximum": ("at most", lambda number, bound: number <= bound),
     "exclusiveMaximum": ("below", lambda number, bound: number < bound),
 }
+#: How a keyword of a schema is held: content, what the keyword asks, its schema, the whole schema, the place.
+SchemaRule: TypeAlias = Callable[[Json, Json, JsonObject, JsonObject, str], str]
 IGNORED_KEYWORDS = {"$schema", "$defs", "title", "description"}
 
 
-def parse_json(path: str | os.PathLike[str]) -> Any:
+def parse_json(path: str | os.PathLike[str]) -> Json:
     """Return what a JSON file holds.
 
     Raises
@@ -498,7 +508,7 @@ def parse_whole(text: str) -> int:
     return int(text)
 
 
-def object_with_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def object_with_unique_keys(pairs: list[tuple[str, Json]]) -> JsonObject:
     """Return an object; two values by one key would be read one way here and another way there."""
     found = dict(pairs)
     if len(found) < len(pairs):
@@ -509,7 +519,7 @@ def object_with_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def require_schema(content: Any, path: str | os.PathLike[str], package: str, name: str) -> None:
+def require_schema(content: Json, path: str | os.PathLike[str], package: str, name: str) -> None:
     """Refuse what a file holds where it is not what the schema of that name says, which lies in the package.
 
     Raises
@@ -526,12 +536,12 @@ def require_schema(content: Any, path: str | os.PathLike[str], package: str, nam
 
 
 @lru_cache
-def published_schema(package: str, name: str) -> Any:
+def published_schema(package: str, name: str) -> JsonObject:
     """Return a schema as it is published."""
     return json.loads(files(package).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
 
 
-def schema_fault(content: Any, schema: Any, root: Any = None, place: str = "it") -> str:
+def schema_fault(content: Json, schema: JsonObject, root: JsonObject | None = None, place: str = "it") -> str:
     """Return in one line the first place in which parsed JSON is not what a schema says; "" where it is.
 
     >>> schema_fault({"dt": -1}, {"type": "object", "properties": {"dt": {"type": "number", "minimum": 0}}})
@@ -544,27 +554,27 @@ def schema_fault(content: Any, schema: Any, root: Any = None, place: str = "it")
     return ""
 
 
-def check_reference(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_reference(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
     """Hold content against another part of the schema, "#" or "#/$defs/name"."""
     part = root if wanted == "#" else root["$defs"][wanted.removeprefix("#/$defs/")]
     return schema_fault(content, part, root, place)
 
 
-def check_type(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+def check_type(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
     """Hold content against a type; true is no number."""
     fits = content is None if wanted == "null" else isinstance(content, JSON_KINDS[wanted])
     fits &= wanted == "boolean" or not isinstance(content, bool)
     return "" if fits else f"{place} must be {JSON_NAMES.get(wanted, wanted)}, got {short_form(content)}"
 
 
-def check_enum(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+def check_enum(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
     """Hold content against the values that there are."""
     if any(same_json(content, one) for one in wanted):
         return ""
     return f"{place} must be {' or '.join(json.dumps(one) for one in wanted)}, got {short_form(content)}"
 
 
-def check_one_of(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_one_of(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
     """Hold content against schemas of which exactly one must fit."""
     faults = [schema_fault(content, one, root, place) for one in wanted]
     if faults.count("") == 1:
@@ -575,21 +585,21 @@ def check_one_of(content: Any, wanted: Any, _: Any, root: Any, place: str) -> st
     return meant[0] if meant else f"{place} must be as its schema says, got {short_form(content)}: {faults[0]}"
 
 
-def matches_constants(content: Any, schema: Any, root: Any) -> bool:
+def matches_constants(content: Json, schema: JsonObject, root: JsonObject) -> bool:
     """Return whether content is of the type, and has the constants, by which a choice tells its schemas apart."""
     if "$ref" in schema:
         return matches_constants(content, root["$defs"][schema["$ref"].removeprefix("#/$defs/")], root)
     constants = {name: part for name, part in schema.get("properties", {}).items() if "const" in part}
-    kind = {rule: schema[rule] for rule in ("type", "const", "enum") if rule in schema}
+    kind: JsonObject = {rule: schema[rule] for rule in ("type", "const", "enum") if rule in schema}
     fits = not schema_fault(content, kind)
     return fits and all(name in content and not schema_fault(content[name], one) for name, one in constants.items())
 
 
-def bound_rule(rule: str) -> Any:
+def bound_rule(rule: str) -> SchemaRule:
     """Return how to hold a number against a bound."""
     words, fits = JSON_BOUNDS[rule]
 
-    def hold(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+    def hold(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
         if isinstance(content, bool) or not isinstance(content, int | float) or fits(content, wanted):
             return ""
         return f"{place} must be {words} {wanted}, got {short_form(content)}"
@@ -597,10 +607,10 @@ def bound_rule(rule: str) -> Any:
     return hold
 
 
-def length_rule(rule: str) -> Any:
+def length_rule(rule: str) -> SchemaRule:
     """Return how to hold a list against the least or the largest number of its items."""
 
-    def hold(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+    def hold(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
         if not isinstance(content, list) or (len(content) >= wanted if rule == "minItems" else len(content) <= wanted):
             return ""
         return f"{place} must have {'at least' if rule == 'minItems' else 'at most'} {wanted} items, got {len(content)}"
@@ -608,7 +618,7 @@ def length_rule(rule: str) -> Any:
     return hold
 
 
-def check_items(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_items(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
     """Hold every item of a list against a schema."""
     for i, item in enumerate(content if isinstance(content, list) else ()):
         if fault := schema_fault(item, wanted, root, f"{place}[{i}]"):
@@ -616,7 +626,7 @@ def check_items(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str
     return ""
 
 
-def check_properties(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_properties(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
     """Hold the values of an object against their schemas."""
     for name, schema in wanted.items() if isinstance(content, dict) else ():
         if name in content and (fault := schema_fault(content[name], schema, root, place_of_key(place, name))):
@@ -624,13 +634,13 @@ def check_properties(content: Any, wanted: Any, _: Any, root: Any, place: str) -
     return ""
 
 
-def check_required(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+def check_required(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
     """Hold an object against the keys that it must have."""
     missing = [name for name in wanted if isinstance(content, dict) and name not in content]
     return f"{place_of_key(place, missing[0])} must be there, got none" if missing else ""
 
 
-def check_additional(content: Any, wanted: Any, schema: Any, _: Any, place: str) -> str:
+def check_additional(content: Json, wanted: Json, schema: JsonObject, _: JsonObject, place: str) -> str:
     """Hold an object against the keys that it may have, where it may have no others."""
     known = schema.get("properties", {})
     others = [name for name in content if name not in known] if isinstance(content, dict) and not wanted else []
@@ -642,7 +652,7 @@ def place_of_key(place: str, name: str) -> str:
     return name if place == "it" else f"{place}.{name}"
 
 
-def same_json(one: Any, other: Any) -> bool:
+def same_json(one: Json, other: Json) -> bool:
     """Return whether two values of JSON are the same: 1 is 1.0, and true is no number."""
     if isinstance(one, bool) or isinstance(other, bool):
         return one is other
@@ -653,7 +663,7 @@ def same_json(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-SCHEMA_RULES: dict[str, Any] = {
+SCHEMA_RULES: dict[str, SchemaRule] = {
     "$ref": check_reference,
     "type": check_type,
     "const": lambda content, wanted, *rest: check_enum(content, [wanted], *rest),

@@ -20,7 +20,7 @@ import tempfile
 import threading
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
@@ -114,7 +114,7 @@ def receive(stream: IO[bytes], file_size: int) -> Contents | None:
     arrays = {}
     for name, kind, shape in kinds:
         arrays[name] = np.empty(shape, kind)
-        left: Any = arrays[name].reshape(-1).view(np.uint8).data if arrays[name].nbytes else b""
+        left: memoryview | bytes = arrays[name].reshape(-1).view(np.uint8).data if arrays[name].nbytes else b""
         while left:
             n = stream.readinto(left)  # type: ignore[attr-defined]
             if not n:
@@ -123,7 +123,7 @@ def receive(stream: IO[bytes], file_size: int) -> Contents | None:
     return arrays, about["units"], about["clocks"], about["notes"]
 
 
-def send(found: Any, stream: IO[bytes]) -> None:
+def send(found: Contents, stream: IO[bytes]) -> None:
     """Hand over what a room found, a block at a time.
 
     An array may be anything with a shape and a type that gives arrays when it is cut along its first axis, so that a

@@ -17,11 +17,15 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache, wraps
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, dataclass_transform, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, dataclass_transform, overload
 
 import numpy as np
 
 from nlfrf._base.arguments import wrap_lines
+from nlfrf._base.types import Json
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 __all__ = [
     "ArrayField",
@@ -45,7 +49,8 @@ COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd")
 SKETCH_SIZE = 420, 170, 46, 24  # of a picture: width, height, left and lower margin
 
 
-#: Type of a field that takes any sequence and holds an array: a dataclass can declare one of the two only.
+#: Type of a field that takes any sequence and holds an array, or None in a value of a kind that has none: a dataclass
+#: can declare one of them only, and who reads the field knows the kind.
 ArrayField = Any
 
 
@@ -58,7 +63,7 @@ class Sketch(NamedTuple):
     log: bool = False
 
 
-def repr_line(thing: Any) -> str:
+def repr_line(thing: DataclassInstance) -> str:
     """A value as it stands at a prompt: its type and fields, arrays by their shape.
 
     >>> from nlfrf._base.values import value
@@ -74,7 +79,7 @@ def repr_line(thing: Any) -> str:
     return f"{type(thing).__name__}({described})"
 
 
-def short_repr(thing: Any) -> str:
+def short_repr(thing: object) -> str:
     """Anything in a few characters."""
     if isinstance(thing, np.ndarray):
         if is_written_out(thing):
@@ -103,9 +108,9 @@ def is_written_out(array: np.ndarray) -> bool:
     return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
 
 
-def html_card(thing: Any) -> str:
+def html_card(thing: DataclassInstance) -> str:
     """A value as HTML: what it says of itself, a picture where it has one, its fields with their meaning."""
-    kind: Any = type(thing)
+    kind = type(thing)
     parts = [f"<b>{html.escape(kind.__name__)}</b>"]
     has_own_text = kind.__str__ is not object.__str__
     if has_own_text:
@@ -125,7 +130,7 @@ def html_card(thing: Any) -> str:
     return f"<div>{''.join(parts)}</div>"
 
 
-def describe_content(thing: Any) -> str:
+def describe_content(thing: object) -> str:
     """What a field holds: of real numbers between what and what, too."""
     described = short_repr(thing)
     if isinstance(thing, np.ndarray) and not is_written_out(thing) and thing.dtype.kind in "fiu":
@@ -207,7 +212,9 @@ def value(*, kw_only: bool = True, copy: bool = True, in_sentences: bool = False
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
-def value(cls: Any = None, /, *, kw_only: bool = True, copy: bool = True, in_sentences: bool = False) -> Any:
+def value(
+    cls: type[T] | None = None, /, *, kw_only: bool = True, copy: bool = True, in_sentences: bool = False
+) -> type[T] | Callable[[type[T]], type[T]]:
     """Make a class a value type; ``kw_only=False`` lets its fields also be given in order.
     ``copy=False`` is for values that are only made inside this package, from arrays that nobody else holds. Printed
     text is broken at the width of the screen, but for one that stands in the sentences of messages (``in_sentences``).
@@ -234,7 +241,7 @@ def value_class(cls: type[T], kw_only: bool, copy: bool, in_sentences: bool) -> 
     """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
     validate = getattr(cls, "__post_init__", None)
 
-    def __post_init__(self: Any) -> None:
+    def __post_init__(self: object) -> None:
         held = self.__dict__
         for name, content in held.items():
             if isinstance(content, np.ndarray):
@@ -247,12 +254,12 @@ def value_class(cls: type[T], kw_only: bool, copy: bool, in_sentences: bool) -> 
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     if "__repr__" not in cls.__dict__:
-        cls.__repr__ = repr_line  # type: ignore[method-assign]
+        cls.__repr__ = repr_line  # type: ignore[method-assign, assignment]
     if "__str__" in cls.__dict__ and not in_sentences:
         describe = cls.__str__
 
         @wraps(describe)
-        def __str__(self: Any) -> str:
+        def __str__(self: object) -> str:
             return wrap_lines(describe(self))
 
         cls.__str__ = __str__  # type: ignore[method-assign]
@@ -272,7 +279,7 @@ def freeze_array(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def field_names(thing: Any) -> tuple[str, ...]:
+def field_names(thing: DataclassInstance | type[DataclassInstance]) -> tuple[str, ...]:
     """The names of a value's fields, or of a value type's, in order."""
     return tuple(field.name for field in fields(thing))
 
@@ -282,7 +289,7 @@ def field_names(thing: Any) -> tuple[str, ...]:
 SIMPLE_TYPES = {"str", "bool", "int", "float", str, bool, int, float}
 
 
-def to_json(thing: Any, most: float = np.inf) -> str:
+def to_json(thing: object, most: float = np.inf) -> str:
     """A value, or a list of them, as JSON: complex numbers as [re, im], what is not finite as null.
 
     Arrays of more than `most` numbers are left out, and their shape told.
@@ -293,7 +300,7 @@ def to_json(thing: Any, most: float = np.inf) -> str:
     return json.dumps(to_plain(thing, most), ensure_ascii=False)
 
 
-def to_plain(thing: Any, most: float = np.inf) -> Any:
+def to_plain(thing: object, most: float = np.inf) -> Json:
     """The same as dictionaries, lists, texts and numbers; systems as their matrices, all else in its own words."""
     if thing is None or isinstance(thing, str | bool | int):
         return thing
@@ -323,7 +330,7 @@ def to_plain(thing: Any, most: float = np.inf) -> Any:
     return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
 
 
-def simple_properties(thing: Any) -> dict[str, Any]:
+def simple_properties(thing: object) -> dict[str, object]:
     """The properties of a value that are said to be a word, a truth or a number, by name."""
     found = {}
     for kind in reversed(type(thing).__mro__):

@@ -2,5 +2,6 @@
 
 channels  whether a measured FRF is of one input and one output, or a matrix
 states    what was decided, as enums: stable or not, holds or is violated, the verdicts
+types     types that signatures say often
 warnings  a result that is usable but suspicious
 """

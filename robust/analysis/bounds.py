@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from robust._base.types import Weight
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
 from robust.models.sets.forms import FORMS, relative_radius
@@ -14,7 +13,7 @@ from robust.models.sets.model import UncertaintyModel, require_one_channel
 __all__ = ["loop_bounds"]
 
 
-def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarray]:
+def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.ndarray]:
     """Return bounds on |L| for shaping a loop by hand: at least `low`, at most `high`, on the lines of the model.
 
     Robust performance at a frequency whatever the phase of L, exactly: beyond the bounds some phase fails. A demand is

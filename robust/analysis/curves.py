@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -131,6 +131,17 @@ Peak = tuple[float, float]
 NO_PEAK: Peak = (np.nan, np.nan)
 
 
+class MarginFields(TypedDict):
+    """Margins and their frequencies [rad/s], by the names of the fields of a report."""
+
+    margin_rs: float
+    omega_rs: float
+    margin_rp: float
+    omega_rp: float
+    disk_margin: float
+    omega_disk: float
+
+
 @value
 class Peaks:
     """Hold the largest values of the curves of a loop, each with its frequency [rad/s]; nan where there is none.
@@ -150,11 +161,17 @@ class Peaks:
     half_disk: Peak = NO_PEAK
 
     @property
-    def margins(self) -> dict[str, Any]:
+    def margins(self) -> MarginFields:
         """Return the margins and their frequencies by the names of the fields of the report."""
         (rs, omega_rs), (rp, omega_rp), (half, omega_disk) = self.rs, self.margin_rp, self.half_disk
-        places = {"omega_rs": omega_rs, "omega_rp": omega_rp, "omega_disk": omega_disk}
-        return {"margin_rs": reciprocal_peak(rs), "margin_rp": rp, "disk_margin": reciprocal_peak(half)} | places
+        return {
+            "margin_rs": reciprocal_peak(rs),
+            "omega_rs": omega_rs,
+            "margin_rp": rp,
+            "omega_rp": omega_rp,
+            "disk_margin": reciprocal_peak(half),
+            "omega_disk": omega_disk,
+        }
 
 
 def reciprocal_peak(peak: float) -> float:

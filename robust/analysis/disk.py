@@ -12,7 +12,6 @@ whose diagonal blocks belong to the inputs and to the outputs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import control
 import numpy as np
@@ -20,6 +19,7 @@ from scipy.linalg import matrix_balance
 
 from nlfrf._base.arguments import require_integer, require_real, short_form
 from nlfrf._base.values import value
+from robust._base.types import AnySystem, Controller
 from robust.lti.connections import block_diagonal, lower_lft, require_shape
 from robust.lti.grids import structure_grid
 from robust.lti.lti import (
@@ -161,7 +161,9 @@ def format_margins(margin: DiskMargin) -> str:
     return f"gain {low:.2f} to {high:+.2f} dB, phase {np.degrees(margin.phase_margin):.1f} deg"
 
 
-def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None) -> DiskMargin:
+def disk_margin(
+    L: AnySystem, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None
+) -> DiskMargin:
     """Compute the disk margin of a loop closed by negative feedback of one; of several channels by mu.
 
     Parameters
@@ -205,7 +207,9 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0, channels: Seq
     return margin_of_sensitivity(S, reason, skew, None if channels is None else checked_channels(S.ninputs, channels))
 
 
-def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> LoopMargins:
+def disk_margins(
+    G: AnySystem | UncertaintyModel, K: Controller, *, skew: float = 0.0, n_unstable: int = 0
+) -> LoopMargins:
     """Compute disk margins of the loop u = K (r - y) at every plant input and output, one at a time and all at once.
 
     Parameters
@@ -267,7 +271,7 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     )
 
 
-def loop_broken_everywhere(G: Any, K: control.StateSpace) -> control.StateSpace | control.FrequencyResponseData:
+def loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.StateSpace | control.FrequencyResponseData:
     """Return [0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
@@ -342,7 +346,9 @@ def smallest_margin(
     return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf
 
 
-def sensitivity_if_stable(L: Any, n_unstable: int) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
+def sensitivity_if_stable(
+    L: AnySystem, n_unstable: int
+) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
     """Return (1 + L)^-1, scaled by `balancing_scales`, and why there is no margin; empty for a stable loop."""
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)

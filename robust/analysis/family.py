@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 
 from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
+from robust._base.types import Controller
 from robust.analysis.loop import assemble_loop, is_stable_with, perturbed_sensitivity, plant_in_loop
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.analysis.worst_plant import largest_gains, performance_loop
@@ -64,7 +63,12 @@ class LoopFamily:
 
 
 def sample_loops(
-    model: UncertaintyModel, K: Any, n: int = 50, *, delay: float = 0.0, rng: np.random.Generator | int | None = None
+    model: UncertaintyModel,
+    K: Controller,
+    n: int = 50,
+    *,
+    delay: float = 0.0,
+    rng: np.random.Generator | int | None = None,
 ) -> LoopFamily:
     """Close the loop around n random plants of the set: what the verdict means, to look at.
 
@@ -120,7 +124,7 @@ def sample_loops(
 
 
 def sample_matrix_loops(
-    model: UncertaintyModel, K: Any, n: int, delay: float, rng: np.random.Generator | int | None
+    model: UncertaintyModel, K: Controller, n: int, delay: float, rng: np.random.Generator | int | None
 ) -> LoopFamily:
     """Close the loop around n random plants of several channels."""
     K, band = multivariable("K", K), model.omega[[0, -1]]

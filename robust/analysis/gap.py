@@ -6,11 +6,10 @@ In state space no frequency grid is needed: hinf_norm encloses the peak, zeros d
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 
+from robust._base.types import Controller
 from robust.lti.connections import closed_loop
 from robust.lti.lti import Matrices, is_constant, sampling_times_differ, timebase, zeros
 from robust.lti.norms import hinf_norm
@@ -21,7 +20,7 @@ from robust.models.sets.model import UncertaintyModel
 __all__ = ["ncf_margin", "nu_gap"]
 
 
-def nu_gap(G1: Any, G2: Any) -> float:
+def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel) -> float:
     """Compute Vinnicombe's nu-gap between two plants, 0 (the same) to 1 (no controller suits both for sure).
 
     A controller with a coprime margin above it (`ncf_margin`) stabilises both; the margin with the other plant is at
@@ -79,7 +78,7 @@ def nu_gap(G1: Any, G2: Any) -> float:
     return float(min(distance, 1.0))
 
 
-def ncf_margin(G: Any, K: Any) -> float:
+def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
     """Compute the coprime margin of a loop: the nu-gap that the plant may at least move by; 0 for an unstable loop.
 
     Parameters
@@ -118,7 +117,7 @@ def ncf_margin(G: Any, K: Any) -> float:
     return 1 / norm
 
 
-def nominal_plant(name: str, G: Any) -> control.StateSpace:
+def nominal_plant(name: str, G: Controller | UncertaintyModel) -> control.StateSpace:
     """Return the plant, of a set its nominal, as a state space."""
     return multivariable(name, G.nominal if isinstance(G, UncertaintyModel) else G)
 

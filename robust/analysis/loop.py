@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import control
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from nlfrf._base.arguments import require_nonnegative
 from nlfrf._base.values import value
 from robust._base.states import Stability
+from robust._base.types import Controller, Weight
 from robust.analysis.aliases import AliasedLoop, Aliases, aliases_of_set, evaluate_aliases, fold_aliases
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.lti.connections import closed_loop, in_series
@@ -190,7 +190,7 @@ class Loop:
         return find_peak(curve, omega, band, self.omega_max)
 
 
-def assemble_loop(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
+def assemble_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None, delay: float) -> Loop:
     """Put plant and controller on one time base, or refuse what does not fit together."""
     K = state_space("K", K)
     delay = require_nonnegative("delay", delay)

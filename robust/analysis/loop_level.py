@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TypeAlias
 
 import control
 import numpy as np
@@ -31,6 +31,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import value
 from robust._base.channels import is_single
+from robust._base.types import Controller, LinearSystem
 from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
 from robust.analysis.performance import simulate_samples, simulate_step
@@ -215,6 +216,9 @@ SIGNAL_KINDS = (
 )
 
 
+Signal: TypeAlias = "SineSignal | NoiseSignal | StepSignal | SampledSignal | Multisine | LinearSystem"
+
+
 @value
 class LoopSignals:
     """What acts on a loop u = K (r - y - n), y = G (u + d): each of them or none.
@@ -242,9 +246,9 @@ class LoopSignals:
     ['noise', 'reference']
     """
 
-    reference: Any = None
-    disturbance: Any = None
-    noise: Any = None
+    reference: Signal | None = None
+    disturbance: Signal | None = None
+    noise: Signal | None = None
 
     def __post_init__(self) -> None:
         if not self.named():
@@ -264,7 +268,7 @@ class LoopSignals:
                 )
             object.__setattr__(self, name, shaping)
 
-    def named(self) -> dict[str, Any]:
+    def named(self) -> dict[str, Signal]:
         """Return those that are there, by name."""
         every = {"reference": self.reference, "disturbance": self.disturbance, "noise": self.noise}
         return {name: signal for name, signal in every.items() if signal is not None}
@@ -313,7 +317,7 @@ class Transient:
 Spectrum = LineSpectrum | PowerDensity | Transient
 
 
-def find_spectrum(name: str, signal: Any, dt: float) -> Spectrum:
+def find_spectrum(name: str, signal: Signal, dt: float) -> Spectrum:
     """Return a signal of a loop of sampling time dt (0: continuous) as lines, as a power density, or as a transient.
 
     signal is a step, samples of one period, a sine, a multisine, noise in a band, or a shaping filter of white noise.
@@ -398,7 +402,7 @@ def shaped_density(name: str, shaping: control.StateSpace, dt: float) -> PowerDe
     )
 
 
-def require_real_or_nan(name: str, number: Any) -> float:
+def require_real_or_nan(name: str, number: object) -> float:
     """Return a real number, or nan for one that was not given."""
     return float("nan") if isinstance(number, float) and np.isnan(number) else require_real(name, number)
 
@@ -590,7 +594,7 @@ def describe_rms(level: LoopLevel, name: str, unit: str) -> str:
 
 def predict_level(
     model: UncertaintyModel,
-    K: Any,
+    K: Controller,
     signals: LoopSignals,
     *,
     delay: float = 0.0,
@@ -669,7 +673,7 @@ def predict_level(
     )
 
 
-def require_one_channel_loop(model: Any) -> None:
+def require_one_channel_loop(model: object) -> None:
     """Refuse a plant whose loop has no response between lines, or more than one port."""
     require_one_channel(model, "simulate its loop (nlfrf.simulate_loop)", "for its level in a loop")
 

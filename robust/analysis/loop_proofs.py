@@ -7,7 +7,7 @@ scaling of all frequencies is searched, as the search needs no proof.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.states import Outcome
+from robust._base.types import Controller
 from robust.analysis.aliases import squared_performance_gain
 from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop
@@ -27,13 +28,16 @@ from robust.proofs.exact.conditions import Terms, claim_inequalities
 from robust.proofs.exact.loops import NOMINAL, WEIGHTS, Verification, verify_loop
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
+if TYPE_CHECKING:
+    import control
+
 __all__ = ["LoopProofs", "prove_set", "stability_claim"]
 
 
 # ---- The claim of a check as exact numbers, so that it can be proved again independently.
 
 
-def stability_claim(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopClaim:
+def stability_claim(model: UncertaintyModel, K: Controller, w_P: control.StateSpace | None, delay: float) -> LoopClaim:
     """Return the claim of robust stability of a model with its controller, in the numbers that were given."""
     form = FORMS[model.form]
     return LoopClaim(

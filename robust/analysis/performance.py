@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import control
 import numpy as np
@@ -17,6 +16,7 @@ from nlfrf._base.arguments import (
     require_real_array,
 )
 from nlfrf._base.values import Sketch, value
+from robust._base.types import Controller, LinearSystem
 from robust.analysis.loop import DELAY_ORDER
 from robust.lti.connections import closed_loop, lower_lft
 from robust.lti.grids import structure_grid
@@ -24,6 +24,7 @@ from robust.lti.lti import evaluate_transfer, is_constant, response_by_channel, 
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delayed, sampled
 from robust.lti.stability import is_stable
+from robust.models.sets.model import UncertaintyModel
 
 __all__ = [
     "ClassicalMargins",
@@ -194,7 +195,7 @@ class LoopGains:
         return Sketch("Hz", "dB", curves, log=True)
 
 
-def loop_gains(G: Any, K: Any, *, omega: np.ndarray | None = None) -> LoopGains:
+def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None) -> LoopGains:
     """Return singular values of the nominal loop u = K (r - y) over frequency.
 
     Parameters
@@ -319,7 +320,12 @@ class StepResponse:
 
 
 def step_response(
-    plant: Any, K: Any, *, delay: float = 0.0, duration: float | None = None, reference: int = 0
+    plant: LinearSystem | UncertaintyModel,
+    K: Controller,
+    *,
+    delay: float = 0.0,
+    duration: float | None = None,
+    reference: int = 0,
 ) -> StepResponse:
     """Simulate a step of one reference through the loop u = K (r - y), of one or several inputs and outputs.
 

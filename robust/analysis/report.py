@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, format_paragraph
-from nlfrf._base.values import Sketch, value
+from nlfrf._base.values import ArrayField, Sketch, value
 from robust._base.states import Verdict
+from robust._base.types import SystemField
 from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import Curves, Peaks
 from robust.analysis.disk import LoopMargins
@@ -19,15 +21,20 @@ from robust.analysis.loop_proofs import LoopProofs
 from robust.analysis.performance import ClassicalMargins, classical_margins
 from robust.lti.stability import StabilityResult
 from robust.models.sets.forms import FORMS, loop_discs
-from robust.models.sets.joint import format_probability
+from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.records import format_probability
 from robust.proofs.search.certificate import Certificate
 
+if TYPE_CHECKING:
+    import control
+
 __all__ = [
+    "SAMPLES_ONLY",
     "VERDICT_MEANINGS",
+    "KnownOfLoop",
     "RobustnessReport",
     "StructuredReport",
-    "decide_structure_verdict",
     "describe_aliases",
     "describe_confidence",
     "fill_report",
@@ -149,12 +156,12 @@ def describe_set(model: UncertaintyModel) -> str:
     return f"every linear plant inside the {model.form} weight"
 
 
-def describe_confidence(model: Any) -> str:
+def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyResponseData) -> str:
     """Describe the confidence of a set and its joint probability; empty where none is claimed."""
-    confidence, joint = getattr(model, "confidence", np.nan), getattr(model, "joint", np.nan)
-    if np.isnan(confidence):
+    if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
         return ""
-    if getattr(model, "alternative_form", None) is not None:  # both sets hold the truth: what may go wrong adds up
+    confidence, joint = model.confidence, model.joint
+    if model.alternative_form is not None:  # both sets hold the truth: what may go wrong adds up
         confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
     estimated = "" if np.isnan(joint) else format_probability(joint)
@@ -269,9 +276,20 @@ def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
     )
 
 
+class Words(TypedDict):
+    """What a report says, by the names of its fields."""
+
+    verdict: Verdict
+    reason: str
+    advice: str
+    proved: str
+    not_proved: str
+    context: str
+
+
 def texts_of_stable_loop(
     model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, *, certify: bool
-) -> dict[str, str]:
+) -> Words:
     """Return the text fields of the report on a loop whose nominal is stable."""
     verdict, reason = decide_verdict(model, loop, peaks, proofs, folding, certify)
     proved, not_proved = proof_sentences(model, loop, proofs.stability_proved, proofs.performance_proved)
@@ -291,7 +309,7 @@ def nominal_verdict(nominal: StabilityResult) -> Verdict:
     return Verdict.NOT_ROBUST if nominal.unstable else Verdict.NOT_CERTIFIED
 
 
-def texts_of_unstable_loop(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> dict[str, str]:
+def texts_of_unstable_loop(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> Words:
     """Return the text fields of the report on a loop whose nominal is not stable: no margins."""
     return {
         "verdict": nominal_verdict(nominal),
@@ -305,7 +323,7 @@ def texts_of_unstable_loop(model: UncertaintyModel, loop: Loop, nominal: Stabili
 
 def texts_of_frf(
     omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
-) -> dict[str, str]:
+) -> Words:
     """Return the text fields of the report on a plant known on its lines only; peak is the largest rs."""
     verdict, lines_only = Verdict.NOT_CERTIFIED, "holds on the measured lines only"
     if not clear:
@@ -394,38 +412,7 @@ def format_stability_margin(measure: str, margin: float, omega: float) -> str:
     return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {format_margin_factor(margin)}"
 
 
-def decide_structure_verdict(
-    system: Any, curves: Any, broken: float, certify: bool, certificates: tuple[Certificate, ...], cut: Any
-) -> tuple[Verdict, str]:
-    """Decide the verdict on a loop with several uncertainties and give its reason."""
-    if broken <= 1:
-        return (
-            Verdict.NOT_ROBUST,
-            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
-        )
-    peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
-    if certificates and certificates[0].holds:
-        samples = SAMPLES_ONLY if system.N.dt else ""
-        if any(block.perturbation == "statistical" for block in system.blocks.values()):
-            return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set" + samples
-        return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
-    if peak >= 1:
-        reached = f"the upper bound of mu reaches {peak:.4g} at {format_hertz(where)}"
-        late = " by the time cap" if curves.hit_time_cap else ""
-        parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
-        return Verdict.NOT_CERTIFIED, f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
-    if not certify:
-        return (
-            Verdict.NOT_CERTIFIED,
-            f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)",
-        )
-    return (
-        Verdict.NOT_CERTIFIED,
-        f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}",
-    )
-
-
-def structure_proof_sentences(system: Any, stable: bool, performs: bool) -> tuple[str, str]:
+def structure_proof_sentences(system: UncertainSystem, stable: bool, performs: bool) -> tuple[str, str]:
     """Return what was proved of several uncertainties and what was not, one sentence each."""
     if not stable:
         return "Only that the nominal loop is stable.", "Anything about the set around it."
@@ -554,8 +541,8 @@ class RobustnessReport:
     """
 
     omega: np.ndarray
-    S: Any = None
-    T: Any = None
+    S: ArrayField = None
+    T: ArrayField = None
     rs: np.ndarray
     np_: np.ndarray
     rp: np.ndarray
@@ -579,13 +566,13 @@ class RobustnessReport:
     proved: str
     not_proved: str
     context: str = ""
-    G: Any = None
-    K: Any = None
-    radius: Any = None
+    G: ArrayField = None
+    K: ArrayField = None
+    radius: ArrayField = None
     form: str = ""
-    w_P: Any = None
-    shaping: Any = None
-    demand: Any = None
+    w_P: ArrayField = None
+    shaping: ArrayField = None
+    demand: SystemField = None
     delay: float = 0.0
     band: np.ndarray | None = None
     unit: str = ""
@@ -717,8 +704,19 @@ class RobustnessReport:
 StructuredReport = RobustnessReport
 
 
+class KnownOfLoop(TypedDict, total=False):
+    """Further fields of a report, as far as they are known of its loop."""
+
+    demand: control.StateSpace | None
+    delay: float
+    band: np.ndarray
+    unit: str
+    probability: str
+    level: LoopLevel
+
+
 def fill_report(
-    curves: Curves, peaks: Peaks, words: dict[str, Any], *, perturbation: str, stable: bool, **known: Any
+    curves: Curves, peaks: Peaks, words: Words, *, perturbation: str, stable: bool, **known: Unpack[KnownOfLoop]
 ) -> RobustnessReport:
     """Fill a report; curves that have no meaning, for an unstable loop or without a set, are nan."""
     nothing = np.full(curves.omega.size, np.nan)

@@ -15,13 +15,14 @@ A controller that runs sampled is checked sampled: hold and computation delay go
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import control
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative, short_form
 from robust._base.channels import is_single
+from robust._base.types import Controller, Weight
 from robust.analysis.aliases import RsBreakdown, rs_breakdown
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.disk import disk_margins
@@ -29,6 +30,7 @@ from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability, 
 from robust.analysis.loop_level import LoopSignals, predict_level, require_one_channel_loop
 from robust.analysis.loop_proofs import prove_set, stability_claim
 from robust.analysis.report import (
+    KnownOfLoop,
     RobustnessReport,
     describe_aliases,
     describe_confidence,
@@ -43,7 +45,13 @@ from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles, winding_number
-from robust.models.sets.measured import add_hold_and_delay, frf_sampling_time, parts_on_lines, warn_of_unknown_hold
+from robust.models.sets.measured import (
+    FrfSource,
+    add_hold_and_delay,
+    frf_sampling_time,
+    parts_on_lines,
+    warn_of_unknown_hold,
+)
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.proofs.search.certificate import SOLVERS
 
@@ -53,7 +61,9 @@ __all__ = ["check", "check_lines"]
 # ---- The check on measured lines only: a loop whose plant is known as an FRF and nowhere else.
 
 
-def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) -> RobustnessReport:
+def check_lines(
+    model: FrfSource, K: Controller, *, w_P: Weight | None, delay: float, n_unstable: int
+) -> RobustnessReport:
     """Check on the lines of the FRF only: stability by the winding number of 1 + L, and the curves.
 
     Frequencies between the lines are added where the controller, which is known there, has modes.
@@ -86,8 +96,13 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
         has_set=has_set,
         loop=f"{hold}; controller {K.nstates} states",
     )
-    of = {"demand": w_P, "delay": delay, "band": omega[[0, -1]], "unit": getattr(model, "unit", "")}
-    of["probability"] = describe_confidence(model)
+    of: KnownOfLoop = {
+        "demand": w_P,
+        "delay": delay,
+        "band": omega[[0, -1]],
+        "unit": getattr(model, "unit", ""),
+        "probability": describe_confidence(model),
+    }
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
 
@@ -105,10 +120,10 @@ def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
 
 
 def check(
-    model: Any,
-    K: Any,
+    model: UncertaintyModel | Bla | control.FrequencyResponseData,
+    K: Controller,
     *,
-    w_P: Any = None,
+    w_P: Weight | None = None,
     delay: float = 0.0,
     certify: bool = True,
     solver: str = "CLARABEL",
@@ -181,13 +196,23 @@ def check(
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
-    of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
-    of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": describe_confidence(model)}
+    of: KnownOfLoop = {
+        "demand": loop.w_P,
+        "delay": float(delay),
+        "band": model.omega[[0, -1]],
+        "unit": model.unit,
+        "probability": describe_confidence(model),
+    }
     claim = stability_claim(model, K, loop.w_P, delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         return fill_report(
-            loop.curves(omega), Peaks(), texts_of_unstable_loop(model, loop, nominal), stable=False, **of
+            loop.curves(omega),
+            Peaks(),
+            texts_of_unstable_loop(model, loop, nominal),
+            perturbation=model.perturbation,
+            stable=False,
+            **of,
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
     if signals is not None:
@@ -197,16 +222,20 @@ def check(
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
     proofs = prove_set(loop, curves, peaks.rs[0], claim=claim, certify=certify)
     folding = rs_breakdown_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
-    return fill_report(
+    found = fill_report(
         curves,
         peaks,
         texts_of_stable_loop(model, loop, peaks, proofs, folding, certify=certify),
+        perturbation=model.perturbation,
         stable=True,
+        **of,
+    )
+    return replace(
+        found,
         robustly_stable=proofs.stability_proved,
         robust_performance=proofs.performance_proved,
         certificates=proofs.certificates,
         folding="" if folding is None else describe_aliases(folding, model),
-        **of,
     )
 
 
@@ -218,7 +247,9 @@ def rs_breakdown_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) ->
     return rs_breakdown(loop.with_aliases(loop.curves(omega)), band, total)
 
 
-def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certify: bool) -> RobustnessReport:
+def check_matrix(
+    model: UncertaintyModel, K: Controller, w_P: Weight | None, delay: float, certify: bool
+) -> RobustnessReport:
     """Check several channels by the blocks of the best form, with the margins of every loop."""
     forms = [
         set_on_controller_time_base(form, K, delay) for form in (model, model.alternative_form) if form is not None
@@ -229,17 +260,21 @@ def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certif
     reason = found.reason
     if len(forms) > 1:
         reason += f"; of the forms {' and '.join(reports)} the {taken} one says most"
-    of: dict[str, Any] = {
-        "probability": describe_confidence(model),
-        "band": model.omega[[0, -1]],
-        "form": taken,
-        "demand": w_P,
-    }
+    known = replace(
+        found,
+        reason=reason,
+        margins=disk_margins(forms[0][0], K),
+        perturbation=model.perturbation,
+        probability=describe_confidence(model),
+        band=model.omega[[0, -1]],
+        form=taken,
+        demand=w_P,
+    )
     folding = {form.form: words for form, words in forms}[taken]
-    if folding:
-        of |= {"folding": folding, "delay": float(delay)}
-        of["not_proved"] = f"That the weights of the sampled set cover every alias; {found.not_proved}"
-    return replace(found, reason=reason, margins=disk_margins(forms[0][0], K), perturbation=model.perturbation, **of)
+    if not folding:
+        return known
+    not_proved = f"That the weights of the sampled set cover every alias; {found.not_proved}"
+    return replace(known, folding=folding, delay=float(delay), not_proved=not_proved)
 
 
 def best_form(reports: dict[str, RobustnessReport]) -> str:

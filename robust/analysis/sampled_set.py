@@ -21,13 +21,14 @@ in floating point, not proved. What is proved of the sampled set is proved at al
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from functools import partial
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import format_hertz, require_nonnegative
 from nlfrf._base.values import value
+from robust._base.types import Controller
 from robust.analysis.aliases import Aliases
 from robust.lti.connections import require_shape
 from robust.lti.grids import loop_grid
@@ -38,7 +39,7 @@ from robust.models.fit.weights import fit_weight
 from robust.models.sets.forms import ADDITIVE, ELEMENTS
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import PARTS, diagonal_bound
+from robust.models.sets.radius import diagonal_bound
 
 __all__ = ["SampledSet", "sampled_set", "set_on_controller_time_base"]
 
@@ -77,7 +78,7 @@ class SampledSet:
         )
 
 
-def set_on_controller_time_base(model: UncertaintyModel, K: Any, delay: float) -> tuple[UncertaintyModel, str]:
+def set_on_controller_time_base(model: UncertaintyModel, K: Controller, delay: float) -> tuple[UncertaintyModel, str]:
     """Return the set of several channels on the time base of its controller, and a description of the aliases in it.
 
     A continuous set under a sampled controller is folded; another one is as it is, with its delay in the nominal.
@@ -119,7 +120,6 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
     rows = np.concatenate([left, right])
     weights = tuple(fit_sampled_weight(omega, row, dt) for row in rows)
     # on the grid, as that is where they cover: what was measured is of the continuous set
-    parts: dict[str, Any] = dict.fromkeys(f"radius_{name}" for name in PARTS)
     made = replace(
         model,
         nominal=nominal,
@@ -127,7 +127,12 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         right=weights[len(left) :],
         omega=omega,
         radius=rows,
-        **parts,
+        radius_noise=None,
+        radius_odd=None,
+        radius_even=None,
+        radius_misfit=None,
+        radius_level=None,
+        radius_systematic=None,
         alternative_form=None,
         records=(),
         hold="zoh",
@@ -154,11 +159,11 @@ def alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndar
     Bounds of sum |h_k w| of every weight of elements, else of every |G_ji w_i| of M_k = G W_l, or |w_j| of W_l.
     """
     through, none = model.form not in (ELEMENTS, ADDITIVE), control.StateSpace([], [], [], [[0.0]], 0)
-    of: dict[str, Any] = {"dt": dt, "delay": 0.0, "inverse": False, "operator": False, "F_includes_plant": through}
+    of = partial(Aliases, dt=dt, delay=0.0, inverse=False, operator=False, F_includes_plant=through)
     parts = []
     for i, weight in enumerate(model.right if model.form == ELEMENTS else model.left):
         plants = [reachable_entry(model.nominal, j, i) for j in range(model.n_outputs)] if through else [none]
-        parts += [Aliases(plant=plant, weight=weight, **of) for plant in plants]
+        parts += [of(plant=plant, weight=weight) for plant in plants]
     n = max(int(part.single_indices[-1]) for part in parts)
     k = np.concatenate([[0], np.arange(-n, 0), np.arange(1, n + 1)])
     return k, np.array([float(part.tail_bounds.F[0]) for part in parts])

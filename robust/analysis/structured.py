@@ -7,18 +7,18 @@ The upper bound of mu over a grid decides what is worth proving, the lower bound
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_positive, short_form
+from nlfrf._base.arguments import format_hertz, require_positive, short_form
 from nlfrf._base.values import value
+from robust._base.states import Verdict
+from robust._base.types import Blocks
 from robust.analysis.report import (
+    SAMPLES_ONLY,
     RobustnessReport,
-    decide_structure_verdict,
     nominal_verdict,
     structure_proof_sentences,
 )
@@ -135,6 +135,42 @@ def check_structure(
     )
 
 
+def decide_structure_verdict(
+    system: UncertainSystem,
+    curves: MuCurves,
+    broken: float,
+    certify: bool,
+    certificates: tuple[Certificate, ...],
+    cut: ParameterMargin | None,
+) -> tuple[Verdict, str]:
+    """Decide the verdict on a loop with several uncertainties and give its reason."""
+    if broken <= 1:
+        return (
+            Verdict.NOT_ROBUST,
+            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
+        )
+    peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
+    if certificates and certificates[0].holds:
+        samples = SAMPLES_ONLY if system.N.dt else ""
+        if any(block.perturbation == "statistical" for block in system.blocks.values()):
+            return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set" + samples
+        return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
+    if peak >= 1:
+        reached = f"the upper bound of mu reaches {peak:.4g} at {format_hertz(where)}"
+        late = " by the time cap" if curves.hit_time_cap else ""
+        parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
+        return Verdict.NOT_CERTIFIED, f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
+    if not certify:
+        return (
+            Verdict.NOT_CERTIFIED,
+            f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)",
+        )
+    return (
+        Verdict.NOT_CERTIFIED,
+        f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}",
+    )
+
+
 def report_on_unstable_loop(omega: np.ndarray, nominal: StabilityResult) -> RobustnessReport:
     """Return the report on a loop whose nominal is not stable: no bounds."""
     nothing = np.full(omega.size, np.nan)
@@ -203,7 +239,7 @@ def stability_bound_at(system: UncertainSystem, omega: float, time_cap: float = 
 
 def complete_bounds(
     N: control.StateSpace,
-    blocks: Sequence[tuple[Any, ...]],
+    blocks: Blocks,
     omega: np.ndarray,
     known: tuple[np.ndarray, np.ndarray],
     deadline: float,
@@ -290,6 +326,7 @@ def find_worst_perturbation(
     cut = block_structure("blocks", system.structure)
     found = search_perturbation(responses, cut, 2, np.random.default_rng(0), deadline)
     k = int(found.value.argmax())
+    assert found.delta is not None  # of a lower bound
     size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
     if parameters is not None and parameters.size < size:
         size, delta = parameters.size, parameters.delta
@@ -307,7 +344,7 @@ def find_worst_perturbation(
 def prove_bound(
     system: UncertainSystem,
     N: control.StateSpace,
-    blocks: Sequence[tuple[Any, ...]],
+    blocks: Blocks,
     subject: str,
     omega: np.ndarray,
     deadline: float,
@@ -322,7 +359,9 @@ def prove_bound(
         found = certify_mu(N, blocks, 1.0, time_cap=min(10.0, max(deadline - time.monotonic(), 0.1)))
         return replace(found, subject=subject)
     response = response_by_channel(N, omega)
-    D_L, D_R, _ = mu_upper(response, [b[:2] for b in blocks]).scaling
+    scaling = mu_upper(response, [b[:2] for b in blocks]).scaling
+    assert scaling is not None
+    D_L, D_R, _ = scaling
     sizes = [
         np.linalg.norm(
             np.einsum("ij,jkw,kl->wil", D_L[:, :, k], response, np.linalg.inv(D_R[:, :, k])), 2, (1, 2)

@@ -6,13 +6,12 @@ any phase at one frequency and have gain one at all others, so the plant made of
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
+from robust._base.types import Controller, Weight
 from robust.analysis.aliases import worst_alias_phases
 from robust.analysis.loop import (
     Loop,
@@ -29,8 +28,8 @@ from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.interconnection import UncertainSystem
-from robust.models.sets.model import UncertaintyModel, has_several_channels, require_parametric
-from robust.models.sets.perturbations import is_within_set, perturbed_plant, with_phase, with_phases
+from robust.models.sets.model import UncertaintyModel, has_several_channels, is_within_set, require_parametric
+from robust.models.sets.perturbations import perturbed_plant, with_phase, with_phases
 from robust.mu.gain import worst_gain
 from robust.mu.lower import mu_lower
 from robust.mu.upper import refine_grid
@@ -96,7 +95,7 @@ class WorstCase:
     stable: bool
 
 
-def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float = 0.0) -> WorstCase:
+def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None, *, delay: float = 0.0) -> WorstCase:
     """Find the plant of the set with the largest sensitivity, to simulate it.
 
     Parameters
@@ -205,7 +204,7 @@ MAX_GAIN_FREQUENCIES = 150  # frequencies, about, of the bound of several channe
 N_BISECTIONS = 24  # of log g, from three decades: to 1e-6
 
 
-def worst_case_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> WorstCase:
+def worst_case_matrix(model: UncertaintyModel, K: Controller, w_P: Weight | None, delay: float) -> WorstCase:
     """Find the worst case of several channels: the bound by mu, and the worst perturbation found where it peaks."""
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, w_P)
@@ -236,7 +235,7 @@ def worst_case_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -
     )
 
 
-def performance_loop(model: UncertaintyModel, K: Any, w_P: Any) -> UncertainSystem:
+def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None) -> UncertainSystem:
     """Return the loop of several channels with S, or w_P S, as performance; its nominal has to be stable."""
     one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
     system = model.loop(K, w_P=one if w_P is None else w_P)
@@ -265,14 +264,14 @@ def find_worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
     Of N with its outputs over g, the smallest perturbation that makes it singular together with a full block between
     outputs and inputs has size one where g is the gain that the other blocks reach: looked for by bisection of log g.
     """
-    rows, cols = (sum(block[k] for block in system.structure) for k in (0, 1))
+    rows, cols = sum(block[0] for block in system.structure), sum(block[1] for block in system.structure)
     low = float(np.linalg.norm(N[rows:, cols:], 2)) + np.finfo(float).tiny
     high, best = 1e3 * low, np.zeros((cols, rows), dtype=complex)
     for _ in range(N_BISECTIONS):
         middle = np.sqrt(low * high)
         scaled_N = np.concatenate([N[:rows], N[rows:] / middle])
         found = mu_lower(scaled_N[:, :, None], system.with_performance, n_starts=2)
-        if found.value[0] >= 1:
+        if found.value[0] >= 1 and found.delta is not None:
             low, best = middle, found.delta[:cols, :rows, 0]
         else:
             high = middle
@@ -336,7 +335,7 @@ class BreakingPerturbation:
         return self.model.perturbed(scale_system(self.Delta, require_real("factor", factor) * self.size))
 
 
-def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbation:
+def breaking_perturbation(model: UncertaintyModel, K: Controller) -> BreakingPerturbation:
     """Find a smallest destabilising perturbation of the loop u = K (r - y), to simulate it or try it on a machine.
 
     Parameters
@@ -388,6 +387,7 @@ def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbati
     k = int(found.value.argmax())
     if not found.value[k] > 0:
         raise ValueError("K must react to the plant at all for a perturbation to break the loop, got one that does not")
+    assert found.delta is not None  # of a lower bound
     delta = found.delta[:, :, k] * found.value[k]  # of gain one
     return BreakingPerturbation(
         size=float(1 / found.value[k]),

@@ -38,6 +38,7 @@ __all__ = [
     "HALF_WIDTH",
     "MODEL_ERROR",
     "N_PASSES",
+    "STEP",
     "WORTH",
     "Candidate",
     "Motion",
@@ -59,8 +60,8 @@ __all__ = [
     "residual_of",
     "reweight",
     "search",
-    "slopes_of",
     "start_candidates",
+    "tangent_of",
     "unit_of",
     "units_of",
 ]
@@ -475,16 +476,20 @@ def gain_of(column: np.ndarray, Q: np.ndarray, left: np.ndarray) -> tuple[float,
     return worth**2 / size * free / max(rest, np.finfo(float).tiny), worth / size
 
 
+def tangent_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal basis of what the parameters of a candidate can do to its residual, and that residual."""
+    pairs = list(zip(levels, stds, strict=True))
+    slopes = as_real([slopes_of(level, candidate) / std[..., np.newaxis] for level, std in pairs])
+    size = np.linalg.norm(slopes, axis=0)
+    Q = np.linalg.qr(slopes / np.where(size > 0, size, 1.0))[0]
+    return Q, as_real([residual_of(level, candidate) / std for level, std in pairs])
+
+
 def extend(
     levels: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
 ) -> Candidate | None:
     """The candidate with the term or element that is worth most; None where chance is worth as much."""
-    slopes = as_real(
-        [slopes_of(level, candidate) / std[..., np.newaxis] for level, std in zip(levels, stds, strict=True)]
-    )
-    size = np.linalg.norm(slopes, axis=0)
-    Q = np.linalg.qr(slopes / np.where(size > 0, size, 1.0))[0]
-    left = as_real([residual_of(level, candidate) / std for level, std in zip(levels, stds, strict=True)])
+    Q, left = tangent_of(levels, stds, candidate)
     options: list[tuple[float, Candidate]] = []
     terms = candidate.terms
 
@@ -576,6 +581,7 @@ def derived_numbers(x: np.ndarray, terms: Terms) -> dict[str, float]:
         "damping": numbers["damping"],
         "stiffness": numbers.get("stiffness", 0.0),
         "delay": numbers["delay"],
+        "lag": float(np.sqrt(max(0.0, numbers.get("lag_squared", 0.0)))),
         "softening": numbers.get("softening", 0.0),
         "K0": float(k.sum()),
         "Fs": float(k @ D),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,13 +22,19 @@ from robust.friction.plant import FrictionLoop, FrictionPlant
 from robust.lti.lti import timebase
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.exact.polynomials import (
+    Coefficient,
+    Polynomial,
     bilinear_image,
+    complex_roots,
     delay_by_samples,
     positive_on_half_line,
     to_rational,
     transfer_quotient,
 )
 from robust.proofs.exact.stability import decide_loop_stability, squared_magnitude
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = ["MeasuredImpedances", "measured_impedances", "passive_verdict", "port_responses", "refuse_unknown_amplitude"]
 
@@ -47,8 +53,8 @@ MAX_STATES = 40
 class Damping:
     """What is left of it [Ns/m]: top/bottom over y >= 0, both of formal degree `degree`; `end` is that at infinity."""
 
-    top: Any
-    bottom: Any
+    top: Polynomial
+    bottom: Polynomial
     degree: int
 
     @property
@@ -61,7 +67,9 @@ class Damping:
         return quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
 
 
-def passive_verdict(machine: FrictionPlant, K: Any, delay: float, loop: FrictionLoop) -> tuple[FrictionVerdict, str]:
+def passive_verdict(
+    machine: FrictionPlant, K: control.StateSpace, delay: float, loop: FrictionLoop
+) -> tuple[FrictionVerdict, str]:
     """Verdict and reason: "proved" where the loop is stable and leaves damping at the port at every frequency."""
     if loop.F.shape[0] > MAX_STATES:
         return (
@@ -102,12 +110,12 @@ def mass_and_damping(machine: FrictionPlant) -> tuple[float, float]:
     return float(-np.trace(machine.A) / mobility) if mobility else np.nan, mobility
 
 
-def even_and_odd_part(num: Any, den: Any) -> tuple[Any, Any]:
+def even_and_odd_part(num: Polynomial, den: Polynomial) -> tuple[Polynomial, Polynomial]:
     """Return (even, odd) of num den* = even(x^2) + j x odd(x^2) on s = j x."""
     kind = type(num)
     both = (num * kind([c if k % 2 == 0 else -c for k, c in enumerate(den.coeffs())])).coeffs()
 
-    def signed(coefficients: list[Any]) -> Any:
+    def signed(coefficients: list[Coefficient]) -> Polynomial:
         return kind([c if k % 2 == 0 else -c for k, c in enumerate(coefficients)])
 
     return signed(both[::2]), signed(both[1::2])
@@ -122,7 +130,7 @@ def continuous_damping(loop: FrictionLoop) -> Damping:
     return Damping(top=-odd, bottom=squared_magnitude(num), degree=n - 2)
 
 
-def sampled_damping(c: float, K: Any, delay: float) -> Damping:
+def sampled_damping(c: float, K: control.StateSpace, delay: float) -> Damping:
     """c less (T/2)/(1 - cos wT) Re[(1 - exp(-jwT)) K(exp(jwT))] (Colgate & Schenkel 1997), a delay in K.
 
     With x = tan(wT/2) what is needed is (T/2)(Re K - Im K/x).
@@ -164,14 +172,14 @@ def decide_damping(left: Damping, c: float, T: float, *, unit: str) -> tuple[Fri
 def least_damping(left: Damping) -> tuple[float, float]:
     """Return the least damping and its frequency approximately, for the report; the proof does not use it."""
     slope = left.top.derivative() * left.bottom - left.top * left.bottom.derivative()
-    roots = slope.numer().complex_roots() if slope.degree() > 0 else []
+    roots = complex_roots(slope) if slope.degree() > 0 else []
     places = [0.0, np.inf, *(float(root.real.mid()) for root, _ in roots)]
     values = [(left.at(y), y) for y in places if y >= 0]
     least, y = min(values)
     return y, least
 
 
-def quotient_as_float(top: Any, bottom: Any) -> float:
+def quotient_as_float(top: Coefficient, bottom: Coefficient) -> float:
     """Return a quotient of rationals as a double; minus infinity for a zero denominator."""
     if bottom == 0:
         return np.inf if top > 0 else -np.inf

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
+from robust._base.types import LinearSystem
 from robust.lti.lti import axis_points, poles, response, timebase, zeros
 from robust.lti.realisation import multivariable, order_roots, pair_roots, split_diagonal
 
-__all__ = ["controller_sections", "roots_and_gain", "sections_by_name", "transfer_polynomials"]
+__all__ = ["controller_sections", "loop_sections", "roots_and_gain", "sections_by_name", "transfer_polynomials"]
 
 SLOW_ANGLE = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
 RESPONSE_TOLERANCE, SLOW_RESPONSE_TOLERANCE = 1e-6, 1e-3
 
 
-def controller_sections(K: Any) -> Any:
+def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
     """Return a discrete controller as second-order sections, the form in which it runs on a target.
 
     Parameters
@@ -43,7 +42,12 @@ def controller_sections(K: Any) -> Any:
     """
     K = multivariable("K", K)
     if (K.ninputs, K.noutputs) != (1, 1):
-        return tuple(map(controller_sections, split_diagonal("K", K)))
+        return tuple(map(loop_sections, split_diagonal("K", K)))
+    return loop_sections(K)
+
+
+def loop_sections(K: control.StateSpace) -> np.ndarray:
+    """Return (n, 6) the sections of a discrete controller of one loop."""
     dt = timebase(K)
     if not dt:
         raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
@@ -70,7 +74,7 @@ def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
     if not K.dt or K.ninputs != 1 or K.noutputs != 1:
         return {}
     try:
-        return {"sections": controller_sections(K)}
+        return {"sections": loop_sections(K)}
     except ValueError as error:
         data_warning(f"sections were left out of the file, which holds A, B, C and D: {error}")
         return {}

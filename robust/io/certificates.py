@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import format_count, short_form
 from robust._base.states import FrictionVerdict
+from robust._base.types import Controller
 from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
 from robust.friction.classes import AnyFriction, any_maxwell_slip
@@ -29,6 +30,9 @@ from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import LoopClaim, Matrices, differing_fields, read_claim, to_matrices, write_claim
 from robust.proofs.exact.loops import Verification, verify_loop
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = [
     "certificate_path",
@@ -83,7 +87,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     robust stability: proved, rigorous
     """
     proof = report.certificate if isinstance(report, (FrictionProof, SaturatedProof)) else None
-    if proof is not None and proof.claim is not None:
+    if proof is not None and isinstance(proof.claim, FrictionClaim):
         write_friction_claim(path, proof.claim, [{"subject": proof.subject, "found by": proof.method}])
         return
     found = [c for c in getattr(report, "certificates", ()) if c.holds and isinstance(c.claim, LoopClaim)]
@@ -101,7 +105,13 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     write_claim(path, claim, how)
 
 
-def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time_cap: float = 60.0) -> Verification:
+def verify_certificate(
+    path: PathLike,
+    *,
+    model: UncertaintyModel | FrictionPlant | None = None,
+    K: Controller | None = None,
+    time_cap: float = 60.0,
+) -> Verification:
     """Prove what a certificate file claims again, with outward rounding, and compare it with the model and K one has.
 
     Parameters
@@ -156,12 +166,14 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
     return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
 
 
-def matrices_of_controller(K: Any) -> Matrices:
+def matrices_of_controller(K: Controller) -> Matrices:
     """Return the matrices of a controller."""
     return to_matrices(state_space("K", K))
 
 
-def verify_friction_claim(claim: FrictionClaim, model: Any, K: Any, time_cap: float) -> Verification:
+def verify_friction_claim(
+    claim: FrictionClaim, model: UncertaintyModel | FrictionPlant | None, K: Controller | None, time_cap: float
+) -> Verification:
     """Return the claim on a machine with friction, proved again and compared."""
     wrong = []
     if model is not None:
@@ -264,7 +276,7 @@ def class_from_model(
     return machines, any_maxwell_slip(stiffness, stiction), f"{description}\n"
 
 
-def load_machine(path: Path, bla: Path, command: str) -> Any:
+def load_machine(path: Path, bla: Path, command: str) -> control.StateSpace:
     """Return the nominal of a model in a file, from force to position; a refusal has the command that fits one."""
     model = load_model(path)
     if getattr(model, "measured_only", True):
@@ -312,7 +324,7 @@ def add_next_command(how: str) -> Iterator[None]:
         raise ValueError(f"{error}; {how}") from None
 
 
-def load_existing_controller(path: Path, plant: Path) -> Any:
+def load_existing_controller(path: Path, plant: Path) -> control.StateSpace:
     """Return the controller in a file, which a command makes where it holds none."""
     with add_next_command(
         next_command_hint(f"robust design {shell_quote(plant)} --bandwidth HERTZ --sample-time SECONDS -o K.json")
@@ -321,16 +333,22 @@ def load_existing_controller(path: Path, plant: Path) -> Any:
 
 
 def prove_all(
-    machines: Sequence[FrictionPlant], K: Any, friction: AnyFriction, **options: Any
+    machines: Sequence[FrictionPlant],
+    K: control.StateSpace,
+    friction: AnyFriction,
+    *,
+    delay: float = 0.0,
+    Fs: float | None = None,
+    limits: bool = False,
 ) -> tuple[FrictionProof, ...]:
     """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
-    proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
+    proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs, limits=limits) for machine in machines]
     worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 
 def describe_frequency_test(
-    files: Sequence[Path], nominal: Path | None, K: Any, friction: AnyFriction, delay: float
+    files: Sequence[Path], nominal: Path | None, K: control.StateSpace, friction: AnyFriction, delay: float
 ) -> str:
     """Describe the frequency test of mass and stiffness of BLAs within two standard deviations; else empty."""
     if len(files) == 1 or nominal is not None:

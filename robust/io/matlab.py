@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import control
 import numpy as np
 from scipy.io import savemat
 
 from nlfrf._base.files import Role, command_signature, require_writable, to_path, write_atomically, write_text
+from robust._base.types import Controller
 from robust.io.biquads import sections_by_name, transfer_polynomials
 from robust.io.models import CONTROLLER_SCHEMA, MATRIX_SCHEMA, MODEL_SCHEMA, PathLike, as_controller
 from robust.lti.connections import in_series
@@ -23,7 +23,7 @@ from robust.models.sets.radius import PARTS
 __all__ = ["export_matlab"]
 
 
-def export_matlab(content: Any, path: PathLike) -> None:
+def export_matlab(content: UncertaintyModel | Controller, path: PathLike) -> None:
     """Write a model or a controller for MATLAB: a ``.mat`` file of plain structs and a ``.m`` file that loads it.
 
     The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
@@ -80,7 +80,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
     write_text(loader, text, role=Role.DERIVED)
 
 
-def model_struct(model: UncertaintyModel) -> dict[str, Any]:
+def model_struct(model: UncertaintyModel) -> dict[str, object]:
     """Return a model as a struct of numbers and text; weights of "elements" as W (n_y, n_u)."""
     single = model.is_single
     names: tuple[str, ...] = (
@@ -94,7 +94,7 @@ def model_struct(model: UncertaintyModel) -> dict[str, Any]:
         "source",
     )
     names += (*(f"radius_{part}" for part in PARTS), "delay") if single else ()
-    struct = {
+    struct: dict[str, object] = {
         "kind": MODEL_SCHEMA if single else MATRIX_SCHEMA,
         "freq": model.omega,
         "freq_unit": "rad/s",
@@ -113,14 +113,14 @@ def model_struct(model: UncertaintyModel) -> dict[str, Any]:
     return struct
 
 
-def cell_array(things: list[Any]) -> np.ndarray:
+def cell_array(things: list[object]) -> np.ndarray:
     """Return a MATLAB cell array, a row."""
     row = np.empty((1, len(things)), dtype=object)
     row[0, :] = things
     return row
 
 
-def coprime_struct(model: UncertaintyModel) -> dict[str, Any]:
+def coprime_struct(model: UncertaintyModel) -> dict[str, object]:
     """Return normalised coprime factors of the scaled plant: systems, or values on the lines."""
     if not model.measured_only:
         return dict(zip("NM", map(matlab_system, factor_systems(in_series(model.nominal, model.shaping))), strict=True))
@@ -129,9 +129,9 @@ def coprime_struct(model: UncertaintyModel) -> dict[str, Any]:
     return {"N": G * M, "M": M + 0j}
 
 
-def matlab_system(system: control.StateSpace) -> dict[str, Any]:
+def matlab_system(system: control.StateSpace) -> dict[str, object]:
     """Return a system as a struct: A, B, C, D, Ts; of one input and output num and den, where they hold it."""
-    struct: dict[str, Any] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
+    struct: dict[str, object] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
     struct["Ts"] = timebase(system)
     if system.ninputs == system.noutputs == 1:
         struct |= transfer_polynomials(system)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -12,7 +13,9 @@ import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import field_names
+from robust._base.types import Controller
 from robust.io.biquads import sections_by_name
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
@@ -44,7 +47,7 @@ VERSION = 1
 PathLike = str | os.PathLike[str]
 
 
-def encode(content: Any) -> Any:
+def encode(content: object) -> Json:
     """Encode any content of a model as JSON types."""
     if content is None or isinstance(content, str | bool):
         return content
@@ -61,7 +64,7 @@ def encode(content: Any) -> Any:
     return number if np.isfinite(number) else None if np.isnan(number) else ("inf" if number > 0 else "-inf")
 
 
-def decode(content: Any) -> Any:
+def decode(content: Json) -> Any:
     """Return the way back, for real numbers: float, or float arrays."""
     try:
         if isinstance(content, list):
@@ -71,7 +74,7 @@ def decode(content: Any) -> Any:
         raise ValueError(f"path must hold rows of the same length, got {short_form(content)}") from None
 
 
-def encode_system(system: Any) -> dict[str, Any]:
+def encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
     """Return a state space or an FRF."""
     dt = None if system.dt is None else float(system.dt)
     if isinstance(system, control.FrequencyResponseData):
@@ -79,7 +82,7 @@ def encode_system(system: Any) -> dict[str, Any]:
     return {"kind": "ss", "dt": dt, **{name: encode(getattr(system, name)) for name in "ABCD"}}
 
 
-def decode_system(content: dict[str, Any]) -> Any:
+def decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:
     """Return the way back; an empty A, B or C takes its shape from the others."""
     if content["kind"] == "frf":
         omega, pairs = decode(content["omega"]), decode(content["G"])
@@ -98,12 +101,12 @@ def decode_system(content: dict[str, Any]) -> Any:
     return control.StateSpace(*(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"])
 
 
-def write_json(content: dict[str, Any], path: PathLike) -> None:
+def write_json(content: JsonObject, path: PathLike) -> None:
     """Write a JSON file, whole or not at all."""
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]:
+def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
     """Return schema and content of a JSON file of one of these schemas, or a refusal."""
     content = parse_json(path)
     found = content.get("schema") if isinstance(content, dict) else type(content).__name__
@@ -137,11 +140,11 @@ RECORD_FIELDS = {
 }
 
 
-def encode_model(model: UncertaintyModel) -> dict[str, Any]:
+def encode_model(model: UncertaintyModel) -> JsonObject:
     """Return a model as JSON holds it."""
     schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
     names = NAMES_IN_FILES[schema]
-    content: dict[str, Any] = {"schema": schema, "version": VERSION, "units": UNITS[schema]}
+    content: JsonObject = {"schema": schema, "version": VERSION, "units": UNITS[schema]}
     for name in field_names(model):
         held = getattr(model, name)
         unknown = held is None or (name == "records" and not held)
@@ -159,7 +162,7 @@ def encode_model(model: UncertaintyModel) -> dict[str, Any]:
     return content
 
 
-def decode_model(content: dict[str, Any], schema: str) -> UncertaintyModel:
+def decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
     """Return the way back; what a file of before does not say is as in a set that was not made of a record."""
     known, names = {}, NAMES_IN_FILES[schema]
     for field in fields(UncertaintyModel):
@@ -176,10 +179,13 @@ def decode_model(content: dict[str, Any], schema: str) -> UncertaintyModel:
     return UncertaintyModel(**known, records=records)
 
 
-TUPLE_DECODERS: dict[str, Any] = {"tuple[str, ...]": one_line, "tuple[control.StateSpace, ...]": decode_system}
+TUPLE_DECODERS: dict[str, Callable[[Json], object]] = {
+    "tuple[str, ...]": one_line,
+    "tuple[control.StateSpace, ...]": decode_system,
+}
 
 
-def decode_field(content: Any, kind: str) -> Any:
+def decode_field(content: Json, kind: str) -> Any:
     """Return a field from JSON, by how it is declared."""
     if kind == "str":
         return one_line(content)
@@ -192,7 +198,7 @@ def decode_field(content: Any, kind: str) -> Any:
     return float(decode(content)) if kind == "float" else decode(content)
 
 
-def decode_record(content: dict[str, Any], schema: str) -> RecordSummary:
+def decode_record(content: JsonObject, schema: str) -> RecordSummary:
     """Return what a model remembers of a record."""
     parts: dict[str, Any] = {}
     for part in RECORD_FIELDS[schema]:
@@ -208,7 +214,7 @@ def decode_record(content: dict[str, Any], schema: str) -> RecordSummary:
     return RecordSummary(**parts)
 
 
-def save(thing: Any, path: PathLike) -> None:
+def save(thing: UncertaintyModel | Controller, path: PathLike) -> None:
     """Write an uncertainty model or a controller, so that `load` reads it.
 
     Parameters
@@ -334,7 +340,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
     return decode_model(content, schema)
 
 
-def save_controller(K: Any, path: PathLike) -> None:
+def save_controller(K: Controller, path: PathLike) -> None:
     """Write a controller to a ``.json`` file.
 
     Parameters
@@ -408,7 +414,7 @@ def load_controller(path: PathLike) -> control.StateSpace:
     return as_controller("K", decode_system(content["K"]))
 
 
-def as_controller(name: str, K: Any) -> control.StateSpace:
+def as_controller(name: str, K: Controller) -> control.StateSpace:
     """Any controller as a state space, of one input and output or of several."""
     several = np.ndim(K) > 0 or getattr(K, "ninputs", 1) > 1 or getattr(K, "noutputs", 1) > 1
     return (multivariable if several else state_space)(name, K)

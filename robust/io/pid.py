@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import inverse_unit, join_names, require_kind, require_positive
 from nlfrf._base.values import value
+from robust._base.types import Controller
 from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
@@ -146,7 +146,7 @@ class PidGains:
         return "\n".join(rows)
 
 
-def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
+def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidGains | tuple[PidGains, ...]:
     """Return the gains of a controller that is a PID, or a part of one, as they are typed into a drive or a PLC.
 
     Parameters
@@ -188,7 +188,12 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     require_kind("unit", unit, str)
     K = multivariable("K", K)
     if (K.ninputs, K.noutputs) != (1, 1):
-        return tuple(pid_gains(loop, dt=dt, unit=unit) for loop in split_diagonal("K", K))
+        return tuple(loop_gains(loop, dt, unit) for loop in split_diagonal("K", K))
+    return loop_gains(K, dt, unit)
+
+
+def loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
+    """Return the gains of a PID of one loop."""
     sampled = timebase(K)
     integrates, filter_time = pid_structure(K, sampled)
     kp, ki, kd = pid_coefficients(K, sampled, integrates, filter_time)
@@ -201,7 +206,7 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     )
 
 
-def format_gains(K: Any, unit: str, *, plc: bool = False) -> str:
+def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
     """Format the gains of a PID, a row each, also by the names of a PLC; empty for any other controller."""
     with suppress(ValueError):
         found = pid_gains(K, unit=unit)
@@ -214,7 +219,7 @@ def format_gains(K: Any, unit: str, *, plc: bool = False) -> str:
     return ""
 
 
-def reason_for_unusual_gains(K: Any) -> str:
+def reason_for_unusual_gains(K: Controller) -> str:
     """Return why no PLC takes the gains of a controller, empty where one does or where it is no PID.
 
     >>> reason_for_unusual_gains(control.tf([0.1, -2.0, 30.0], [0.01, 1.0, 0.0]))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import copyreg
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
 
 import control
 import numpy as np
 from scipy.linalg import eig, matrix_balance, schur
+
+from robust._base.types import AnySystem
 
 __all__ = [
     "SAMPLING_TOLERANCE",
@@ -51,14 +52,14 @@ def make_picklable() -> None:
     copyreg.pickle(control.StateSpace, reduce_state_space)
 
 
-def reduce_state_space(system: control.StateSpace) -> tuple[Any, ...]:
+def reduce_state_space(system: control.StateSpace) -> tuple[Callable[..., control.StateSpace], tuple[object, ...]]:
     """How to make the system again: a function and what it is given."""
     names = {"inputs": system.input_labels, "outputs": system.output_labels, "states": system.state_labels}
     numbers = (system.A, system.B, system.C, system.D, system.dt)
     return rebuild_state_space, (numbers, {"name": system.name} | {key: list(labels) for key, labels in names.items()})
 
 
-def rebuild_state_space(numbers: tuple[Any, ...], names: dict[str, Any]) -> control.StateSpace:
+def rebuild_state_space(numbers: tuple[object, ...], names: dict[str, object]) -> control.StateSpace:
     """The system from its numbers and names."""
     return control.StateSpace(*numbers, remove_useless_states=False, **names)
 
@@ -78,7 +79,7 @@ def with_names(system: control.StateSpace, inputs: Sequence[str], outputs: Seque
     return system
 
 
-def signal_names(system: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def signal_names(system: AnySystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of its inputs and outputs; u1, u2, ... and y1, y2, ... where nobody gave any."""
     pairs = ((system.input_labels, "u"), (system.output_labels, "y"))
     return tuple(  # type: ignore[return-value]  # of two
@@ -109,7 +110,7 @@ def sampling_times_differ(one: control.StateSpace, other: control.StateSpace) ->
     return differ and not is_clockless(one) and not is_clockless(other)
 
 
-def common_sampling_time(*systems: Any) -> float | None:
+def common_sampling_time(*systems: AnySystem) -> float | None:
     """Sampling time [s] of the first system that states one, 0 for continuous; None where each goes with any.
 
     Those are systems without a dt, and gains and FRFs that are not said to be sampled: numbers at frequencies have dt
@@ -122,7 +123,7 @@ def common_sampling_time(*systems: Any) -> float | None:
     return None
 
 
-def require_sampling_time(name: str, system: Any, reference: str, wanted: float | None) -> None:
+def require_sampling_time(name: str, system: AnySystem, reference: str, wanted: float | None) -> None:
     """Check that a system states no other sampling time than the one wanted; None accepts any."""
     mine = common_sampling_time(system)
     if mine is None or wanted is None or abs(mine - wanted) <= SAMPLING_TOLERANCE * max(mine, wanted):

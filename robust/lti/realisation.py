@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numbers
-from typing import Any
 
 import control
 import numpy as np
 from scipy.linalg import matrix_balance
 
 from nlfrf._base.arguments import short_form
+from robust._base.types import AnySystem, Weight
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import (
     common_sampling_time,
@@ -37,15 +37,14 @@ __all__ = [
 ]
 
 
-def multivariable(name: str, system: Any) -> control.StateSpace:
+def multivariable(name: str, system: object) -> control.StateSpace:
     """The system as a state space with any number of inputs and outputs, or a refusal."""
     if isinstance(system, (numbers.Real, list, tuple, np.ndarray)) and not isinstance(system, bool):
         system = control.StateSpace([], [], [], gain_matrix(name, system), None)
     if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
-        named = system
-        system = state_space(name, system)
+        real = state_space(name, system)
         system = control.StateSpace(
-            system.A, system.B, system.C, system.D, system.dt, inputs=named.input_labels, outputs=named.output_labels
+            real.A, real.B, real.C, real.D, real.dt, inputs=system.input_labels, outputs=system.output_labels
         )
     if not isinstance(system, control.StateSpace):
         cure = (
@@ -60,7 +59,7 @@ def multivariable(name: str, system: Any) -> control.StateSpace:
     return require_complete(name, system)
 
 
-def gain_matrix(name: str, gain: Any) -> np.ndarray:
+def gain_matrix(name: str, gain: object) -> np.ndarray:
     """A constant gain as a matrix, or a refusal."""
     try:
         return np.atleast_2d(np.asarray(gain, dtype=float))
@@ -68,7 +67,7 @@ def gain_matrix(name: str, gain: Any) -> np.ndarray:
         raise ValueError(f"{name} must be a system, a number or a matrix of numbers, got {short_form(gain)}") from None
 
 
-def state_space(name: str, system: Any) -> control.StateSpace:
+def state_space(name: str, system: object) -> control.StateSpace:
     """The system as a single-input single-output state space with its own states kept, or a refusal.
 
     Transfer functions are realised without cancelling anything: a mode that hides in G K must stay visible to
@@ -93,7 +92,7 @@ def state_space(name: str, system: Any) -> control.StateSpace:
     return require_complete(name, system)
 
 
-def controller_hint(thing: Any) -> str:
+def controller_hint(thing: object) -> str:
     """Return where the controller of a design is found, for a refusal of the design itself; else an empty string."""
     return "; its controller is its field K" if isinstance(getattr(thing, "K", None), control.StateSpace) else ""
 
@@ -135,7 +134,7 @@ def require_complete(name: str, system: control.StateSpace) -> control.StateSpac
     return system
 
 
-def repeat_over_channels(name: str, weight: Any, n: int) -> control.StateSpace:
+def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpace:
     """A weight that takes n signals: one of a single input and output stands for the same on each of them."""
     weight = multivariable(name, weight)
     if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
@@ -145,7 +144,7 @@ def repeat_over_channels(name: str, weight: Any, n: int) -> control.StateSpace:
     return weight
 
 
-def from_polynomials(name: str, num: np.ndarray, den: np.ndarray, dt: Any) -> control.StateSpace:
+def from_polynomials(name: str, num: np.ndarray, den: np.ndarray, dt: float | None) -> control.StateSpace:
     """Controllable canonical form in scaled time, balanced, so that coefficients over many decades survive."""
     num, den = np.trim_zeros(np.asarray(num, float), "f"), np.trim_zeros(np.asarray(den, float), "f")
     if den.size == 0 or not (np.isfinite(num).all() and np.isfinite(den).all()):
@@ -247,7 +246,7 @@ def second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...],
     return control.StateSpace(A, [[1.0], [0.0]], [[slope, value / w]], [[direct]], dt)
 
 
-def stable_weight(name: str, system: Any, dt: float, n: int = 1) -> control.StateSpace:
+def stable_weight(name: str, system: Weight, dt: float, n: int = 1) -> control.StateSpace:
     """A stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
     w = repeat_over_channels(name, system, n) if n > 1 else state_space(name, system)
     step = timebase(w)
@@ -266,7 +265,7 @@ def rightmost_pole(system: control.StateSpace) -> complex:
 
 
 def frequency_response(
-    name: str, plant: Any, omega: np.ndarray, other: tuple[Any, ...] = (), shape: tuple[int, int] = (1, 1)
+    name: str, plant: AnySystem, omega: np.ndarray, other: tuple[AnySystem, ...] = (), shape: tuple[int, int] = (1, 1)
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `other`.
 

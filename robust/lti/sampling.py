@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 from scipy.linalg import expm
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
+from robust._base.types import LinearSystem
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
@@ -23,7 +22,7 @@ ALLPASS_TOLERANCE = (
 SAMPLING_TOLERANCE = 1e-6  # how far two sampling times may be apart that are one
 
 
-def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
+def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.StateSpace:
     """What a sampled controller sees of a continuous plant: zero-order hold, computation delay, sampler. Exact.
 
     The delay [s] need not be a whole number of samples. With delay = d dt + rest, the plant input changes
@@ -184,7 +183,7 @@ def roots_match(some: np.ndarray, other: np.ndarray) -> bool:
     )
 
 
-def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
+def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
     """A continuous controller for a sampling time, by the bilinear map (Tustin), exact at one frequency if asked.
 
     Parameters

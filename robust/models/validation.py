@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Required, TypedDict, TypeVar
 
 import numpy as np
 from scipy.special import gammaincc, ndtr
@@ -122,8 +122,8 @@ class Validation:
     frequency: float = float("nan")
     level: float = float("nan")
     p_level: float = float("nan")
-    entries_outside: Any = None
-    p_values: Any = None
+    entries_outside: np.ndarray | None = None
+    p_values: np.ndarray | None = None
     inputs: tuple[str, ...] = ("u",)
     outputs: tuple[str, ...] = ("y",)
 
@@ -137,7 +137,7 @@ class Validation:
         where = f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
         shares, entry, entries, what = "", "", "", "lines beyond both discs"
         rows = [f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}"]
-        if self.p_values is not None:
+        if self.p_values is not None and self.entries_outside is not None:
             rows = [f"validation of {len(self.outputs)} outputs by {len(self.inputs)} inputs on {self.n_lines} lines"]
             rows[0] += "" if np.isnan(self.distance).all() else f": {self.n_outside_set} outside the set{where}"
             shares, what = " of all entries", "matrices beyond both"
@@ -289,9 +289,19 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(fewer[keep])
 
 
-def fit_shape_and_level(
-    x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None
-) -> dict[str, float]:
+class Change(TypedDict, total=False):
+    """What a comparison of two records found, by the names of the fields of `Validation`."""
+
+    p_value: Required[float]
+    gain: float
+    delay: float
+    frequency: float
+    level: float
+    p_level: float
+    p_values: np.ndarray
+
+
+def fit_shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> Change:
     """Shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
     n_lines = z.size if n_lines is None else n_lines
     if n_lines < MIN_SHARED_LINES:
@@ -336,12 +346,12 @@ def measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
     return local_slope(np.log(omega), np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G)))
 
 
-def compare_records(model: Any, first: RecordSummary, second: RecordSummary, p: float) -> Validation:
+def compare_records(model: UncertaintyModel | Bla, first: RecordSummary, second: RecordSummary, p: float) -> Validation:
     """Return two records of one channel on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
     outside = np.abs(d) ** 2 > f_quantile(p, LEVEL_DOF) * variance
-    found = {"p_value": 1.0}
+    found: Change = {"p_value": 1.0}
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
         # about the mean of both records, each for what it is worth: it is independent of their difference
         G = (first.G * second.variance + second.G * first.variance) / variance
@@ -361,31 +371,47 @@ def compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float
     """Return two records of several channels on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     n_y, n_u = d.shape[1:]
-    before, after = (np.einsum("fjj,fii->fji", one.variance, one.gamma).real for one in (first, second))
+    gamma, later_gamma, dof, later_dof = first.gamma, second.gamma, first.dof, second.dof
+    assert gamma is not None  # of several channels
+    assert later_gamma is not None
+    assert dof is not None
+    assert later_dof is not None
+    before = np.einsum("fjj,fii->fji", first.variance, gamma).real
+    after = np.einsum("fjj,fii->fji", second.variance, later_gamma).real
     variance = np.maximum(before + after, np.finfo(float).tiny)
-    L = welch_satterthwaite_dof(before, after, first.dof[:, None, None], second.dof[:, None, None])
+    L = welch_satterthwaite_dof(before, after, dof[:, None, None], later_dof[:, None, None])
     entries = np.abs(d) ** 2 > f_quantile(p, L) * variance
     # of inputs that went along the same directions both times the sum is a product again; else it lies above
-    turned = np.linalg.eigvals(np.linalg.solve(first.gamma, second.gamma)).real.max(axis=1)
+    turned = np.linalg.eigvals(np.linalg.solve(gamma, later_gamma)).real.max(axis=1)
     C = [first.variance, turned[:, None, None] * second.variance]
     before, after = (np.einsum("fjj->f", one).real for one in C)
-    L = welch_satterthwaite_dof(before, after, first.dof, second.dof)
-    Z = inverse_hermitian_root(C[0] + C[1]) @ d @ inverse_hermitian_root(first.gamma)
+    L = welch_satterthwaite_dof(before, after, dof, later_dof)
+    Z = inverse_hermitian_root(C[0] + C[1]) @ d @ inverse_hermitian_root(gamma)
     limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
-    found: dict[str, Any] = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
+    found: Change = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
         found = entry_changes(first, second, d, C[0] + C[1])
     outside = np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit
-    return make_validation(omega, outside, p, found | {"entries_outside": entries.sum(axis=0)})
+    return replace(make_validation(omega, outside, p, found), entries_outside=entries.sum(axis=0))
 
 
-def make_validation(omega: np.ndarray, outside: np.ndarray, p: float, found: dict[str, Any]) -> Validation:
+def make_validation(omega: np.ndarray, outside: np.ndarray, p: float, found: Change) -> Validation:
     """Make the result on the shared lines of two records."""
-    counts = {"n_outside": int(outside.sum()), "n_expected": (1 - p) * omega.size, "omega_outside": omega[outside]}
-    return Validation(**counts, n_lines=omega.size, omega=omega, distance=np.zeros(omega.size), **found)
+    return Validation(
+        n_outside=int(outside.sum()),
+        n_expected=(1 - p) * omega.size,
+        omega_outside=omega[outside],
+        n_lines=omega.size,
+        omega=omega,
+        distance=np.zeros(omega.size),
+        **found,
+    )
 
 
-def f_quantile(p: float, dof: Any) -> Any:
+Dof = TypeVar("Dof", float, np.ndarray)
+
+
+def f_quantile(p: float, dof: Dof) -> Dof:
     """Return the quantile of F(2, 2 dof)."""
     return dof * np.expm1(-np.log1p(-p) / dof)
 
@@ -404,12 +430,13 @@ def inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
     return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
-def entry_changes(first: RecordSummary, second: RecordSummary, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
+def entry_changes(first: RecordSummary, second: RecordSummary, d: np.ndarray, C: np.ndarray) -> Change:
     """Return the change that all entries share, and p-values of a change of each entry."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
     slope = np.array([measured_slope(omega, g) for g in G.reshape(F, -1).T]).T.reshape(G.shape)
     x, units = change_directions(omega, G, slope)
+    assert first.gamma is not None  # of several channels
     own = np.einsum("fii->fi", first.gamma).real
     level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
     left, right = inverse_hermitian_root(level), inverse_hermitian_root(first.gamma)

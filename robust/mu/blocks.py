@@ -6,12 +6,12 @@ N is cut as Delta^T is: a block (rows, cols) reads `rows` outputs of N and drive
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
+from robust._base.types import Blocks
 
 __all__ = ["KINDS", "BlockStructure", "block_structure", "structure_for"]
 
@@ -53,7 +53,7 @@ class BlockStructure:
         return all(kind == "full" or r.stop - r.start == 1 for kind, r in zip(self.kinds, self.rows, strict=True))
 
 
-def block_structure(name: str, blocks: Any) -> BlockStructure:
+def block_structure(name: str, blocks: Blocks) -> BlockStructure:
     """Return the blocks, checked, with the bases of their scalings."""
     if not isinstance(blocks, Sequence) or isinstance(blocks, str) or not len(blocks):
         raise ValueError(f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')")
@@ -86,22 +86,22 @@ def block_structure(name: str, blocks: Any) -> BlockStructure:
     )
 
 
-def check_block(name: str, block: Any) -> tuple[int, int, str]:
+def check_block(name: str, block: object) -> tuple[int, int, str]:
     """Return rows, columns and kind of one block, or refuse it."""
-    fine = isinstance(block, (tuple, list)) and len(block) in (2, 3)
-    if not fine or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in block[:2]):
+    parts = block if isinstance(block, (tuple, list)) and len(block) in (2, 3) else ()
+    if not parts or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in parts[:2]):
         raise ValueError(f"{name} must be (rows, cols) with whole numbers of at least 1, got {short_form(block)}")
-    kind = block[2] if len(block) == 3 else "full"
+    kind = parts[2] if len(parts) == 3 else "full"
     if kind not in KINDS:
         raise ValueError(f"{name} must be of the kind 'full', 'repeated' or 'real', got {short_form(kind)}")
-    if kind != "full" and block[0] != block[1]:
-        raise ValueError(f"{name} must be square to be {kind}, got {block[0]} rows and {block[1]} columns")
-    if kind == "repeated" and block[0] == 1:
+    if kind != "full" and parts[0] != parts[1]:
+        raise ValueError(f"{name} must be square to be {kind}, got {parts[0]} rows and {parts[1]} columns")
+    if kind == "repeated" and parts[0] == 1:
         kind = "full"  # one complex number is a full block too
-    return int(block[0]), int(block[1]), kind
+    return int(parts[0]), int(parts[1]), kind
 
 
-def structure_for(name: str, blocks: Any, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
+def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
     """Return the structure, or refuse one that does not match the outputs and inputs of the system."""
     found = block_structure(name, blocks)
     if found.shape != tuple(shape):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import random_generator
+from nlfrf._base.types import Seed
 from nlfrf._base.values import value
+from robust._base.types import AnySystem, Blocks
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.lti.realisation import multivariable
@@ -16,6 +18,9 @@ from robust.mu.blocks import structure_for
 from robust.mu.gain import search_worst_case, worst_gain
 from robust.mu.lower import mu_lower
 from robust.mu.upper import mu_upper, response_matrices
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["StructuredBounds", "mu_bounds", "worst_gain_bounds"]
 
@@ -63,7 +68,9 @@ class StructuredBounds:
         return f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{at}"
 
 
-def mu_bounds(N: Any, blocks: Any, omega: Any = None, *, rng: Any = 0) -> StructuredBounds:
+def mu_bounds(
+    N: AnySystem | np.ndarray, blocks: Blocks, omega: ArrayLike | None = None, *, rng: Seed = 0
+) -> StructuredBounds:
     """Bound the structured singular value of a system from both sides.
 
     Parameters
@@ -104,11 +111,14 @@ def mu_bounds(N: Any, blocks: Any, omega: Any = None, *, rng: Any = 0) -> Struct
     omega, M = sampled_response(N, omega)
     structure_for("blocks", blocks, M.shape[:2])
     found = mu_lower(M, blocks, n_starts=N_STARTS, rng=rng)
+    assert found.delta is not None  # of a lower bound
     upper = np.maximum(mu_upper(M, blocks).value, found.value)  # where they meet rounding may cross them
     return StructuredBounds(omega=omega, lower=found.value, upper=upper, delta=found.delta)
 
 
-def worst_gain_bounds(N: Any, blocks: Any, omega: Any = None, *, rng: Any = 0) -> StructuredBounds:
+def worst_gain_bounds(
+    N: AnySystem | np.ndarray, blocks: Blocks, omega: ArrayLike | None = None, *, rng: Seed = 0
+) -> StructuredBounds:
     """Bound the worst gain over a set of perturbations from both sides, with a worst case.
 
     Parameters
@@ -158,7 +168,7 @@ def worst_gain_bounds(N: Any, blocks: Any, omega: Any = None, *, rng: Any = 0) -
     )
 
 
-def sampled_response(N: Any, omega: Any) -> tuple[np.ndarray | None, np.ndarray]:
+def sampled_response(N: AnySystem | np.ndarray, omega: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray]:
     """Frequencies and the response (n_out, n_in, W) there."""
     if omega is not None:
         omega = np.atleast_1d(np.asarray(omega, dtype=float))

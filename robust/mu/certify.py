@@ -7,7 +7,6 @@ linear system, decided by its Hamiltonian (`robust.proofs.search.intervals`). In
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import control
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz, require_positive
 from nlfrf._base.values import value
 from robust._base.states import Outcome
+from robust._base.types import Blocks, LinearSystem
 from robust.lti.lti import Matrices, response_by_channel, timebase
 from robust.lti.norms import continuous_image, real_block_crossings, well_conditioned
 from robust.lti.realisation import multivariable
@@ -33,7 +33,7 @@ SLACK_REAL = 1e-9  # of the norm with real blocks, for rounding in it; what N ma
 Scaling = tuple[np.ndarray, ...]
 
 
-def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 10.0) -> Certificate:
+def certify_mu(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, time_cap: float = 10.0) -> Certificate:
     """Prove that the structured singular value of a system stays below a level at every frequency.
 
     Parameters
@@ -132,7 +132,7 @@ class FrozenScalings:
     """
 
     N: control.StateSpace
-    blocks: Any
+    blocks: Blocks
     level: float
     matrices: Matrices
     speeds: np.ndarray
@@ -142,10 +142,10 @@ class FrozenScalings:
     own: dict[float, Scaling]
     deadline: float
 
-    def omega_of(self, x: Any) -> Any:
+    def omega_of(self, x: float) -> float:
         """Frequency [rad/s]."""
         dt = timebase(self.N)
-        return 2 / dt * np.arctan(x) if dt else x
+        return float(2 / dt * np.arctan(x)) if dt else x
 
     def scaling(self, x: float) -> Scaling:
         """The one found for this x, else one from the grid: any scaling proves what it proves."""
@@ -157,7 +157,7 @@ class FrozenScalings:
 
     def size(self, x: float) -> float:
         """The bound at x over the level; where the scaling at hand is too poor, a better one is found and kept."""
-        C, response = self.matrices[2], response_by_channel(self.N, self.omega_of(np.array([x])))  # (rows, cols, 1)
+        C, response = self.matrices[2], response_by_channel(self.N, np.array([self.omega_of(x)]))  # (rows, cols, 1)
         norm = float(np.linalg.norm(to_norm_form(self.scaling(x), C, response[:, :, 0], self.level)[1], 2))
         if norm < 1:
             return norm
@@ -181,7 +181,7 @@ class FrozenScalings:
 
 
 def frozen_scalings(
-    N: control.StateSpace, s: BlockStructure, blocks: Any, level: float, deadline: float
+    N: control.StateSpace, s: BlockStructure, blocks: Blocks, level: float, deadline: float
 ) -> FrozenScalings:
     """The system in good coordinates, and the scalings of its bound on a grid around its poles."""
     dt = timebase(N)
@@ -206,11 +206,13 @@ def frozen_scalings(
 
 def scaling_at(bound: MuBound, k: int) -> Scaling:
     """The scaling of one frequency, in real numbers where it has them."""
+    assert bound.scaling is not None  # of an upper bound
     return tuple(m[:, :, k].real if not m[:, :, k].imag.any() else m[:, :, k] for m in bound.scaling)
 
 
 def interpolate_scalings(bound: MuBound, grid: np.ndarray, x: float) -> Scaling:
     """Positive diagonal scalings interpolated over log frequency."""
+    assert bound.scaling is not None  # of an upper bound
     k = int(np.clip(np.searchsorted(grid, x), 1, grid.size - 1))
     part = float(np.clip(np.log(x / grid[k - 1]) / np.log(grid[k] / grid[k - 1]), 0, 1))
     D_L, D_R = (

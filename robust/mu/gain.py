@@ -11,10 +11,9 @@ method for all frequencies at once, and the bound is recomputed from the scaling
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, block_structure
 from robust.mu.lower import MOVES, align_perturbation, search_perturbation, without_real_blocks
 from robust.mu.upper import (
@@ -35,7 +34,7 @@ ROUNDING_MARGINS = (1e-9, 1e-7, 1e-5, 1e-3)
 MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
 
 
-def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
+def worst_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     """An upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
 
     `worst_gain_bounds` takes systems too, and returns the perturbation that attains the gain which was found.
@@ -83,6 +82,7 @@ def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
     open_ = np.flatnonzero(stable.value < 1)
     if not open_.size:
         return gain
+    assert stable.scaling is not None  # of an upper bound
     s = block_structure("blocks", blocks)
     for at in np.array_split(open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // MAX_ENTRIES)):
         D_L, D_R, G = (np.moveaxis(each, 2, 0)[at] for each in stable.scaling)
@@ -235,7 +235,9 @@ def interior_point_step(
     goal[-1] = 1.0
     H += 1e-15 * np.einsum("wkk->wk", H)[:, :, None] * np.eye(m)
 
-    def direction(centre: np.ndarray, correction: list[np.ndarray] | None) -> tuple[np.ndarray, list[Any], list[Any]]:
+    def direction(
+        centre: np.ndarray, correction: list[np.ndarray] | None
+    ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
         right = centre[:, None] * pull - goal
         if correction is not None:
             for B, each in zip(cones, correction, strict=True):
@@ -302,7 +304,7 @@ GROWTH = 1e-7
 
 
 def search_worst_case(
-    M: np.ndarray, blocks: Any, upper: np.ndarray, rng: np.random.Generator
+    M: np.ndarray, blocks: Blocks, upper: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """(W,) largest gain found over the set and (W, n_in, n_out) the perturbation that has it.
 
@@ -314,6 +316,7 @@ def search_worst_case(
     open_ = np.flatnonzero(np.isinf(upper))
     if open_.size:
         smallest = search_perturbation(M[open_, :rows, :cols], s, 6, rng, np.inf)
+        assert smallest.delta is not None  # of a lower bound
         singular = smallest.value >= 1
         gain[open_[singular]] = np.inf
         delta[open_[singular]] = np.moveaxis(smallest.delta, 2, 0)[singular]
@@ -333,7 +336,9 @@ def search_worst_case(
     return gain, delta
 
 
-def perturbation_of_skewed_mu(M: np.ndarray, s: BlockStructure, gain: np.ndarray, rng: Any) -> np.ndarray:
+def perturbation_of_skewed_mu(
+    M: np.ndarray, s: BlockStructure, gain: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
     """(W, n_in, n_out) of size at most one, what the blocks do where with the outputs over the gain mu is one."""
     rows, cols = s.shape
     level = np.where(np.isfinite(gain), gain, 10 * np.linalg.norm(M[:, rows:, cols:], axis=(1, 2)) + 1e-300)
@@ -342,6 +347,7 @@ def perturbation_of_skewed_mu(M: np.ndarray, s: BlockStructure, gain: np.ndarray
     sizes = [(r.stop - r.start, c.stop - c.start, kind) for r, c, kind in zip(s.rows, s.cols, s.kinds, strict=True)]
     whole = block_structure("blocks", [*sizes, (M.shape[1] - rows, M.shape[2] - cols)])
     found = search_perturbation(scaled, whole, 2, rng, np.inf)
+    assert found.delta is not None  # of a lower bound
     delta = np.nan_to_num(np.moveaxis(found.delta, 2, 0)[:, :cols, :rows])
     size = np.linalg.norm(delta, 2, axis=(1, 2))
     return delta / np.maximum(size, 1.0)[:, None, None]

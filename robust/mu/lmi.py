@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from nlfrf._base.arguments import require_choice
+from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, bound_from_scalings, osborne_balance, response_matrices
 from robust.proofs.search.certificate import SOLVERS, solve_program
@@ -14,7 +13,7 @@ from robust.proofs.search.certificate import SOLVERS, solve_program
 __all__ = ["mu_upper_lmi"]
 
 
-def mu_upper_lmi(N: np.ndarray, blocks: Any, *, solver: str = "CLARABEL", time_cap: float = 5.0) -> MuBound:
+def mu_upper_lmi(N: np.ndarray, blocks: Blocks, *, solver: str = "CLARABEL", time_cap: float = 5.0) -> MuBound:
     """The bound of `mu_upper` by semidefinite programming in cvxpy: slow, and found in another way.
 
     beta is bisected on beta^2 X_R - N^H X_L N - j (G N - N^H G^H) > 0; the bound is recomputed from the variables, so
@@ -110,7 +109,9 @@ def real_embedding(H: np.ndarray) -> np.ndarray:
     return np.block([[H.real, -H.imag], [H.imag, H.real]])
 
 
-def bound_from_variables(A: np.ndarray, s: BlockStructure, x: Any, g: Any) -> tuple[float, tuple[np.ndarray, ...]]:
+def bound_from_variables(
+    A: np.ndarray, s: BlockStructure, x: np.ndarray | None, g: np.ndarray
+) -> tuple[float, tuple[np.ndarray, ...]]:
     """The bound that a solver's variables prove (inf: none), put together again."""
     nothing = np.inf, (np.zeros(0),) * 3
     if x is None or not np.isfinite(x).all() or (s.skew.size and not np.isfinite(g).all()):

@@ -10,12 +10,13 @@ converge (Young & Doyle 1990; Seiler, Packard & Balas 2010).
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 
 from nlfrf._base.arguments import random_generator, require_integer
+from nlfrf._base.types import Seed
 from nlfrf._base.values import value
+from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, conjugate_transpose, optimal_scalings, response_matrices
 
@@ -50,7 +51,7 @@ class Mode:
     right: np.ndarray
 
 
-def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> MuBound:
+def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) -> MuBound:
     """A structured perturbation that makes the loop singular, as small as found: mu is at least 1 over its size.
 
     Parameters
@@ -95,7 +96,9 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     )
 
 
-def search_perturbation(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float) -> MuBound:
+def search_perturbation(
+    M: np.ndarray, s: BlockStructure, n_starts: int, rng: np.random.Generator, deadline: float
+) -> MuBound:
     """The largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
     W = len(M)
     left, right, bound = worst_directions(M, s, deadline)
@@ -299,7 +302,7 @@ def worst_directions(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple
 
 
 def perturbation_from_directions(
-    left: np.ndarray, right: np.ndarray, s: BlockStructure, rng: Any, *, random: bool
+    left: np.ndarray, right: np.ndarray, s: BlockStructure, rng: np.random.Generator | None, *, random: bool
 ) -> np.ndarray:
     """A perturbation of size one along the first direction, or along a random combination, or any random one."""
     W, k = left.shape[0], left.shape[2]

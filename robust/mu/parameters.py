@@ -11,13 +11,13 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
+from robust._base.types import Blocks, LinearSystem
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
@@ -272,7 +272,7 @@ class BoxSearch:
 
     N: control.StateSpace
     s: BlockStructure
-    blocks: Any
+    blocks: Blocks
     deadline: float
     level: float
     broken: float
@@ -283,7 +283,9 @@ class BoxSearch:
     reason: str = ""
 
 
-def parameter_margin(N_ss: Any, blocks: Any, *, gap: float = 0.05, time_cap: float = 60.0) -> ParameterMargin:
+def parameter_margin(
+    N_ss: LinearSystem, blocks: Blocks, *, gap: float = 0.05, time_cap: float = 60.0
+) -> ParameterMargin:
     """Find how large real parameters may be, to a stated gap: proved on every part of the box, broken just above.
 
     Parameters
@@ -361,7 +363,7 @@ def next_level(low: float, broken: float, gap: float) -> float:
     return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
 
 
-def begin_search(N: control.StateSpace, s: BlockStructure, blocks: Any, deadline: float) -> tuple[BoxSearch, float]:
+def begin_search(N: control.StateSpace, s: BlockStructure, blocks: Blocks, deadline: float) -> tuple[BoxSearch, float]:
     """What the bounds of mu say of the whole box, and the factor proved."""
     now, r = time.monotonic(), len(s.kinds)
     omega = structure_grid(N)
@@ -390,7 +392,7 @@ def begin_search(N: control.StateSpace, s: BlockStructure, blocks: Any, deadline
         now + 0.4 * (deadline - now),
     )
     k = int(found.value.argmax())
-    if found.value[k] > 0 and 1 / found.value[k] < search.broken:
+    if found.delta is not None and found.value[k] > 0 and 1 / found.value[k] < search.broken:
         x = real_parameters(found.delta[:, :, k], s) * float(found.value[k])
         search = replace(search, broken=1 / float(found.value[k]), worst=x, omega=float(omega[at[k]]))
     level = min(0.99 / peak, MAX_FACTOR)
@@ -517,7 +519,7 @@ def split_box(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """The part cut in two across the parameter for which the bound where it peaks falls most; none where it is thin."""
     middle, half = box
-    best: tuple[float, list[Any]] = (np.inf, [])
+    best: tuple[float, list[tuple[np.ndarray, np.ndarray]]] = (np.inf, [])
     for k in np.flatnonzero([kind == "real" for kind in search.s.kinds]):
         if half[k] < MIN_BOX_WIDTH:
             continue

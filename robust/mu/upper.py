@@ -10,13 +10,13 @@ For complex blocks, with X = D^H D, this is sigma(D_L N D_R^-1) < beta (Doyle 19
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
+from robust._base.types import Blocks
 from robust.lti.lti import response_by_channel
 from robust.lti.norms import EPS
 from robust.mu.blocks import BlockStructure, structure_for
@@ -69,11 +69,11 @@ class MuBound:
     """
 
     value: np.ndarray
-    scaling: Any = None
-    delta: Any = None
+    scaling: tuple[np.ndarray, ...] | None = None
+    delta: np.ndarray | None = None
 
 
-def mu_upper(N: np.ndarray, blocks: Any) -> MuBound:
+def mu_upper(N: np.ndarray, blocks: Blocks) -> MuBound:
     """How large a structured perturbation has to be, at least, to make a loop singular: 1 over this bound.
 
     Parameters
@@ -112,7 +112,7 @@ def mu_upper(N: np.ndarray, blocks: Any) -> MuBound:
     return upper_bound(response_matrices("N", N), blocks)
 
 
-def upper_bound(M: np.ndarray, blocks: Any, target: float = 0.0, deadline: float = np.inf) -> MuBound:
+def upper_bound(M: np.ndarray, blocks: Blocks, target: float = 0.0, deadline: float = np.inf) -> MuBound:
     """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it.
 
     Whatever scalings there are at the deadline (of time.monotonic()) make a bound too.
@@ -136,21 +136,21 @@ def upper_bound(M: np.ndarray, blocks: Any, target: float = 0.0, deadline: float
     return MuBound(value=best * scale, scaling=tuple(scaling))
 
 
-def response_matrices(name: str, N: Any) -> np.ndarray:
+def response_matrices(name: str, N: object) -> np.ndarray:
     """(W, n_out, n_in) from (n_out, n_in, W), or a refusal."""
     if isinstance(N, control.lti.LTI):
         raise ValueError(
             f"{name} must be an array (outputs, inputs, frequencies), got a {type(N).__name__}; give its response, "
             f"{name}(1j * omega), or use certify_mu, which bounds mu of a state space at all frequencies"
         )
-    N = np.asarray(N)
-    if N.ndim != 3 or N.dtype.kind not in "fciu":
+    M = np.asarray(N)
+    if M.ndim != 3 or M.dtype.kind not in "fciu":
         raise ValueError(
-            f"{name} must be an array (outputs, inputs, frequencies), got {short_form(N)}. One matrix: N[:, :, None]."
+            f"{name} must be an array (outputs, inputs, frequencies), got {short_form(M)}. One matrix: N[:, :, None]."
         )
-    if not np.isfinite(N).all():
-        raise ValueError(f"{name} must be finite, got {np.count_nonzero(~np.isfinite(N))} nan or infinite numbers")
-    return np.ascontiguousarray(np.moveaxis(N, 2, 0), dtype=complex)
+    if not np.isfinite(M).all():
+        raise ValueError(f"{name} must be finite, got {np.count_nonzero(~np.isfinite(M))} nan or infinite numbers")
+    return np.ascontiguousarray(np.moveaxis(M, 2, 0), dtype=complex)
 
 
 def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -> np.ndarray:
@@ -333,13 +333,13 @@ def newton_step_to_centre(
 N_REFINEMENTS = 4
 
 
-def mu_bound_at(N: control.StateSpace, blocks: Any, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
+def mu_bound_at(N: control.StateSpace, blocks: Blocks, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
     """(W,) upper bound at omega."""
     return np.asarray(upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks, 0.0, deadline).value)
 
 
 def refine_grid(
-    N: control.StateSpace, blocks: Any, omega: np.ndarray, deadline: float = np.inf
+    N: control.StateSpace, blocks: Blocks, omega: np.ndarray, deadline: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies with more of them around the peak, and the bound there."""
     now = time.monotonic()

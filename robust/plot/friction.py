@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from nlfrf._base.axes import axes_or_new, bode_axes, finish_axes
+from nlfrf._base.axes import AxesLike, axes_or_new, bode_axes, finish_axes
 from robust.friction.describing_function import QuasiLinear
 from robust.friction.identification import FrictionFit
 from robust.plot.style import COLOR
@@ -68,7 +67,7 @@ def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax:
     return finish_axes(ax)
 
 
-def plot_friction_fit(fit: FrictionFit, *, ax: Axes | Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
+def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[Axes, Axes]:
     """k_eq and c_eq of the friction over the rms of the motion: measured at every level, and of the fitted elements.
 
     Where the two part, another friction or another machine was measured.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.arguments import label_with_unit, require_integer, require_kind, require_probability, short_form
 from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
+from robust._base.types import Controller
 from robust.analysis.family import LoopFamily
 from robust.analysis.performance import LoopGains, StepResponse
 from robust.analysis.report import RobustnessReport
@@ -274,7 +275,7 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
 
 
 def plot_bounds(
-    model: UncertaintyModel, K: Any, bounds: tuple[np.ndarray, np.ndarray], *, ax: Axes | None = None
+    model: UncertaintyModel, K: Controller, bounds: tuple[np.ndarray, np.ndarray], *, ax: Axes | None = None
 ) -> Axes:
     """Plot |L| between the bounds of `loop_bounds`, on the lines of the model.
 

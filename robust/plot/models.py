@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -59,7 +59,7 @@ DECIBELS_BELOW, DECIBELS_ABOVE = (
 )  # dB about the curves of a set: bands of 84 % below and of 300 % above are whole
 
 
-def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Any:
+def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np.ndarray:
     """Return the radius on the measured lines, what it is made of, and the weight over it, outside the band too.
 
     Of several channels radii and weights in a matrix of axes, which is returned: of "elements" entry by entry, of a
@@ -112,8 +112,8 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     w, scale = np.abs(response(model.weight, omega)), np.abs(response(model.shaping, omega))
     size = np.abs(G)
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
-    look: dict[str, Any] = {"color": COLOR["weight"], "alpha": 0.25, "over": OVER_NOTE}
-    gain_band(ax, to_hertz(omega), size, low, high, label="gains of the set", **look)
+    f, label = to_hertz(omega), "gains of the set"
+    gain_band(ax, f, size, low, high, color=COLOR["weight"], alpha=0.25, label=label, over=OVER_NOTE)
     ax.plot(to_hertz(omega), to_decibel(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
     mark_band(ax, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
     label = f"|G| [dB, {model.unit or 'unit of y / u'}]"
@@ -121,7 +121,9 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
-def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = None) -> Any:
+def plot_bode(
+    model: UncertaintyModel, bla: Bla | Sequence[Bla] | None = None, *, ax: Axes | None = None
+) -> tuple[Axes, Axes] | np.ndarray:
     """Plot measured points, nominal and set together: magnitude and phase over logarithmic frequency.
 
     Of several channels every entry of the nominal with the gains that the set gives it, in a matrix of axes.
@@ -139,7 +141,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     tuple of two matplotlib Axes, or (n_y, n_u) ndarray of them
     """
     require_kind("model", model, UncertaintyModel)
-    blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
+    blas = [] if bla is None else [bla] if isinstance(bla, Bla) else list(bla)
     for one in blas:
         (require_single if model.is_single else require_matrix)("bla", one)
     if not model.measured_only:
@@ -186,7 +188,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     return top, finish_axes(bottom)
 
 
-def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], omega: np.ndarray, ax: Any) -> Any:
+def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], omega: np.ndarray, ax: Axes | None) -> np.ndarray:
     """Draw `plot_bode` of several channels."""
     f, size, reach = to_hertz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
@@ -212,7 +214,7 @@ def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], omega: np.ndarray
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def draw_weights(model: UncertaintyModel, ax: Any) -> Any:
+def draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
     """Draw `plot_weight` of several channels."""
     omega = widened_band(model)
     if model.left:
@@ -269,8 +271,10 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     for name, part in model.budget().items():
         share = 100 * np.nan_to_num(part) / model.radius
         if np.any(share > 0.5):
-            look: dict[str, Any] = {"facecolor": COLOR[name], "edgecolor": "0.25", "hatch": HATCH[name], "alpha": 0.75}
-            ax.fill_between(f, below, below + share, lw=0, label=name, **look)
+            over, colour, hatch = below + share, COLOR[name], HATCH[name]
+            ax.fill_between(
+                f, below, over, lw=0, label=name, alpha=0.75, facecolor=colour, edgecolor="0.25", hatch=hatch
+            )
             below = below + share
     ax.set(
         xscale="log",

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
 from robust._base.states import Verdict
+from robust._base.types import Controller, Weight
 from robust.analysis.bounds import loop_bounds
+from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.models.sets.model import UncertaintyModel
 from robust.plot.style import COLOR, mark_band, to_hertz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import FillBetweenPolyCollection
 
 __all__ = ["LoopPicture", "plot_loop_bounds"]
 
@@ -38,14 +41,14 @@ class LoopPicture:
         Lines on which the last |L| is beyond a bound.
     """
 
-    def __init__(self, model: UncertaintyModel, w_P: Any, delay: float, ax: Any) -> None:
+    def __init__(self, model: UncertaintyModel, w_P: Weight, delay: float, ax: Axes) -> None:
         self.model, self.w_P, self.delay, self.ax = model, w_P, delay, ax
         self.low, self.high = loop_bounds(model, w_P)
-        self.report: Any = None
+        self.report: RobustnessReport | None = None
         self.violations = np.zeros(model.omega.size, dtype=bool)
         f = to_hertz(model.omega)
         ax.axhline(0, color="0.5", lw=0.8)
-        self.forbidden: list[Any] = []
+        self.forbidden: list[FillBetweenPolyCollection] = []
         (self.before,) = ax.plot([], [], "-", lw=1.0, color=COLOR["noise"], label="|L| before")
         (self.line,) = ax.plot([], [], "-", lw=1.8, color=COLOR["radius"], label="|L|")
         (self.dots,) = ax.plot([], [], "o", ms=4, color=COLOR["limit"], label="beyond a bound")
@@ -54,7 +57,7 @@ class LoopPicture:
         self.fit_view(np.ones(f.size))
         self.before.set_visible(False)
 
-    def update(self, K: Any) -> LoopPicture:
+    def update(self, K: Controller) -> LoopPicture:
         """Draw |L| with another controller, the last one in grey; the title says what the check says.
 
         Parameters
@@ -80,21 +83,12 @@ class LoopPicture:
         self.dots.set_data(to_hertz(omega[self.violations]), to_decibel(L[self.violations]))
         self.report = report
         self.fit_view(L)
-        self.ax.set_title(self.describe_check(), fontsize="medium")
+        self.ax.set_title(describe_check(report), fontsize="medium")
         for line, label in ((self.before, "|L| before"), (self.dots, "beyond a bound")):
             line.set_label(label if line.get_visible() and np.size(line.get_xdata()) else None)
         finish_axes(self.ax)
         self.ax.figure.canvas.draw_idle()
         return self
-
-    def describe_check(self) -> str:
-        """Return stability, worst demand and crossover in a line."""
-        report = self.report
-        if not report.nominally_stable:
-            return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability cannot be told"
-        over = np.flatnonzero(np.abs(report.G * report.K) > 1)
-        crossover = f", crossover {format_hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
-        return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"
 
     def fit_view(self, L: np.ndarray) -> None:
         """The view around |L| and the bounds, and the forbidden regions up to its edges."""
@@ -122,13 +116,25 @@ class LoopPicture:
         """Return the picture, for a notebook."""
         from io import BytesIO
 
-        out = BytesIO()
-        self.ax.figure.savefig(out, format="png", dpi=100)
+        from matplotlib.figure import Figure
+
+        out, figure = BytesIO(), self.ax.figure
+        assert isinstance(figure, Figure)
+        figure.savefig(out, format="png", dpi=100)
         return out.getvalue()
 
 
+def describe_check(report: RobustnessReport) -> str:
+    """Return stability, worst demand and crossover in a line."""
+    if not report.nominally_stable:
+        return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability cannot be told"
+    over = np.flatnonzero(np.abs(report.G * report.K) > 1)
+    crossover = f", crossover {format_hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
+    return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"
+
+
 def plot_loop_bounds(
-    model: UncertaintyModel, w_P: Any, K: Any = None, *, delay: float = 0.0, ax: Axes | None = None
+    model: UncertaintyModel, w_P: Weight, K: Controller | None = None, *, delay: float = 0.0, ax: Axes | None = None
 ) -> LoopPicture:
     """Plot |L| between its bounds, to shape it by hand: change the controller, `update`, look.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -79,6 +79,10 @@ STYLE = {
 }
 
 
-def to_hertz(omega: Any) -> Any:
+#: A number, or an array of them.
+Numbers = TypeVar("Numbers", float, np.ndarray)
+
+
+def to_hertz(omega: Numbers) -> Numbers:
     """Convert rad/s to Hz."""
     return omega / (2 * np.pi)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +15,15 @@ from nlfrf._base.files import command_signature, write_text
 from robust._base.channels import is_single
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
+from robust.analysis.report import RobustnessReport
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
 from robust.io.models import load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.weights import performance_weight
-from robust.models.sets.model import has_several_channels
+from robust.models.sets.model import UncertaintyModel, has_several_channels
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = [
     "check_pictures",
@@ -32,19 +36,21 @@ __all__ = [
 ]
 
 
-Pictures = list[tuple[Callable[..., Any], Any]]
+Pictures = list[tuple[Callable[..., object], object]]
 
 
-def load_blas(paths: Sequence[Path]) -> Any:
+def load_blas(paths: Sequence[Path]) -> nlfrf.Bla | list[nlfrf.Bla]:
     """Return what was identified: a BLA or a matrix, or a list of one kind."""
-    found = [nlfrf.load(path) for path in paths]
-    for path, one in zip(paths, found, strict=True):
-        if not isinstance(one, nlfrf.Bla) or is_single(one) != is_single(found[0]):
+    found: list[nlfrf.Bla] = []
+    for path in paths:
+        one = nlfrf.load(path)
+        if not isinstance(one, nlfrf.Bla) or (found and is_single(one) != is_single(found[0])):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
+        found.append(one)
     return found[0] if len(found) == 1 else found
 
 
-def load_single_model(path: Path) -> Any:
+def load_single_model(path: Path) -> UncertaintyModel:
     """Return the model of one input and output in a file, for a command that takes no other."""
     model = load_model(path)
     if has_several_channels(model):
@@ -55,7 +61,9 @@ def load_single_model(path: Path) -> Any:
     return model
 
 
-def demand_weight(model: Any, bandwidth: float | None, peak: float, error: float) -> Any:
+def demand_weight(
+    model: UncertaintyModel, bandwidth: float | None, peak: float, error: float
+) -> control.StateSpace | None:
     """Return the performance weight for a bandwidth [Hz], on the time base of a matrix; None without a bandwidth."""
     if bandwidth is None:
         return None
@@ -68,21 +76,24 @@ def signals_from_options(
 ) -> LoopSignals | None:
     """Return the signals that the options name: a height, two rms, the end of a band [Hz]; None without one."""
     end = float("nan") if up_to is None else 2 * np.pi * require_positive("up-to", up_to)
-    signals: dict[str, Any] = {} if step is None else {"reference": StepSignal(step)}
-    for name, rms in (("disturbance", disturbance), ("noise", noise)):
-        if rms is not None:
-            signals[name] = NoiseSignal(require_nonnegative(name, rms), omega_max=end)
-    return LoopSignals(**signals) if signals else None
+    reference = None if step is None else StepSignal(step)
+    disturbance_noise, measurement_noise = (
+        None if rms is None else NoiseSignal(require_nonnegative(name, rms), omega_max=end)
+        for name, rms in (("disturbance", disturbance), ("noise", noise))
+    )
+    if reference is None and disturbance_noise is None and measurement_noise is None:
+        return None
+    return LoopSignals(reference=reference, disturbance=disturbance_noise, noise=measurement_noise)
 
 
-def model_pictures(model: Any, blas: Any) -> Pictures:
+def model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla]) -> Pictures:
     """Return a model as `robust model` draws it."""
     from robust import plot
 
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_bode(one, blas, ax=ax), model)]
 
 
-def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
+def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
     """Return a check as `robust check` draws it."""
     from robust import plot
 
@@ -92,7 +103,7 @@ def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
     return [(plot.plot_loop, report), (plot.plot_check, report)]
 
 
-def write_report_files(report: Any, out: Path, say: Any) -> None:
+def write_report_files(report: RobustnessReport, out: Path, say: Callable[[object], None]) -> None:
     """Write a report, and next to it a verified certificate of what was proved."""
     write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
     handed = certificate_path(out)

@@ -33,8 +33,10 @@ from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.prove import FrictionProof
 from robust.io.certificates import highest_level, prove_all
 from robust.lti.connections import in_series
+from robust.models.fit.nominal import NominalFit
 from robust.models.fit.orders import scan_orders
 from robust.models.sets.build import uncertainty
+from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.drive.cascade import cascade, with_set_point
 from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.settings import DriveSettings
@@ -296,7 +298,7 @@ def require_no_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive
         )
 
 
-def set_around(bla: nlfrf.Bla, nominal: Any) -> Any:
+def set_around(bla: nlfrf.Bla, nominal: control.StateSpace | NominalFit) -> UncertaintyModel:
     """The set of plants around a nominal, its weight of the lowest order that is not far above the radius."""
     for order in WEIGHT_ORDERS[:-1]:
         with warnings.catch_warnings(), suppress(ValueError, DesignWarning):
@@ -355,7 +357,7 @@ def judge_friction(
     return found, proofs, cures, ""
 
 
-def step_of(model: Any, K: control.StateSpace, settings: DriveSettings, unit: str) -> StepResponse:
+def step_of(model: UncertaintyModel, K: control.StateSpace, settings: DriveSettings, unit: str) -> StepResponse:
     """The step of the position set point, through the loops of the drive."""
     G, drive = assemble_loop(model, K, None, settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])

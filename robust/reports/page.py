@@ -10,13 +10,14 @@ import os
 from collections.abc import Sequence
 from datetime import datetime
 from importlib.resources import files
-from typing import Any
+from typing import TypeVar, cast
 
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import short_form
 from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
+from robust._base.types import Controller, Weight
 from robust.analysis.loop_level import LoopSignals
 from robust.analysis.report import RobustnessReport, verdict_meaning
 from robust.analysis.robustness import check
@@ -34,14 +35,14 @@ __all__ = ["write_report"]
 def write_report(
     path: str | os.PathLike[str],
     model: UncertaintyModel,
-    K: Any,
+    K: Controller,
     *,
     bla: Bla | Sequence[Bla] | None = None,
     record: Record | Sequence[Record] | None = None,
     nominal: NominalFit | None = None,
-    w_P: Any = None,
+    w_P: Weight | None = None,
     delay: float = 0.0,
-    report: Any = None,
+    report: RobustnessReport | None = None,
     friction: FrictionProof | None = None,
     signals: LoopSignals | None = None,
     title: str = "Controller report",
@@ -144,14 +145,14 @@ def write_report(
     return report
 
 
-def require_class(name: str, given: list[Any], wanted: type) -> None:
+def require_class(name: str, given: Sequence[object], wanted: type) -> None:
     """Refuse what is not of the class that is wanted."""
     for one in given:
         if not isinstance(one, wanted):
             raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {short_form(one)}")
 
 
-def render_page(**content: Any) -> str:
+def render_page(**content: object) -> str:
     """Return the HTML text."""
     from jinja2 import Environment, StrictUndefined
 
@@ -161,6 +162,11 @@ def render_page(**content: Any) -> str:
     return environment.from_string(template).render(**content, meaning=verdict_meaning, written=written)
 
 
-def as_list(thing: Any) -> list[Any]:
+Thing = TypeVar("Thing")
+
+
+def as_list(thing: Thing | Sequence[Thing] | None) -> list[Thing]:
     """One thing or many, as a list."""
-    return [] if thing is None else list(thing) if isinstance(thing, (list, tuple)) else [thing]
+    if thing is None:
+        return []
+    return list(thing) if isinstance(thing, (list, tuple)) else [cast("Thing", thing)]

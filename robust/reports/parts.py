@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable
 from io import BytesIO
-from typing import Any
 
 import control
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.axes import height_below
 from nlfrf._base.values import value
+from robust._base.types import Weight
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 
@@ -40,7 +40,12 @@ class Section:
 
 
 def draw_picture(
-    draw: Callable[..., Any], *content: Any, caption: str, square: bool = False, tall: bool = False, **options: Any
+    draw: Callable[..., object],
+    *content: object,
+    caption: str,
+    square: bool = False,
+    tall: bool = False,
+    **options: object,
 ) -> Picture:
     """Draw by one of the plot functions, as a vector picture inside the file."""
     import matplotlib
@@ -64,7 +69,7 @@ def draw_picture(
     )
 
 
-def rows_of_value(thing: Any) -> str:
+def rows_of_value(thing: object) -> str:
     """Return what a value says of itself, without the indents of a screen."""
     return "\n".join(row.strip() for row in str(thing).splitlines())
 
@@ -98,7 +103,7 @@ def describe_roots(roots: np.ndarray, dt: float) -> str:
     return "; ".join(text)
 
 
-def describe_demand(w_P: Any) -> str:
+def describe_demand(w_P: Weight) -> str:
     """Return a performance weight as what it allows of |S|."""
     w_P = state_space("w_P", w_P)
     omega = np.geomspace(1e-3, 1e6, 4000)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from importlib.metadata import version
-from typing import Any
 
 import control
 import numpy as np
@@ -15,7 +14,7 @@ from robust.analysis.family import sample_loops
 from robust.analysis.performance import loop_gains, step_response
 from robust.analysis.report import RobustnessReport, format_margin_factor, format_stability_margin
 from robust.analysis.worst_plant import worst_case
-from robust.io.biquads import controller_sections
+from robust.io.biquads import loop_sections
 from robust.io.pid import format_gains
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.sets.model import UncertaintyModel
@@ -83,7 +82,7 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
     facts += [("gains", format_gains(K, unit).strip())] * bool(format_gains(K, unit))
     if dt:
         try:
-            rows = controller_sections(K).tolist()
+            rows = loop_sections(K).tolist()
             table = [("b0", "b1", "b2", "a0", "a1", "a2"), *(tuple(f"{c:.12g}" for c in row) for row in rows)]
         except ValueError as error:
             facts.append(("sections", f"none: {error}"))
@@ -132,7 +131,9 @@ def check_section(report: RobustnessReport) -> Section:
     )
 
 
-def worst_case_section(model: UncertaintyModel, K: Any, report: RobustnessReport, delay: float) -> Section:
+def worst_case_section(
+    model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport, delay: float
+) -> Section:
     """Return the plant of the set that hurts most."""
     from robust import plot
 
@@ -179,7 +180,9 @@ def worst_case_section(model: UncertaintyModel, K: Any, report: RobustnessReport
     )
 
 
-def settings_section(model: UncertaintyModel, K: control.StateSpace, w_P: Any, delay: float) -> Section:
+def settings_section(
+    model: UncertaintyModel, K: control.StateSpace, w_P: control.StateSpace | None, delay: float
+) -> Section:
     """Return the section on settings: weight, demand, delay [s], sampling of K, versions of packages and machine."""
     facts = [
         *([("weight", describe_system(model.weight))] if model.is_single else []),

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 
 from robust._base.states import FrictionVerdict
-from robust.analysis.disk import LoopMargins, disk_margins
+from robust._base.types import Weight
+from robust.analysis.disk import DiskMargin, LoopMargins, disk_margins
 from robust.analysis.loop import assemble_loop
 from robust.analysis.report import RobustnessReport, verdict_meaning
 from robust.analysis.robustness import check_lines
@@ -76,7 +75,9 @@ def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
 WRONG_REPORT = "report must be what check gave of this model and this K, got one of another loop"
 
 
-def require_report_of(report: RobustnessReport, model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> None:
+def require_report_of(
+    report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace, w_P: Weight | None, delay: float
+) -> None:
     """Refuse a report of something else than what is to be reported."""
     if delay not in (0.0, report.delay):
         raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
@@ -93,7 +94,7 @@ def is_of_matrix_loop(report: RobustnessReport, model: UncertaintyModel, K: cont
     return has_margins(report, disk_margins(model, K)) and has_mu_peak(report, model, K)
 
 
-def is_of_loop(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
+def is_of_loop(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
     """Return whether a report is of this set and this controller, by their responses at some of its frequencies."""
     at = slice(None, None, max(1, report.omega.size // 50))
     omega = report.omega[at]
@@ -114,7 +115,7 @@ def is_equal(one: np.ndarray, other: np.ndarray) -> bool:
     return np.allclose(one, other, rtol=1e-6, atol=0, equal_nan=True)
 
 
-def has_demand(report: RobustnessReport, w_P: Any) -> bool:
+def has_demand(report: RobustnessReport, w_P: Weight) -> bool:
     """Return whether a performance weight is the one that a report was made with."""
     if not report.is_single and report.demand is not None:
         given, known = (response_by_channel(multivariable("w_P", w), report.omega) for w in (w_P, report.demand))
@@ -133,7 +134,7 @@ def has_margins(report: RobustnessReport, now: LoopMargins) -> bool:
     return all(np.isclose(one.alpha, other.alpha, rtol=1e-6, atol=0, equal_nan=True) for one, other in pairs)
 
 
-def margin_parts(margins: LoopMargins) -> tuple[Any, ...]:
+def margin_parts(margins: LoopMargins) -> tuple[DiskMargin, ...]:
     """Return the disk margins of every channel, and of all at once."""
     return (*margins.inputs, *margins.outputs, margins.all_inputs, margins.all_outputs, margins.everywhere)
 

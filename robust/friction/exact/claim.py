@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
 from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices, content_digest
 
@@ -156,9 +156,9 @@ class FrictionClaim:
                 raise ValueError("actuator must have finite numbers and a weight for each filter, got something else")
 
 
-def claim_to_dict(claim: FrictionClaim) -> dict[str, Any]:
+def claim_to_dict(claim: FrictionClaim) -> JsonObject:
     """Return the claim as plain numbers and strings."""
-    found: dict[str, Any] = {}
+    found: JsonObject = {}
     for field in fields(claim):
         part = getattr(claim, field.name)
         if isinstance(part, (Actuator, Settling)):
@@ -170,13 +170,13 @@ def claim_to_dict(claim: FrictionClaim) -> dict[str, Any]:
     return found
 
 
-def claim_from_dict(given: Any) -> FrictionClaim:
+def claim_from_dict(given: object) -> FrictionClaim:
     """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
     names = {field.name for field in fields(FrictionClaim)}
     if not isinstance(given, dict) or set(given) | {"actuator", "settling"} != names:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
     try:
-        parts: dict[str, Any] = {}
+        parts: JsonObject = {}
         for name, part in given.items():
             if name in SYSTEMS:
                 D = np.array(part["D"], dtype=float, ndmin=2)
@@ -185,7 +185,7 @@ def claim_from_dict(given: Any) -> FrictionClaim:
                 system = {key: np.array(part[key], dtype=float).reshape(shape) for key, shape in shapes.items()}
                 parts[name] = Matrices(**system, dt=float(part["dt"]))
             elif name == "actuator":
-                own: Any = {
+                own: JsonObject = {
                     key: np.array(x, float) if isinstance(x, list) else float(x) for key, x in (part or {}).items()
                 }
                 parts[name] = Actuator(**own) if own else None
@@ -210,10 +210,10 @@ READABLE_VERSIONS = (1, 2, 3)  # the first without actuators, the second without
 
 
 def write_friction_claim(
-    path: str | os.PathLike[str], claim: FrictionClaim, found: Sequence[dict[str, Any]] = ()
+    path: str | os.PathLike[str], claim: FrictionClaim, found: Sequence[Mapping[str, object]] = ()
 ) -> None:
     """Write a claim with how it was found; the digest covers everything else in the file."""
-    entries: dict[str, Any] = {
+    entries: JsonObject = {
         "schema": SCHEMA,
         "version": VERSION,
         "units": {"dt": "s", "delay": "s", "K0": "N/m", "microdamping": "Ns/m", "bristle_time": "s", "rates": "rad/s"},

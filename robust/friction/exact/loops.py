@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TypeAlias
 
 from flint import fmpq, fmpq_mat
 
@@ -24,6 +25,10 @@ __all__ = [
 ]
 
 
+Row: TypeAlias = list[fmpq | int]
+Rows: TypeAlias = list[Sequence[fmpq | int]]
+
+
 @value(copy=False)
 class ExactLoop:
     """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at the port.
@@ -35,12 +40,12 @@ class ExactLoop:
     jumps : list of fmpq_mat
     """
 
-    F: Any
-    B: Any
-    x: Any
-    v: Any
-    spans: list[Any]
-    jumps: list[Any]
+    F: fmpq_mat
+    B: fmpq_mat
+    x: fmpq_mat
+    v: fmpq_mat
+    spans: list[fmpq]
+    jumps: list[fmpq_mat]
 
 
 def exact_loop(claim: FrictionClaim) -> ExactLoop:
@@ -51,18 +56,24 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
     D, T = K["D"][0][0], to_rational(claim.controller.dt)
     if not T:
         size = n + s
-        F = [[A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)]
+        F: Rows = [
+            [A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)
+        ]
         F += [[-K["B"][i][0] * C[0][j] for j in range(n)] + list(K["A"][i]) for i in range(s)]
-        spans, jumps = [], []
+        spans: list[fmpq] = []
+        jumps: list[Rows] = []
     else:
         whole, part = split_delay(to_rational(claim.delay), T)
         waiting = whole + (part > 0)
         size, own = n + 1 + waiting + s, n + 1 + waiting
-        F = [list(A[i]) + [B[i][0]] + [0] * (size - n - 1) for i in range(n)] + [[0] * size for _ in range(size - n)]
-        command_row = [-D * c for c in C[0]] + [0] * (1 + waiting) + list(K["C"][0]) if s else [-D * c for c in C[0]]
+        F = [[*A[i], B[i][0], *[0] * (size - n - 1)] for i in range(n)]
+        F += [[0] * size for _ in range(size - n)]
+        command_row: Row = (
+            [-D * c for c in C[0]] + [0] * (1 + waiting) + list(K["C"][0]) if s else [-D * c for c in C[0]]
+        )
         command_row = command_row + [0] * (size - len(command_row))
         rows = identity(size)
-        forces = [command_row, *identity(size)[n + 1 : own]]  # the new one, then those that wait, the oldest last
+        forces: Rows = [command_row, *identity(size)[n + 1 : own]]  # the new one, then those that wait, the oldest last
         rows[n + 1 : own] = forces[:waiting]
         for i in range(s):
             rows[own + i] = [-K["B"][i][0] * c for c in C[0]] + [0] * (1 + waiting) + list(K["A"][i])
@@ -84,7 +95,7 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
     )
 
 
-def split_delay(delay: Any, T: Any) -> tuple[int, Any]:
+def split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
     """Split a delay into whole samples and a remainder [s]."""
     near = fmpq(1, 10**9)
     whole = int((delay / T + near).floor())
@@ -92,18 +103,18 @@ def split_delay(delay: Any, T: Any) -> tuple[int, Any]:
     return whole, left if left > near * T else fmpq(0)
 
 
-def identity(n: int) -> list[list[int]]:
+def identity(n: int) -> Rows:
     """Rows of the identity."""
     return [[int(i == j) for j in range(n)] for i in range(n)]
 
 
-def equilibrium(loop: ExactLoop) -> Any:
+def equilibrium(loop: ExactLoop) -> fmpq_mat:
     """Return the equilibrium under f = 1 exactly, or raise a ValueError where there is none."""
     n = loop.F.nrows()
     rows, wanted = loop.F.tolist(), (-loop.B).tolist()
     unit = fmpq_mat(identity(n))
     for jump in loop.jumps:
-        rows, wanted = rows + (jump - unit).tolist(), wanted + [[0]] * n
+        rows, wanted = rows + (jump - unit).tolist(), wanted + [[fmpq(0)]] * n
     M, b = fmpq_mat(rows), fmpq_mat(wanted)
     try:
         there = (M.transpose() * M).solve(M.transpose() * b)
@@ -128,9 +139,9 @@ class ExactBlock:
     weight : fmpq
     """
 
-    input_column: Any
-    output_row: Any
-    weight: Any
+    input_column: fmpq_mat
+    output_row: fmpq_mat
+    weight: fmpq
 
 
 def check_actuator(claim: FrictionClaim) -> str:
@@ -151,7 +162,7 @@ def check_actuator(claim: FrictionClaim) -> str:
     return ""
 
 
-def commanded_force_row(claim: FrictionClaim, size: int) -> list[Any]:
+def commanded_force_row(claim: FrictionClaim, size: int) -> list[fmpq]:
     """Return the row (size,) of the commanded force in the states."""
     C, D = to_rational_matrix(claim.controller.C).tolist(), to_rational_matrix(claim.controller.D).tolist()[0][0]
     measured = to_rational_matrix(claim.machine.C).tolist()[0]
@@ -170,7 +181,7 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
     command_row, zero, unit = commanded_force_row(claim, size), to_rational(0.0), identity(size)
 
-    def wide(M: Any, still: bool) -> list[list[Any]]:
+    def wide(M: fmpq_mat, still: bool) -> list[list[fmpq]]:
         rows = [list(row) + [zero] * (size - n) for row in M.tolist()]
         return rows + [
             list(map(to_rational, map(float, unit[n + j]))) if still else [zero] * size for j in range(size - n)
@@ -219,7 +230,7 @@ def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBl
     )
 
 
-def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], stored: Any) -> str:
+def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[fmpq_mat]], stored: fmpq_mat) -> str:
     """Return an empty string if the claimed initial velocity keeps the command in the sector, else why not.
 
     (1 - share)^2 kick^2 (e'Pe) (asked'E^-1 asked) <= (limit - Fs |asked'rest|)^2, all in the coordinates of the energy;

@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 from flint import fmpq, fmpq_mat
 
@@ -50,13 +49,13 @@ class ExactSupply:
         What acts at the first jump.
     """
 
-    A: Any
-    B: Any
-    Q: Any
-    N: Any
-    R: Any
-    stored: Any
-    jumps: list[Any]
+    A: fmpq_mat
+    B: fmpq_mat
+    Q: fmpq_mat
+    N: fmpq_mat
+    R: fmpq_mat
+    stored: fmpq_mat
+    jumps: list[fmpq_mat]
     block: ExactBlock | None = None
 
 
@@ -88,7 +87,7 @@ def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     return form if claim.actuator is None else with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
 
 
-def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: Any) -> ExactSupply:
+def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: fmpq) -> ExactSupply:
     """Return the supply of friction without stiction and a rest: states (y, e_j), inputs d = g - gh_1 and r; T7.
 
     The decay is in the flow, A + decay I, and in the losses of the filters; stored: a form in (y, e_j, d).
@@ -103,7 +102,7 @@ def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: Any) -> ExactS
     B = [[b[0] - a[0] * r, b[0]] for b, r in zip(loop.B.tolist(), rest, strict=True)]
     B += [[aj - a[0], zero] for aj in a[1:]]
     v = loop.v.tolist()[0] + [zero] * (size - n)
-    total = sum(mu)
+    total = sum(mu, start=zero)
     lost = [m * (aj - decay) / K0 for m, aj in zip(mu, a, strict=True)]
     Q, N, stored = (
         zero_matrix(size, size),
@@ -121,7 +120,7 @@ def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: Any) -> ExactS
         stored[e][e] += held
         stored[e][size] -= held
         stored[size][e] -= held
-    R = [[-sum(lost), zero], [zero, to_rational(-1.0)]]
+    R = [[-sum(lost, start=zero), zero], [zero, to_rational(-1.0)]]
     return ExactSupply(
         A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
     )
@@ -132,7 +131,7 @@ def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exa
     if loop.spans:
         return replace(form, block=block)
 
-    def append_column(M: Any, column: list[list[Any]]) -> Any:
+    def append_column(M: fmpq_mat, column: list[list[fmpq]]) -> fmpq_mat:
         return fmpq_mat([[*row, *more] for row, more in zip(M.tolist(), column, strict=True)])
 
     m = form.R.nrows()
@@ -142,13 +141,13 @@ def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exa
     return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
-def zero_matrix(rows: int, columns: int) -> list[list[Any]]:
+def zero_matrix(rows: int, columns: int) -> list[list[fmpq]]:
     """Return a matrix of rational zeros."""
     zero = to_rational(0.0)
     return [[zero] * columns for _ in range(rows)]
 
 
-def with_force_filters(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any]], list[Any]]:
+def with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fmpq]], list[fmpq_mat]]:
     """Append the filters of the friction force to the flow and to the jumps."""
     n, extra = loop.F.nrows(), len(rates)
     A = zero_matrix(n + extra, n + extra)
@@ -181,7 +180,7 @@ def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     A, jumps = with_force_filters(loop, a[1:])
     B = [[b[0] - a[0] * r] for b, r in zip(loop.B.tolist(), rest, strict=True)] + [[aj - a[0]] for aj in a[1:]]
     x, v = (row.tolist()[0] + [to_rational(0.0)] * (size - n) for row in (loop.x, loop.v))
-    total = sum(mu)
+    total = sum(mu, start=to_rational(0.0))
     s = free + (1 - 1 / rho) * total
     lost = [m * aj / (rho * K0) for m, aj in zip(mu, a, strict=True)]
     Q, N = zero_matrix(size, size), [[(free + total) / 2 * v[i] - s * a[0] / 2 * x[i]] for i in range(size)]
@@ -314,7 +313,7 @@ def check_decay(claim: FrictionClaim) -> str:
     return "a filter is slower than the decay" if slow else ""
 
 
-def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[Any]) -> bool:
+def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_mat]) -> bool:
     """Whether the displacement at the port is within the bound where V is at most its value in the end.
 
     |x| <= |x_y| + |x_e| |gh_1|: the sliders without stiction hold (1 + 1/rho)/2 of Fs at most.
@@ -342,7 +341,7 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     if form.A.nrows() != n:
         raise ValueError(f"V must have {form.A.nrows()} rows for this loop, got {n}")
     back, turned = V.inv(), V.transpose()
-    wide = [[*row, *[0] * (size - n)] for row in V.tolist()]
+    wide: list[list[fmpq | int]] = [[*row, *[0] * (size - n)] for row in V.tolist()]
     wide += [[int(i == j) for j in range(size)] for i in range(n, size)]
     W = fmpq_mat(wide)
     block = form.block
@@ -361,7 +360,7 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
 
 
 def check_decrease(
-    claim: FrictionClaim, loop: ExactLoop, form: ExactSupply, energy: list[list[Any]], deadline: float
+    claim: FrictionClaim, loop: ExactLoop, form: ExactSupply, energy: list[list[fmpq_mat]], deadline: float
 ) -> dict[str, str]:
     """Return what is not proved about the decrease of the storage, and why."""
     if not loop.spans:
@@ -391,7 +390,7 @@ def check_decrease(
     return {}
 
 
-def jump_inequality(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
+def jump_inequality(form: ExactSupply, i: int, before: fmpq_mat, after: fmpq_mat, jump: fmpq_mat) -> fmpq_mat:
     """Return the decrease of the storage at a jump as a matrix, with one more unknown for a block at the first jump."""
     plain = before - jump.transpose() * after * jump
     if i or form.block is None:
@@ -403,7 +402,7 @@ def jump_inequality(form: ExactSupply, i: int, before: Any, after: Any, jump: An
     return fmpq_mat([*rows, [row[0] for row in side] + [corner]])
 
 
-def flow_inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
+def flow_inequality(form: ExactSupply, P: fmpq_mat, slope: fmpq_mat) -> fmpq_mat:
     """Return [P' + A'P + PA + Q, PB + N; ., R] as one matrix."""
     across = P * form.A
     top = slope + across + across.transpose() + form.Q
@@ -413,7 +412,7 @@ def flow_inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
     return fmpq_mat(rows + below)
 
 
-def full_storage(stored: Any, P: Any) -> Any:
+def full_storage(stored: fmpq_mat, P: fmpq_mat) -> fmpq_mat:
     """Return the whole storage, a form in the states and in the forces at rest."""
     rows = stored.tolist()
     for i, row in enumerate(P.tolist()):

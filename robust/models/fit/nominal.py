@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Protocol, TypeAlias, TypeVar
 
 import control
 import numpy as np
@@ -31,6 +31,7 @@ from robust.models.fit.rational import (
 )
 from robust.models.fit.refinement import refine
 from robust.models.fit.shared_poles import (
+    FitOptions,
     SharedPoles,
     fit_by_vector_fitting,
     fit_shared_poles,
@@ -42,6 +43,7 @@ from robust.models.fit.shared_poles import (
 __all__ = [
     "MAX_POLES",
     "OUTSIDE_FACTOR",
+    "Measurement",
     "NominalFit",
     "bla_behind_hold",
     "bla_of_fit",
@@ -53,6 +55,25 @@ __all__ = [
     "require_same_channels",
     "warn_of_fit",
 ]
+
+
+#: A BLA, several of them, or an FRF from elsewhere.
+Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
+
+
+class HasChannels(Protocol):
+    """What has named inputs and outputs."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+
+
+Given = TypeVar("Given")
 
 
 # ---- The nominal model of a measured matrix: what is asked for, checked, fitted, and what the fit leaves.
@@ -83,7 +104,7 @@ class MatrixFitProblem:
     G: np.ndarray
     left: np.ndarray
     right: np.ndarray
-    options: dict[str, Any]
+    options: FitOptions
 
     def without_delays(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return arguments of a fit of what is left when the delays (n_u,) of the inputs are taken off."""
@@ -97,23 +118,24 @@ class MatrixFitProblem:
         return refine_shared_poles(points, G, left, right, model, self.options["direct"], self.options["stable"])
 
 
-def matrices_given(bla: Any) -> list[Bla]:
+def matrices_given(bla: object) -> list[Bla]:
     """Return the matrices given, one or at several levels, of the same channels; none if it is anything else."""
     many = list(bla) if isinstance(bla, list | tuple) else [bla]
-    if not any(map(is_matrix, many)):
+    matrices = [one for one in many if is_matrix(one)]
+    if not matrices:
         return []
     for one in many:
         require_matrix("bla", one)
         for name in ("inputs", "outputs"):
-            if getattr(one, name) != getattr(many[0], name):
+            if getattr(one, name) != getattr(matrices[0], name):
                 raise ValueError(
-                    f"bla must be matrices of the same {name}, got {', '.join(getattr(many[0], name))} and "
+                    f"bla must be matrices of the same {name}, got {', '.join(getattr(matrices[0], name))} and "
                     f"{', '.join(getattr(one, name))}"
                 )
-    return many
+    return matrices
 
 
-def require_same_channels(frm: Bla, known: Any, of: str) -> None:
+def require_same_channels(frm: Bla, known: HasChannels, of: str) -> None:
     """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
     for name, letter in (("inputs", "u"), ("outputs", "y")):
         first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))
@@ -125,13 +147,19 @@ def require_same_channels(frm: Bla, known: Any, of: str) -> None:
 
 
 def fit_matrix(
-    frms: list[Bla], n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
-) -> dict[str, Any]:
-    """Return the fields of the `NominalFit` of a matrix, measured once or at several levels: one model for all."""
+    frms: list[Bla],
+    n_poles: int,
+    n_zeros: int | None,
+    delay: float | str | np.ndarray,
+    dt: float,
+    stable: bool,
+    rank: int,
+) -> NominalFit:
+    """Return the fit of a matrix, measured once or at several levels: one model for all."""
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
     n_poles, rank = require_integer("n_poles", n_poles, least=0), require_integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
-    tau = np.zeros(frm.n_inputs) if estimated else checked_delays(delay, frm.n_inputs, dt)
+    tau = np.zeros(frm.n_inputs) if isinstance(delay, str) else checked_delays(delay, frm.n_inputs, dt)
     if estimated and delay != "estimate":
         raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {short_form(delay)}')
     if n_poles > MAX_POLES:
@@ -164,7 +192,7 @@ def fit_matrix(
     L = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
     expected = frm.n_outputs * frm.n_inputs * np.sum(L / np.maximum(L - frm.n_outputs, np.finfo(float).tiny))
     G = with_names(model.state_space(), frm.inputs, frm.outputs)
-    return dict(
+    return NominalFit(
         G=discretize(G, dt) if dt else G,
         delay=float(tau.min()),
         delays=tau,
@@ -181,7 +209,7 @@ def fit_matrix(
     )
 
 
-def checked_delays(delay: Any, n_inputs: int, dt: float) -> np.ndarray:
+def checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.ndarray:
     """Return (n_u,) delays [s] from one number for all inputs or one for each; in discrete time whole samples."""
     if np.ndim(delay) == 0:
         tau = np.full(n_inputs, require_nonnegative("delay", delay))
@@ -278,7 +306,7 @@ EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the 
 
 
 def warn_of_fit(
-    G: control.StateSpace, measured: Any, residual: np.ndarray, expected: float, *, one_record: bool
+    G: control.StateSpace, measured: FrfData, residual: np.ndarray, expected: float, *, one_record: bool
 ) -> None:
     """Warn of a fit that misses what was measured, or that has poles where nothing was measured.
 
@@ -461,7 +489,7 @@ def frd(bla: Bla) -> control.FrequencyResponseData:
 
 
 def fit_nominal(
-    bla: Any,
+    bla: Measurement,
     *,
     n_poles: int,
     n_zeros: int | None = None,
@@ -526,9 +554,7 @@ def fit_nominal(
     if isinstance(bla, control.FrequencyResponseData) and (bla.ninputs, bla.noutputs) != (1, 1):
         bla, std = bla_with_deviation(bla, std), None
     if frms := matrices_given(bla):
-        return NominalFit(
-            **fit_matrix([bla_behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank)
-        )
+        return fit_matrix([bla_behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank)
     lines = measured_lines(bla, std, dt)
     orders, n_parameters = checked_orders(lines, n_poles, n_zeros, dt, delay)
     if isinstance(delay, str):
@@ -568,7 +594,7 @@ def fit_nominal(
     )
 
 
-def bla_with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
+def bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | None) -> Bla:
     """Return the `Bla` of an FRF with the standard deviation of its entries."""
     if std is None:
         raise ValueError(
@@ -577,11 +603,13 @@ def bla_with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
         )
     G = np.asarray(frf.frdata, dtype=complex)
     one = G.shape[:2] == (1, 1)
-    named: dict[str, Any] = {} if one else {"inputs": tuple(frf.input_labels), "outputs": tuple(frf.output_labels)}
-    return bla_from_frf(np.asarray(frf.omega, dtype=float) / (2 * np.pi), G[0, 0] if one else G, std=std, **named)
+    f = np.asarray(frf.omega, dtype=float) / (2 * np.pi)
+    if one:
+        return bla_from_frf(f, G[0, 0], std=std)
+    return bla_from_frf(f, G, std=std, inputs=tuple(frf.input_labels), outputs=tuple(frf.output_labels))
 
 
-def bla_of_fit(bla: Any, nominal: Any) -> Any:
+def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
     """Return an FRF as a `Bla` by the standard deviation that its fit was given; anything else as it is."""
     if not (isinstance(bla, control.FrequencyResponseData) and isinstance(nominal, NominalFit)):
         return bla
@@ -594,7 +622,7 @@ def bla_of_fit(bla: Any, nominal: Any) -> Any:
 
 
 def checked_orders(
-    lines: FrfData, n_poles: int, n_zeros: int | None, dt: float, delay: Any
+    lines: FrfData, n_poles: int, n_zeros: int | None, dt: float, delay: float | str | np.ndarray
 ) -> tuple[tuple[int, int], int]:
     """Return numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
     n_poles = require_integer("n_poles", n_poles, least=0)
@@ -619,7 +647,7 @@ def checked_orders(
     return (n_poles, n_zeros), n_parameters
 
 
-def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> FrfData:
+def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float) -> FrfData:
     """Return lines, variances and degrees of freedom of an FRF, behind the hold that a model of dt has."""
     hold = "unknown"
     if isinstance(bla, control.FrequencyResponseData):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
-from robust.models.fit.nominal import OUTSIDE_FACTOR, NominalFit, fit_nominal, matrices_given
+from robust.models.fit.nominal import OUTSIDE_FACTOR, Measurement, NominalFit, fit_nominal, matrices_given
 
 __all__ = ["OrderScan", "scan_orders"]
 
@@ -83,7 +82,7 @@ class OrderScan:
 
 
 def scan_orders(
-    bla: Any,
+    bla: Measurement,
     *,
     n_poles: Iterable[int] = range(1, 9),
     relative_degree: int = 1,

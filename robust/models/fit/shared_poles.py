@@ -10,7 +10,7 @@ steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypedDict
 
 import control
 import numpy as np
@@ -22,6 +22,7 @@ from robust.lti.realisation import order_roots
 from robust.models.fit.rational import partial_fractions, relocated_poles, stack_real_imaginary, starting_poles
 
 __all__ = [
+    "FitOptions",
     "SharedPoles",
     "fit_by_vector_fitting",
     "fit_shared_poles",
@@ -113,6 +114,15 @@ def whitening_roots(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
     return inverse_root(np.moveaxis(frm.cov_bound, 2, 0), rounding[:, None]), inverse_root(gamma, 0.0)
 
 
+class FitOptions(TypedDict):
+    """What a fit of shared poles is asked for."""
+
+    n_poles: int
+    rank: int
+    direct: bool
+    stable: bool
+
+
 def fit_shared_poles(
     omega: np.ndarray,
     G: np.ndarray,
@@ -125,7 +135,7 @@ def fit_shared_poles(
     stable: bool,
 ) -> SharedPoles:
     """Return the best fit from two sets of starting poles; left (F, n_y, n_y), right (F, n_u, n_u) whiten the error."""
-    kind: dict[str, Any] = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
+    kind: FitOptions = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
     fits = []
     for spacing in ("log", "linear"):
         start = fit_by_vector_fitting(omega, G, left, right, **kind, spacing=spacing)

@@ -24,6 +24,7 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from robust._base.channels import is_single
+from robust._base.types import AnySystem, Weight
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
@@ -64,8 +65,8 @@ MIN_RADIUS_RATIO = 1e-6
 
 
 def uncertainty(
-    bla: Bla | Sequence[Any],
-    nominal: Any,
+    bla: Bla | AnySystem | Sequence[Bla | AnySystem | np.ndarray],
+    nominal: NominalFit | AnySystem | float,
     *,
     form: str = DEFAULT_FORM,
     order: int = 4,
@@ -76,8 +77,8 @@ def uncertainty(
     below: str | float = "flat",
     above: str | float = 20.0,
     perturbation: str = "statistical",
-    W1: Any = None,
-    W2: Any = None,
+    W1: Weight | None = None,
+    W2: Weight | None = None,
 ) -> UncertaintyModel:
     """Turn a measured BLA with its levels into a set of plants around a nominal model.
 
@@ -142,7 +143,7 @@ def uncertainty(
     ('multiplicative', 'statistical', True)
     """
     bla = bla_of_fit(bla, nominal)
-    recorded: list[Any] = matrices_given(bla)
+    recorded: list[Bla] = matrices_given(bla)
     several = bool(recorded)
     if several and form == DEFAULT_FORM:
         form = ELEMENTS
@@ -272,7 +273,9 @@ def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData
     return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
 
 
-def nominal_of_one_channel(nominal: control.StateSpace | control.FrequencyResponseData) -> tuple[Any, float]:
+def nominal_of_one_channel(
+    nominal: control.StateSpace | control.FrequencyResponseData,
+) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
     """Return the nominal of one channel with its delay inside, and that delay [s]."""
     delay = 0.0
     if isinstance(nominal, NominalFit):
@@ -316,7 +319,7 @@ def describe_record(bla: Bla) -> str:
 
 
 def radius_of_user(
-    given: Any, nominal: control.StateSpace | control.FrequencyResponseData, form: Form
+    given: object, nominal: control.StateSpace | control.FrequencyResponseData, form: Form
 ) -> tuple[np.ndarray, np.ndarray, str] | None:
     """Return frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
 
@@ -364,7 +367,9 @@ def is_plant(part: object) -> bool:
     return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
 
 
-def frequencies_of_plants(many: list[Any], nominal: control.StateSpace | control.FrequencyResponseData) -> np.ndarray:
+def frequencies_of_plants(
+    many: Sequence[object], nominal: control.StateSpace | control.FrequencyResponseData
+) -> np.ndarray:
     """Return all frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
     known = [plant for plant in [*many, nominal] if isinstance(plant, control.FrequencyResponseData)]
     if not known:
@@ -377,7 +382,7 @@ def frequencies_of_plants(many: list[Any], nominal: control.StateSpace | control
 
 
 def set_of_user(
-    given: Any,
+    given: object,
     nominal: control.StateSpace | control.FrequencyResponseData,
     form: Form,
     rules: Extrapolation,

@@ -9,13 +9,13 @@ What comes out is N with the perturbations pulled out, cut for `mu_upper`, `cert
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import require_choice, short_form
 from nlfrf._base.values import value
+from robust._base.types import LinearSystem, SystemField
 from robust.lti.connections import block_diagonal, lower_lft, upper_lft
 from robust.lti.lti import is_clockless, timebase
 from robust.lti.realisation import multivariable
@@ -57,9 +57,9 @@ class Block:
     ((1, 1), (1, 1, 'real'))
     """
 
-    reads: Any
-    drives: Any
-    size: Any = 1.0
+    reads: Sequence[str]
+    drives: Sequence[str]
+    size: SystemField = 1.0
     kind: str = "full"
     perturbation: str = "LTI"
 
@@ -78,13 +78,13 @@ class Block:
         object.__setattr__(self, "size", size)
 
     @property
-    def shape(self) -> tuple[Any, ...]:
+    def shape(self) -> tuple[int, int] | tuple[int, int, str]:
         """As `mu_upper` takes it."""
         lengths = (len(self.reads), len(self.drives))
         return lengths if self.kind == "full" else (*lengths, self.kind)
 
 
-def checked_signals(name: str, given: Any) -> tuple[str, ...]:
+def checked_signals(name: str, given: object) -> tuple[str, ...]:
     """Return signal names as a tuple, or a refusal."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, Sequence) or not all(isinstance(one, str) for one in names):
@@ -124,12 +124,12 @@ class UncertainSystem:
     outputs: tuple[str, ...]
 
     @property
-    def structure(self) -> list[tuple[Any, ...]]:
+    def structure(self) -> list[tuple[int, int] | tuple[int, int, str]]:
         """Return blocks as `mu_upper` takes them, for the part of N they close."""
         return [block.shape for block in self.blocks.values()]
 
     @property
-    def with_performance(self) -> list[tuple[Any, ...]]:
+    def with_performance(self) -> list[tuple[int, int] | tuple[int, int, str]]:
         """Return `structure` and a full block from outputs to inputs: mu < 1 keeps that gain under one."""
         return [*self.structure, (len(self.outputs), len(self.inputs))]
 
@@ -154,7 +154,7 @@ class UncertainSystem:
         unknown = set(values) - set(self.blocks)
         if unknown:
             raise ValueError(f"values must be of the blocks {', '.join(self.blocks)}, got {', '.join(sorted(unknown))}")
-        rows, cols = (sum(block[k] for block in self.structure) for k in (0, 1))
+        rows, cols = sum(block[0] for block in self.structure), sum(block[1] for block in self.structure)
         Delta, r, c = np.zeros((cols, rows)), 0, 0
         for name, block in self.blocks.items():
             n, m = block.shape[:2]
@@ -169,7 +169,11 @@ class UncertainSystem:
 
 
 def interconnection(
-    systems: Sequence[Any], blocks: Mapping[str, Block], *, inputs: Any = (), outputs: Any = ()
+    systems: Sequence[LinearSystem],
+    blocks: Mapping[str, Block],
+    *,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
 ) -> UncertainSystem:
     """Join systems by the names of their signals and pull the perturbations out.
 

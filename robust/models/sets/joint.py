@@ -17,15 +17,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from nlfrf import Bla
+from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import entry_misfits, nominal_response
 from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, RecordSummary, summarize_record
 
-__all__ = ["attach_records", "format_probability", "joint_probability", "probability_of_frf"]
+__all__ = ["attach_records", "joint_probability", "probability_of_frf"]
 
 
 N_DRAWS, N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
@@ -33,7 +33,7 @@ MIN_DRAWS = 400
 MAX_FOLLOWED_SHARE = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
 
 
-def attach_records(model: Any, blas: list[Bla], recorded: list[Bla] | None = None) -> Any:
+def attach_records(model: UncertaintyModel, blas: list[Bla], recorded: list[Bla] | None = None) -> UncertaintyModel:
     """Return the model with a summary of its records and the joint probabilities: of several levels the least.
 
     recorded : the same before the hold of the model was put into them; blas when not given.
@@ -44,7 +44,9 @@ def attach_records(model: Any, blas: list[Bla], recorded: list[Bla] | None = Non
     return replace(model, records=records, joint=float(joint), joint_bla=float(joint_bla))
 
 
-def joint_probability(model: Any, bla: Bla, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
+def joint_probability(
+    model: UncertaintyModel, bla: Bla, summary: RecordSummary, missed: np.ndarray
+) -> tuple[float, float]:
     """Estimate the probability that the whole FRF of a new realisation lies in the set, and that the whole BLA does.
 
     summary, missed : what a set remembers of the record, and the misfit of the nominal on its lines, entry by entry.
@@ -59,8 +61,9 @@ def shrunk_residual(r: np.ndarray, v: np.ndarray, missed: np.ndarray) -> tuple[n
     return square / np.maximum(square + v, tiny), follows
 
 
-def probability_of_frf(model: Any, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
+def probability_of_frf(model: UncertaintyModel, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
     """Return `joint_probability` of one channel, by the level that the roughness of G confirms."""
+    assert summary.scatter is not None  # of one channel
     inside = (summary.omega >= model.omega[0] * (1 - 1e-9)) & (summary.omega <= model.omega[-1] * (1 + 1e-9))
     omega, G, v, s = (part[inside] for part in (summary.omega, summary.G, summary.variance, summary.scatter))
     G0 = nominal_response(model.nominal, omega)
@@ -76,7 +79,7 @@ def probability_of_frf(model: Any, summary: RecordSummary, missed: np.ndarray) -
     return held((s * common + around) / g), held(around / g)
 
 
-def probability_of_matrix(model: Any, frm: Bla, missed: np.ndarray) -> tuple[float, float]:
+def probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray) -> tuple[float, float]:
     """Return `joint_probability` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white."""
     n_y, n_u, F = frm.G.shape
     G0 = model.at(frm.omega)
@@ -120,10 +123,3 @@ def draw_complex_normals(shape: tuple[int, ...], rng: np.random.Generator) -> np
     """Draw complex normal numbers of variance one."""
     pairs = rng.standard_normal((2, *shape)) * np.sqrt(0.5)
     return np.asarray(pairs[0] + 1j * pairs[1])
-
-
-def format_probability(p: float) -> str:
-    """Format an estimated probability, no finer than it is known."""
-    if p > 0.99:
-        return "over 99 %"
-    return "under 1 %" if p < 0.01 else f"about {100 * p:.0f} %"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import TypeAlias
 
 import control
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf._base.arguments import short_form
-from robust._base.channels import is_single
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response, timebase
 from robust.lti.sampling import hold_correction, hold_response
@@ -18,19 +18,21 @@ from robust.models.sets.forms import DEFAULT_FORM
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import RadiusSpec, record_radius_parts, sum_of_parts
 
-__all__ = ["add_hold_and_delay", "frf_sampling_time", "parts_on_lines", "warn_of_unknown_hold"]
+__all__ = ["FrfSource", "add_hold_and_delay", "frf_sampling_time", "parts_on_lines", "warn_of_unknown_hold"]
 
 
+#: Whatever has an FRF on its lines.
+FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
 RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
 
 
-def frf_sampling_time(model: Any) -> float:
+def frf_sampling_time(model: FrfSource) -> float:
     """Return the sampling time [s] of an FRF that states one; 0 otherwise."""
     source = model.nominal if isinstance(model, UncertaintyModel) else model
     return float(getattr(source, "dt", 0) or 0)
 
 
-def add_hold_and_delay(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
+def add_hold_and_delay(model: FrfSource, omega: np.ndarray, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
     """Return (W,) an FRF with the delay, and with zero-order hold where the controller is sampled and the FRF is not.
 
     What folds down from above Nyquist is not known and left out.
@@ -44,10 +46,10 @@ def add_hold_and_delay(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, 
     return G * np.exp(-1j * omega * delay)
 
 
-def warn_of_unknown_hold(model: Any, dt: float) -> None:
+def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
     """Warn where a record at the rate of the controller may have the hold in it, which is then counted twice."""
-    parametric = isinstance(model, UncertaintyModel) and not model.measured_only
-    if (parametric and timebase(model.nominal)) or getattr(model, "hold", "known") != "unknown":
+    sampled = isinstance(model, UncertaintyModel) and not model.measured_only and timebase(model.nominal)
+    if sampled or getattr(model, "hold", "known") != "unknown":
         return
     if dt * model.fs < RATE_RATIO:
         warnings.warn(
@@ -59,9 +61,9 @@ def warn_of_unknown_hold(model: Any, dt: float) -> None:
         )
 
 
-def parts_on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
+def parts_on_lines(model: FrfSource) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
     """Return frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
-    if is_single(model):
+    if isinstance(model, Bla):
         disc = sum_of_parts(record_radius_parts(model, frd(model), RadiusSpec()))
         return model.omega, model.G, DEFAULT_FORM, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
     if isinstance(model, control.FrequencyResponseData):

@@ -34,7 +34,7 @@ probability; the perturbation that caused it is a nonlinear one, and no theorem 
 
 from __future__ import annotations
 
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 import control
 import numpy as np
@@ -49,7 +49,8 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from nlfrf._base.numbers import squared_modulus
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
+from robust._base.types import AnySystem, Controller, SystemField, Weight
 from robust.lti.connections import block_diagonal, in_series, lower_lft, require_shape, weighted_plant
 from robust.lti.lti import (
     SAMPLING_TOLERANCE,
@@ -76,15 +77,22 @@ from robust.models.sets.forms import (
     reduce_to_one_channel,
 )
 from robust.models.sets.interconnection import Block, UncertainSystem
-from robust.models.sets.joint import format_probability
-from robust.models.sets.perturbations import is_within_set, perturbed_plant, random_delta
+from robust.models.sets.perturbations import perturbed_plant, random_delta
 from robust.models.sets.radius import PARTS, frf_on_lines
-from robust.models.sets.records import RecordSummary
+from robust.models.sets.records import RecordSummary, format_probability
 
-__all__ = ["MatrixUncertainty", "UncertaintyModel", "has_several_channels", "require_one_channel", "require_parametric"]
+__all__ = [
+    "MatrixUncertainty",
+    "UncertaintyModel",
+    "has_several_channels",
+    "is_within_set",
+    "require_one_channel",
+    "require_parametric",
+]
 
 
 ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
+SET_TOLERANCE = 1e-7  # by which a plant may be farther from the nominal than its set lets it
 MAX_TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
 
 
@@ -182,11 +190,11 @@ class UncertaintyModel:
     0.026667
     """
 
-    nominal: Any
-    weight: Any = None
+    nominal: AnySystem
+    weight: SystemField = None
     form: str = ""
-    omega: Any = None
-    radius: Any = None
+    omega: ArrayField = None
+    radius: ArrayField = None
     confidence: float = float("nan")
     perturbation: str = "statistical"
     simultaneous: bool = False
@@ -202,8 +210,8 @@ class UncertaintyModel:
     hold: str = "unknown"
     fs: float = float("nan")
     unit: str = ""
-    W1: Any = None
-    W2: Any = None
+    W1: SystemField = None
+    W2: SystemField = None
     joint: float = float("nan")
     joint_bla: float = float("nan")
     records: tuple[RecordSummary, ...] = ()
@@ -389,7 +397,7 @@ class UncertaintyModel:
             return frf_on_lines(self.nominal, omega)
         return response(self.nominal, omega) if self.is_single else response_by_channel(self.nominal, omega)
 
-    def distance(self, plant: Any) -> np.ndarray:
+    def distance(self, plant: AnySystem) -> np.ndarray:
         """Return (W,) size of the smallest Delta that turns the nominal into the given FRF, at its own frequencies.
 
         plant : control.FrequencyResponseData, or a system, which is then taken at `omega`.
@@ -454,11 +462,11 @@ class UncertaintyModel:
             left = np.sqrt(np.einsum("jkw,kw->jw", np.abs(response_by_channel(self.nominal, omega)) ** 2, left**2))
         return left[:, None] * right
 
-    def contains(self, plant: Any) -> bool:
+    def contains(self, plant: AnySystem) -> bool:
         """Return whether an FRF (or a system, on the lines) lies in the set at every one of its frequencies."""
         return bool(np.all(self.distance(plant) <= ROUNDING_FACTOR))
 
-    def perturbed(self, Delta: Any) -> control.StateSpace:
+    def perturbed(self, Delta: Controller) -> control.StateSpace:
         """Return the plant of the set for one perturbation, to simulate the worst one.
 
         Delta : control.StateSpace from what it reads to what it drives, or a real matrix; of "elements" diagonal.
@@ -478,9 +486,11 @@ class UncertaintyModel:
         turned = control.StateSpace(P.A, P.B[:, columns], P.C[rows], P.D[np.ix_(rows, columns)], P.dt)
         return lower_lft(turned, Delta)
 
-    def sample(self, n: int, rng: np.random.Generator | int | None = None) -> list[Any]:
+    def sample(
+        self, n: int, rng: np.random.Generator | int | None = None
+    ) -> list[control.StateSpace | control.FrequencyResponseData]:
         """Return n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
-        plants: list[Any] = []
+        plants: list[control.StateSpace | control.FrequencyResponseData] = []
         rng = random_generator("rng", rng)
         # a gain as the weight need not state a clock, nor has one as the nominal to
         dt = max(timebase(w) for w in self.weights) or (0.0 if self.measured_only else timebase(self.nominal))
@@ -491,7 +501,9 @@ class UncertaintyModel:
             if self.measured_only:
                 w, D, W = (response(X, self.omega) for X in (self.weight, Delta, self.shaping))
                 deviated = FORMS[self.form].perturbed(W * self.at(self.omega), w, D) / W
-                plant: Any = control.FrequencyResponseData(deviated, self.omega, self.nominal.dt)
+                plant: control.StateSpace | control.FrequencyResponseData = control.FrequencyResponseData(
+                    deviated, self.omega, self.nominal.dt
+                )
             else:
                 plant = self.perturbed(Delta)
             if is_within_set(self, plant):
@@ -533,7 +545,7 @@ class UncertaintyModel:
         D = np.block([[np.zeros((W_r.noutputs, m)), W_r.D @ reads], [(onto + G.D @ into) @ W_l.D, G.D]])
         return control.StateSpace(A, B, C, D, dt)
 
-    def loop(self, K: Any, *, w_P: Any = None) -> UncertainSystem:
+    def loop(self, K: Controller, *, w_P: Weight | None = None) -> UncertainSystem:
         """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure` and `mu_upper`.
 
         Of several channels.
@@ -552,9 +564,9 @@ class UncertaintyModel:
             )
         n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
         if dt and w_P is not None:
-            w_P = multivariable("w_P", w_P)
-            if w_P.nstates and not timebase(w_P) and (w_P.ninputs, w_P.noutputs) == (1, 1):
-                w_P = cover_sampled(w_P, dt)
+            demand = multivariable("w_P", w_P)
+            continuous = demand.nstates and not timebase(demand) and (demand.ninputs, demand.noutputs) == (1, 1)
+            w_P = cover_sampled(demand, dt) if continuous else demand
         weights = [] if w_P is None else [("e", repeat_over_channels("w_P", w_P, n_y))]
         for _, weight in weights:
             require_sampling_time("w_P", weight, "the model", common_sampling_time(P))
@@ -580,7 +592,7 @@ class UncertaintyModel:
 MatrixUncertainty = UncertaintyModel
 
 
-def has_several_channels(model: Any) -> TypeGuard[UncertaintyModel]:
+def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:
     """Return whether it is an `UncertaintyModel` of several inputs or outputs."""
     return isinstance(model, UncertaintyModel) and not model.is_single
 
@@ -591,7 +603,7 @@ def require_several_channels(model: UncertaintyModel, purpose: str, instead: str
         raise ValueError(f"model must be of several channels to {purpose}, got one of one input and output: {instead}")
 
 
-def require_parametric(model: Any, purpose: str) -> None:
+def require_parametric(model: object, purpose: str) -> None:
     """Refuse what is no set, or one that is known on its lines only."""
     if not isinstance(model, UncertaintyModel) or model.measured_only:
         raise ValueError(
@@ -599,7 +611,7 @@ def require_parametric(model: Any, purpose: str) -> None:
         )
 
 
-def require_one_channel(model: Any, instead: str, purpose: str, *, parametric: bool = True) -> None:
+def require_one_channel(model: object, instead: str, purpose: str, *, parametric: bool = True) -> None:
     """Refuse what is no set of one input and one output, and for several channels name what to take instead."""
     if has_several_channels(model):
         raise ValueError(
@@ -609,3 +621,19 @@ def require_one_channel(model: Any, instead: str, purpose: str, *, parametric: b
         require_parametric(model, purpose)
     elif not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel {purpose}, got {short_form(model)}")
+
+
+def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
+    """Return whether rounding in its realisation has left a plant in the set it was made from.
+
+    On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
+    """
+    if not np.all(model.distance(plant) <= 1 + SET_TOLERANCE):
+        return False
+    if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
+        return True
+    dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
+    omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
+    return bool(
+        np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + 10 * SET_TOLERANCE)
+    )

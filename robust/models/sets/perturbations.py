@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import control
 import numpy as np
 
 from robust.lti.connections import block_diagonal, in_series, inverse_system
-from robust.lti.lti import response, timebase
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-__all__ = ["is_within_set", "perturbed_plant", "random_delta", "random_perturbation", "with_phase", "with_phases"]
-
-
-SET_TOLERANCE = 1e-7  # by which a plant may be farther from the nominal than its set lets it
+__all__ = ["perturbed_plant", "random_delta", "random_perturbation", "with_phase", "with_phases"]
 
 
 def perturbed_plant(
@@ -31,22 +26,6 @@ def perturbed_plant(
     if W is None or not row.depends_on_units:
         return row.perturbed_system(G, w, Delta)
     return in_series(row.perturbed_system(in_series(G, W), w, Delta), inverse_system(W))
-
-
-def is_within_set(model: Any, plant: Any) -> bool:
-    """Return whether rounding in its realisation has left a plant in the set it was made from.
-
-    On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
-    """
-    if not np.all(model.distance(plant) <= 1 + SET_TOLERANCE):
-        return False
-    if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
-        return True
-    dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
-    omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
-    return bool(
-        np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + 10 * SET_TOLERANCE)
-    )
 
 
 def random_delta(

@@ -6,9 +6,10 @@ Full blocks of a matrix take the covariance of all entries, as discs of single e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from operator import itemgetter
+from typing import TypeAlias
 
 import control
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import require_choice, require_nonnegative
 from nlfrf._base.values import value
+from robust._base.types import Weight
 from robust.lti.grids import interpolate_frf
 from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import frequency_response, state_space
@@ -89,7 +91,7 @@ class Extrapolation:
         return np.concatenate([low, omega, high]), np.concatenate([radius[0] * under, radius, radius[-1] * over])
 
 
-def checked_slope(name: str, rule: Any) -> float:
+def checked_slope(name: str, rule: str | float) -> float:
     """Return the slope in dB per decade away from the band, checked."""
     return 0.0 if isinstance(rule, str) and require_choice(name, rule, ("flat",)) else require_nonnegative(name, rule)
 
@@ -125,12 +127,12 @@ def disc_parts(
     omega = np.unique(np.concatenate([b.omega for b in many]))
     discs = [record_radius_parts(b, nominal, spec) for b, nominal in zip(many, nominals, strict=True)]
 
-    def spread(values: Any) -> np.ndarray:
+    def spread(values: Callable[[dict[str, np.ndarray]], np.ndarray]) -> np.ndarray:
         return np.array([larger_neighbour(omega, b.omega, values(disc)) for b, disc in zip(many, discs, strict=True)])
 
     total = spread(sum_of_parts)
     worst = np.nanargmax(np.where(np.isnan(total), -np.inf, total), axis=0)[None, :]
-    parts = {name: np.take_along_axis(spread(lambda d, n=name: d[n]), worst, axis=0)[0] for name in PARTS}
+    parts = {name: np.take_along_axis(spread(itemgetter(name)), worst, axis=0)[0] for name in PARTS}
     if len(many) > 1:
         # what the family as a whole misses is misfit; what one level misses beyond that is the level's doing
         together = np.nanmin(spread(lambda disc: disc["misfit"]), axis=0)
@@ -222,12 +224,16 @@ def larger_neighbour(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -
     return out
 
 
+#: W1 and W2, by which a plant is scaled.
+Scaling: TypeAlias = "tuple[Weight | None, Weight | None]"
+
+
 def radius_in_form(
     form: Form,
     omega: np.ndarray,
     absolute: np.ndarray,
     nominal: control.StateSpace | control.FrequencyResponseData,
-    shaped_by: tuple[Any, Any],
+    shaped_by: Scaling,
     rules: Extrapolation,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -262,9 +268,9 @@ def resolve_scaling(
     form: Form,
     nominal: control.StateSpace | control.FrequencyResponseData,
     omega: np.ndarray,
-    shaped_by: tuple[Any, Any],
+    shaped_by: Scaling,
     rules: Extrapolation,
-) -> tuple[Any, Any, Extrapolation]:
+) -> tuple[Weight | None, Weight | None, Extrapolation]:
     """Return W1, W2 and the rule outside the band, as they are taken.
 
     Where the form needs a scaling and none is given: unit gain in mid band, so that the mean of |G| in decibels over

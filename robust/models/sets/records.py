@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.values import value
 
-__all__ = ["FEW_LINES", "LEVEL_DOF", "WINDOW", "RecordSummary", "rms_levels", "summarize_record"]
+__all__ = ["FEW_LINES", "LEVEL_DOF", "WINDOW", "RecordSummary", "format_probability", "rms_levels", "summarize_record"]
 
 
 WINDOW = 13  # lines over which a level is averaged, relative to |G|
@@ -65,9 +64,9 @@ class RecordSummary:
     omega: np.ndarray
     G: np.ndarray
     variance: np.ndarray
-    gamma: Any = None
-    dof: Any = None
-    scatter: Any = None
+    gamma: np.ndarray | None = None
+    dof: np.ndarray | None = None
+    scatter: np.ndarray | None = None
     confirmed: float = float("nan")
     rms_u: float = float("nan")
     rms_y: float = float("nan")
@@ -82,15 +81,14 @@ class RecordSummary:
         if omega.size == self.omega.size and np.allclose(omega, self.omega, rtol=1e-9, atol=0):
             return self
 
-        def between(x: Any) -> Any:
-            if x is None:
-                return None
+        def between(x: np.ndarray) -> np.ndarray:
             rows = np.reshape(x, (self.omega.size, -1)).T
             return np.array([np.interp(omega, self.omega, row) for row in rows]).T.reshape(-1, *x.shape[1:])
 
         log = np.log(np.maximum(np.abs(self.G), 1e-300)) + 1j * np.unwrap(np.angle(self.G), axis=0)
-        each = {name: between(getattr(self, name)) for name in ("variance", "gamma", "dof", "scatter")}
-        return replace(self, omega=omega, G=np.exp(between(log)), **each)
+        gamma, dof, scatter = (None if x is None else between(x) for x in (self.gamma, self.dof, self.scatter))
+        G, variance = np.exp(between(log)), between(self.variance)
+        return replace(self, omega=omega, G=G, variance=variance, gamma=gamma, dof=dof, scatter=scatter)
 
 
 def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
@@ -141,3 +139,10 @@ def window_mean(x: np.ndarray) -> np.ndarray:
     half = WINDOW // 2
     weights = np.convolve(np.ones(x.size), np.ones(2 * half + 1))[half:-half]
     return np.asarray(np.convolve(x, np.ones(2 * half + 1))[half:-half] / weights)
+
+
+def format_probability(p: float) -> str:
+    """Format an estimated probability, no finer than it is known."""
+    if p > 0.99:
+        return "over 99 %"
+    return "under 1 %" if p < 0.01 else f"about {100 * p:.0f} %"

@@ -21,14 +21,21 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
 from math import ceil, sqrt
-from typing import Any
 
-from flint import arb, arb_poly
+from flint import arb, arb_poly, fmpq
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, STABILITY, LoopClaim
 from robust.proofs.exact.conditions import Terms
-from robust.proofs.exact.polynomials import Decision, Quotient, proved, to_rational, transfer_quotient, undecided
+from robust.proofs.exact.polynomials import (
+    Decision,
+    Polynomial,
+    Quotient,
+    proved,
+    to_rational,
+    transfer_quotient,
+    undecided,
+)
 from robust.proofs.exact.stability import (
     WHOLE_SAMPLES,
     Axis,
@@ -55,6 +62,7 @@ SINGLE, MOST_SINGLE = 12, 60  # aliases on either side that are taken one by one
 LONGER, FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
 TIGHT, DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most
 REFINEMENT_FACTOR = 4  # a bound so far above one at most may be brought below it by looking closer
+NOT_ASKED_FOR = arb.nan()  # of a loop without a demand: no bound is below anything
 LOOSE_RADIUS = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
 
 
@@ -62,11 +70,11 @@ LOOSE_RADIUS = 0.05  # relative radius of a ball from which on a Taylor model is
 class Ratio:
     """|X|^2 = num(y)/den(y), y = omega^2, of a continuous system X, as balls; falls as y^-order."""
 
-    num: Any
-    den: Any
+    num: arb_poly
+    den: arb_poly
     order: int
 
-    def squares(self, low: Any, high: Any) -> list[Any]:
+    def squares(self, low: arb, high: arb) -> list[arb]:
         """Balls that hold num and den on omega in [low, high] (arb)."""
         y = (low * low).union(high * high)
         found = []
@@ -78,29 +86,29 @@ class Ratio:
             found.append(ball)
         return found
 
-    def upper(self, low: Any, high: Any) -> Any:
+    def upper(self, low: arb, high: arb) -> arb:
         """Upper bound of |X| on omega in [low, high] (arb); infinite where none is found."""
         return sqrt_upper(*self.squares(low, high))
 
-    def bounds(self, low: Any, high: Any) -> tuple[Any, Any]:
+    def bounds(self, low: arb, high: arb) -> tuple[arb, arb]:
         """Upper bound of |X|, and one of 1/|X|."""
         num, den = self.squares(low, high)
         return sqrt_upper(num, den), sqrt_upper(den, num)
 
-    def beyond(self, low: Any) -> Any:
+    def beyond(self, low: arb) -> arb:
         """c with |X| <= c omega^-order for all omega >= low; infinite where none is found."""
         v = arb(0).union(1 / (low * low))
         top, bottom = (reversed_polynomial(p, v) for p in (self.num, self.den))
         return sqrt_upper(top, bottom)
 
 
-def squared_line(low: Any, high: Any) -> TaylorModel:
+def squared_line(low: arb, high: arb) -> TaylorModel:
     """omega^2 on an interval as a Taylor model."""
     omega = linear_model((low + high) / 2, (high - low) / 2)
     return omega * omega
 
 
-def sqrt_upper(top: Any, bottom: Any) -> Any:
+def sqrt_upper(top: arb, bottom: arb) -> arb:
     """An upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
     if not bottom > 0:
         return arb.pos_inf()
@@ -108,7 +116,7 @@ def sqrt_upper(top: Any, bottom: Any) -> Any:
     return found.sqrt().abs_upper() if found.is_finite() else arb.pos_inf()
 
 
-def reversed_polynomial(p: Any, v: Any) -> Any:
+def reversed_polynomial(p: arb_poly, v: arb) -> arb:
     """p(y) y^-degree at v = 1/y."""
     total = arb(0)
     for c in p.coeffs():
@@ -122,7 +130,7 @@ def magnitude_ratio(system: Quotient) -> Ratio:
     return Ratio(num=num, den=den, order=true_degree(system.den) - true_degree(system.num))
 
 
-def true_degree(p: Any) -> int:
+def true_degree(p: Polynomial) -> int:
     """Degree of a polynomial over the rationals."""
     return max(int(p.degree()), 0)
 
@@ -136,18 +144,18 @@ def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
 class Sums:
     """Upper bounds of the sums over all aliases k != 0 on an interval; what they stand for is in `Aliases`."""
 
-    F: Any
-    G: Any
-    FF: Any
-    GG: Any
-    GF: Any
-    F_max: Any
+    F: arb
+    G: arb
+    FF: arb
+    GG: arb
+    GF: arb
+    F_max: arb
 
 
 class Aliases:
     """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
 
-    def __init__(self, claim: LoopClaim, dt: Any) -> None:
+    def __init__(self, claim: LoopClaim, dt: fmpq) -> None:
         plant, weight = transfer_quotient(claim.plant), transfer_quotient(claim.weight)
         self.through = "G" in claim.reads
         self.dt = arb(dt)
@@ -179,7 +187,7 @@ class Aliases:
         last = (edges[-1] - half) * self.step
         f, g = self.F.beyond(last), self.G.beyond(last)
 
-        def powers(c: Any, n: int, holds: int) -> Any:
+        def powers(c: arb, n: int, holds: int) -> arb:
             """The sum of c omega_k^-n with so many holds beyond the blocks."""
             if c == 0:
                 return zero
@@ -198,7 +206,7 @@ class Aliases:
             F_max=larger(F_max, f_last),
         )
 
-    def sums(self, low: Any, high: Any) -> Sums:
+    def sums(self, low: arb, high: arb) -> Sums:
         """The sums on omega in [low, high]."""
         sine = sine_up(high * self.dt / 2)
         rest = self.rest
@@ -216,22 +224,22 @@ class Aliases:
         )
 
 
-def upper_end(x: Any) -> Any:
+def upper_end(x: arb) -> arb:
     """The upper end of a ball that holds no negative number that matters."""
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
-def over_one_minus(f: Any) -> Any:
+def over_one_minus(f: arb) -> arb:
     """f/(1 - f), infinite where f may reach one."""
     return f / (1 - f) if f < 1 else arb.pos_inf()
 
 
-def larger(a: Any, b: Any) -> Any:
+def larger(a: arb, b: arb) -> arb:
     """The larger of two upper bounds."""
     return b if b > a or not b.is_finite() else a
 
 
-def sine_up(x: Any) -> Any:
+def sine_up(x: arb) -> arb:
     """An upper bound of sin on [0, x]."""
     return x.sin().abs_upper() if x < arb.pi() / 2 else arb(1)
 
@@ -247,7 +255,7 @@ def root_radius(*systems: Quotient) -> float:
     return found
 
 
-def max_magnitude(X: Ratio, low: Any, high: Any) -> Any:
+def max_magnitude(X: Ratio, low: arb, high: arb) -> arb:
     """An upper bound of |X| on a block, cut until it is close to the largest value."""
     todo, found = [(low, high, 0)], X.upper(low, low)  # mostly it falls
     while todo:
@@ -266,24 +274,24 @@ def max_magnitude(X: Ratio, low: Any, high: Any) -> Any:
 class Sizes:
     """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|."""
 
-    KS: Any
-    FS: Any
-    FKS: Any
-    GKS: Any
-    hold: Any
-    PS: Any = None
-    PFS: Any = None
-    centre: Any = None
+    KS: arb
+    FS: arb
+    FKS: arb
+    GKS: arb
+    hold: arb
+    PS: arb = NOT_ASKED_FOR
+    PFS: arb = NOT_ASKED_FOR
+    centre: arb = NOT_ASKED_FOR
 
 
-def bound_sizes(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> Sizes:
+def bound_sizes(aliases: Aliases, t: Terms, low: arb, high: arb, others: Sums) -> Sizes:
     """Return upper bounds of all terms of a claim on an interval.
 
     |q S| is bounded by |q| |S|; where G rules the aliases, at a pole of it or of K too, by |q/(K h_0 G)| |T|/(1 - e).
     """
     closed = lower_bound(t.closed)
 
-    def quotient_up(*factors: TaylorModel) -> Any:
+    def quotient_up(*factors: TaylorModel) -> arb:
         top = factors[0] * factors[1]
         return sqrt_upper(-lower_bound(top * arb(-1)), closed)
 
@@ -297,7 +305,7 @@ def bound_sizes(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -
     share = others.G * G_inverse / hold_low
     factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()  # |h_0 G| over |G_d|, at most, over h_0
 
-    def least(*bounds: Any) -> Any:
+    def least(*bounds: arb) -> arb:
         finite = [upper_end(b) for b in bounds if b.is_finite()]
         return min(finite, key=lambda b: float(b.mid())) if finite else arb.pos_inf()
 
@@ -312,7 +320,7 @@ def bound_sizes(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -
     return Sizes(**{name: upper_end(x) for name, x in found.items()})
 
 
-def bound_centre(aliases: Aliases, t: Terms, closed: Any, S: Any, low: Any, high: Any) -> Any:
+def bound_centre(aliases: Aliases, t: Terms, closed: arb, S: arb, low: arb, high: arb) -> arb:
     """An upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
@@ -329,7 +337,7 @@ def bound_centre(aliases: Aliases, t: Terms, closed: Any, S: Any, low: Any, high
     return sqrt_upper(-lower_bound(size * arb(-1)), closed) + moved * S
 
 
-def claim_measure(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: Any) -> Any:
+def claim_measure(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: arb) -> arb:
     """Return an upper bound of the quantity that a claim needs below one."""
     operator, performance = claim.perturbation == "operator", name != ALIASED[STABILITY]
     if not claim.inverse and operator:
@@ -350,7 +358,7 @@ def claim_measure(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: Any) 
 
 
 def joint_claim_measure(
-    aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, scaling: Any, y: TaylorModel
+    aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, scaling: arb, y: TaylorModel
 ) -> bool:
     """Return the bound with all terms at the frequency itself as one quotient, which is sharper near its peak.
 
@@ -385,18 +393,18 @@ def joint_claim_measure(
     return bool(lower_bound(rest) > 0 and lower_bound(rest * rest - a * b * 4) > 0)
 
 
-def product_or_zero(size: Any, total: Any) -> Any:
+def product_or_zero(size: arb, total: arb) -> arb:
     """Return size times total, zero where the size is zero."""
     return arb(0) if size == 0 else size * total
 
 
-def largest_singular_value_2x2(a: Any, b: Any, c: Any, d: Any) -> Any:
+def largest_singular_value_2x2(a: arb, b: arb, c: arb, d: arb) -> arb:
     """Largest singular value of [[a, b], [c, d]], all nonnegative."""
     return (((a + d) ** 2 + (b - c) ** 2).sqrt() + ((a - d) ** 2 + (b + c) ** 2).sqrt()) / 2
 
 
 def prove_with_aliases(
-    claim: LoopClaim, names: list[str], axis: Axis, found: Squares, scaling: Any, deadline: float
+    claim: LoopClaim, names: list[str], axis: Axis, found: Squares, scaling: arb, deadline: float
 ) -> dict[str, Decision]:
     """Prove claims from zero to Nyquist, interval by interval; what is known of an interval serves all of them."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
@@ -407,7 +415,7 @@ def prove_with_aliases(
         G, K, *_ = loop_on_axis(claim.plant, claim.controller, to_rational(claim.delay) - samples * axis.dt)
         axis = replace(axis, G=G, K=K)
         found = squared_magnitudes(axis)
-    terms: Callable[[Any, Any], Terms] = sampled_terms(axis, found, samples)
+    terms: Callable[[arb, arb], Terms] = sampled_terms(axis, found, samples)
 
     @lru_cache(maxsize=4096)  # some 15 kB each
     def known(low: float, high: float) -> tuple[Terms, Sizes, Sums]:

@@ -5,13 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = [
     "ALIASED",
@@ -67,7 +71,7 @@ class Matrices:
         return int(self.A.shape[0])
 
 
-def to_matrices(system: Any) -> Matrices:
+def to_matrices(system: control.StateSpace) -> Matrices:
     """Return the matrices of anything that has A, B, C, D and dt (a state space), number by number."""
     D = np.array(system.D, dtype=float, ndmin=2)
     n = int(np.size(system.A) ** 0.5 + 0.5)
@@ -156,7 +160,7 @@ class LoopClaim:
 SYSTEMS = ("plant", "controller", "weight", "performance")
 
 
-def claim_to_dict(claim: LoopClaim) -> dict[str, Any]:
+def claim_to_dict(claim: LoopClaim) -> JsonObject:
     """Return the claim as plain numbers and strings; floats are written with the digits that restore them exactly."""
     systems = {name: system_to_dict(getattr(claim, name)) for name in SYSTEMS}
     return (
@@ -173,14 +177,14 @@ def claim_to_dict(claim: LoopClaim) -> dict[str, Any]:
     )
 
 
-def system_to_dict(system: Matrices | None) -> dict[str, Any] | None:
+def system_to_dict(system: Matrices | None) -> JsonObject | None:
     """Return one system as lists of numbers."""
     if system is None:
         return None
     return {name: getattr(system, name).tolist() for name in "ABCD"} | {"dt": float(system.dt)}
 
 
-def claim_from_dict(given: Any) -> LoopClaim:
+def claim_from_dict(given: object) -> LoopClaim:
     """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
     wanted = {*SYSTEMS, "reads", "inverse", "perturbation", "delay", "claims", "scaling"}
     if not isinstance(given, dict) or set(given) - {"shaping"} != wanted:
@@ -201,7 +205,7 @@ def claim_from_dict(given: Any) -> LoopClaim:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
-def system_from_dict(given: Any) -> Matrices | None:
+def system_from_dict(given: JsonObject | None) -> Matrices | None:
     """Return one system from lists of numbers."""
     if given is None:
         return None
@@ -219,7 +223,7 @@ def system_from_dict(given: Any) -> Matrices | None:
     return Matrices(A=A, B=B, C=C, D=D, dt=float(given["dt"]))
 
 
-def content_digest(given: Any) -> str:
+def content_digest(given: JsonObject) -> str:
     """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
 
     >>> content_digest({"a": 1.0})[:8], content_digest({"a": 1.0000000000000002})[:8]
@@ -241,9 +245,9 @@ SCHEMA = "robust-certificate"
 VERSION = 1
 
 
-def write_claim(path: str | os.PathLike[str], claim: LoopClaim, found: Sequence[dict[str, Any]] = ()) -> None:
+def write_claim(path: str | os.PathLike[str], claim: LoopClaim, found: Sequence[Mapping[str, object]] = ()) -> None:
     """Write a claim with how it was found; the digest covers everything else in the file."""
-    entries: dict[str, Any] = {
+    entries: JsonObject = {
         "schema": SCHEMA,
         "version": VERSION,
         "units": {"dt": "s", "delay": "s"},

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Callable
 from itertools import pairwise
 from math import atan, inf, nan
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx
@@ -37,7 +37,7 @@ LEVEL_FACTORS = (1.0, 1.001, 1.03, 1.5)  # times the level, squared
 MAX_RISES = 20
 ZERO_POLE = 1e-30  # of the largest pole: a triple root keeps a third of the digits, and one this small is zero
 TOLERANCE = 1e-9
-Balls = tuple[Any, Any, Any, Any]
+Balls: TypeAlias = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
 
 
 @value
@@ -181,7 +181,7 @@ def decide_norm_at_precision(
     return undecided("the energy that was found does not pass", needs_digits=True)
 
 
-def refine_storage(loop: Balls, square: Any, more: Any) -> Any:
+def refine_storage(loop: Balls, square: arb, more: arb) -> arb_mat | None:
     """P of a continuous loop at a level, squared: that of doubles, refined by Newton's iteration; None where it stalls.
 
     What is left of the Riccati equation is put together in many digits, the Lyapunov equation of a step solved in
@@ -199,7 +199,8 @@ def refine_storage(loop: Balls, square: Any, more: Any) -> Any:
         first = symmetric_or_none(lambda r=farther * r: solve_continuous_are(a, b, q, -r, s=s))  # type: ignore[misc]
         if first is None:
             continue
-        P, before = arb_mat(first.tolist()), inf
+        P = arb_mat(first.tolist())
+        before: arb | float = inf
         for _ in range(MAX_REFINEMENTS):
             gain = inverse * (B.transpose() * P + S.transpose())
             left = symmetric_part(A.transpose() * P + P * A + Q + (P * B + S) * gain).mid()
@@ -218,7 +219,7 @@ def refine_storage(loop: Balls, square: Any, more: Any) -> Any:
     return None
 
 
-def storage_by_matrix_sign(loop: Balls, square: Any, more: Any, bits: int, deadline: float) -> Any:
+def storage_by_matrix_sign(loop: Balls, square: arb, more: arb, bits: int, deadline: float) -> arb_mat | None:
     """P of a continuous loop at a level, squared, by the sign of the Hamiltonian matrix; None where there is none."""
     H = hamiltonian(loop, square, more)
     n = loop[0].nrows()
@@ -243,7 +244,7 @@ def storage_by_matrix_sign(loop: Balls, square: Any, more: Any, bits: int, deadl
     return symmetric_part(P).mid()
 
 
-def hamiltonian(loop: Balls, square: Any, more: Any) -> Any:
+def hamiltonian(loop: Balls, square: arb, more: arb) -> arb_mat:
     """The Hamiltonian matrix of a level, squared, with `more` of every state asked for, relative to what is."""
     A, B, C, D = loop
     inverse = (identity_balls(D.ncols()) * square - D.transpose() * D).inv()
@@ -324,23 +325,23 @@ def balance_states(loop: Balls) -> Balls:
     return forth * A * back, forth * B, C * back, D
 
 
-def log_magnitudes(matrix: Any) -> np.ndarray:
+def log_magnitudes(matrix: arb_mat) -> np.ndarray:
     """The logarithms of the moduli of the entries, of zero minus infinity."""
     rows = [[float(abs(x).log().mid()) if abs(x) > 0 else -inf for x in row] for row in matrix.tolist()]
     return np.array(rows).reshape(matrix.nrows(), -1)
 
 
-def eigenvalues(matrix: Any) -> list[Any]:
+def eigenvalues(matrix: arb_mat) -> list[acb]:
     """All eigenvalues, as near as the digits at hand bring them; nothing rests on them."""
     return list(acb_mat(matrix).eig(algorithm="approx")) if matrix.nrows() else []
 
 
-def to_balls(matrix: np.ndarray) -> Any:
+def to_balls(matrix: np.ndarray) -> arb_mat:
     """Return a matrix of doubles as balls, exactly."""
-    return arb_mat(*matrix.shape, [arb(float(x)) for x in np.ravel(matrix)])
+    return arb_mat(len(matrix), matrix.shape[1], [arb(float(x)) for x in np.ravel(matrix)])
 
 
-def to_doubles(matrix: Any) -> np.ndarray:
+def to_doubles(matrix: arb_mat) -> np.ndarray:
     """Return the nearest doubles."""
     return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()]).reshape(matrix.nrows(), -1)
 
@@ -356,38 +357,38 @@ def symmetric_or_none(solve: Callable[[], np.ndarray]) -> np.ndarray | None:
     return (found + found.T) / 2 if np.isfinite(found).all() else None
 
 
-def symmetric_part(matrix: Any) -> Any:
+def symmetric_part(matrix: arb_mat) -> arb_mat:
     """The symmetric part of a matrix that is symmetric but for its errors."""
     return (matrix + matrix.transpose()) * arb(0.5)
 
 
-def frobenius_norm(matrix: Any) -> Any:
+def frobenius_norm(matrix: arb_mat) -> arb:
     """Frobenius norm, as far as its midpoint."""
     return sum((x.mid() * x.mid() for x in matrix.entries()), arb(0)).sqrt().mid()
 
 
-def identity_balls(n: int) -> Any:
+def identity_balls(n: int) -> arb_mat:
     """The identity in balls."""
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 
-def diagonal_balls(numbers: list[Any]) -> Any:
+def diagonal_balls(numbers: list[arb]) -> arb_mat:
     """A diagonal matrix."""
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])
 
 
-def zero_balls(rows: int, columns: int) -> Any:
+def zero_balls(rows: int, columns: int) -> arb_mat:
     """Return a matrix of zeros."""
     return arb_mat(rows, columns)
 
 
-def stack_columns(left: Any, right: Any) -> Any:
+def stack_columns(left: arb_mat, right: arb_mat) -> arb_mat:
     """Return two matrices side by side."""
     rows = [a + b for a, b in zip(left.tolist(), right.tolist(), strict=True)]
     return arb_mat(left.nrows(), left.ncols() + right.ncols(), [x for row in rows for x in row])
 
 
-def stack_rows(upper: Any, under: Any) -> Any:
+def stack_rows(upper: arb_mat, under: arb_mat) -> arb_mat:
     """Return one matrix on top of another."""
     return arb_mat(upper.nrows() + under.nrows(), upper.ncols(), [*upper.entries(), *under.entries()])

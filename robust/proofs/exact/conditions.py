@@ -7,33 +7,40 @@ products of real quantities are formed, so the same lines serve polynomials, enc
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
+
+from flint import arb
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import OPERATOR_PERFORMANCE, STABILITY
 
-__all__ = ["Terms", "claim_inequalities"]
+__all__ = ["Quantity", "Terms", "claim_inequalities"]
+
+
+#: A polynomial, a Taylor model or a ball: whatever has sums and products with its own kind and with a ball, which no
+#: type of python-flint says. None stands for a weight that a loop does not have, and takes part in nothing.
+Quantity: TypeAlias = Any
 
 
 @value
 class Terms:
     """|N_G|^2, |D_G|^2, |N_K|^2, |D_K|^2, Re(N D*), |D + N|^2, the squared parts of both weights and of the scaling."""
 
-    G_num: Any
-    G_den: Any
-    K_num: Any
-    K_den: Any
-    cross: Any
-    closed: Any
-    w_num: Any
-    w_den: Any
-    P_num: Any = None
-    P_den: Any = None
-    W_num: Any = None
-    W_den: Any = None
+    G_num: Quantity
+    G_den: Quantity
+    K_num: Quantity
+    K_den: Quantity
+    cross: Quantity
+    closed: Quantity
+    w_num: Quantity
+    w_den: Quantity
+    P_num: Quantity = None
+    P_den: Quantity = None
+    W_num: Quantity = None
+    W_den: Quantity = None
 
 
-def claim_inequalities(claim: str, reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -> list[Any]:
+def claim_inequalities(claim: str, reads: tuple[str, ...], inverse: bool, t: Terms, scaling: arb) -> list[Quantity]:
     """Expressions all of which are positive where the claim holds; the form as in `LoopClaim`, scaling is d^2."""
     if "M" in reads:
         return coprime_inequalities(claim, t, scaling)
@@ -44,17 +51,17 @@ def claim_inequalities(claim: str, reads: tuple[str, ...], inverse: bool, t: Ter
     return performance_inequality(reads, inverse, t)
 
 
-def perturbation_channel(reads: tuple[str, ...], t: Terms) -> Any:
+def perturbation_channel(reads: tuple[str, ...], t: Terms) -> Quantity:
     """|X|^2 with b = w X/(D + N)."""
     return (t.G_num if "G" in reads else t.G_den) * (t.K_num if "K" in reads else t.K_den)
 
 
-def stability_inequality(reads: tuple[str, ...], t: Terms) -> Any:
+def stability_inequality(reads: tuple[str, ...], t: Terms) -> Quantity:
     """Return the inequality |b| < 1."""
     return t.w_den * t.closed - t.w_num * perturbation_channel(reads, t)
 
 
-def performance_inequality(reads: tuple[str, ...], inverse: bool, t: Terms) -> list[Any]:
+def performance_inequality(reads: tuple[str, ...], inverse: bool, t: Terms) -> list[Quantity]:
     """|w_P| |S| (|1 - a b*| + |a - b|) < 1 - |b|^2 (SP 7.6 and `robust.lti.connections.worst_sensitivity`)."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     if not inverse:  # a = 0: |w_P S| + |b| < 1
@@ -71,13 +78,13 @@ def performance_inequality(reads: tuple[str, ...], inverse: bool, t: Terms) -> l
     return [inside, *root_sum_inequality(t.P_num * outer * centre, t.P_num * outer * edge, t.P_den * inside * inside)]
 
 
-def root_sum_inequality(a: Any, b: Any, c: Any) -> list[Any]:
+def root_sum_inequality(a: Quantity, b: Quantity, c: Quantity) -> list[Quantity]:
     """Return sqrt(a) + sqrt(b) < sqrt(c) as inequalities without roots."""
     rest = c - a - b
     return [rest, rest * rest - a * b * 4]
 
 
-def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -> list[Any]:
+def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, t: Terms, scaling: arb) -> list[Quantity]:
     """Largest singular value of diag(w, w_P/d) M diag(1, d) below one: |M|_F^2 < 1 + |det M|^2 and |det M| < 1."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     whole = t.w_den * t.P_den * t.closed
@@ -92,7 +99,7 @@ def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, t: Terms, scal
     return [whole - determinant, whole - size + determinant]
 
 
-def coprime_inequalities(claim: str, t: Terms, scaling: Any) -> list[Any]:
+def coprime_inequalities(claim: str, t: Terms, scaling: arb) -> list[Quantity]:
     """The claims about normalised coprime factors, with k and g = |K|, |G| of the shaped loop, eps = |w|.
 
     Stability: eps^2 (1 + g^2)(1 + k^2) < |1 + L|^2. Performance: |w_P| (|1 + L - eps^2 (1 + g^2)| + eps sqrt(1 - eps^2)

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
 
-from flint import arb, ctx
+from flint import arb, ctx, fmpq
 
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust.proofs.exact.aliases import prove_with_aliases
 from robust.proofs.exact.claim import ALIASED, LoopClaim
-from robust.proofs.exact.conditions import Terms, claim_inequalities
+from robust.proofs.exact.conditions import Quantity, Terms, claim_inequalities
 from robust.proofs.exact.polynomials import Decision, positive_on_half_line, proved, refuted, to_rational, undecided
 from robust.proofs.exact.stability import (
     Axis,
@@ -158,7 +157,7 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
         decided |= prove_with_aliases(claim, aliased, axis, found, squared_scaling(scaling), deadline)
     for name in [name for name in names if name not in aliased]:
 
-        def inequalities(terms: Terms, name: str = name) -> list[Any]:
+        def inequalities(terms: Terms, name: str = name) -> list[Quantity]:
             return claim_inequalities(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
 
         if axis.algebraic:
@@ -169,7 +168,7 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
             decided[name] = positive_on_intervals(axis, found, inequalities, deadline)
 
 
-def squared_scaling(scaling: Any) -> Any:
+def squared_scaling(scaling: fmpq) -> arb:
     """d^2 as a ball, which joins with everything."""
     return arb(scaling * scaling)
 
@@ -183,7 +182,7 @@ def check_weights(axis: Axis) -> Decision:
     return proved()
 
 
-def prove_on_half_line(axis: Axis, expressions: list[Any], ends: list[Any], deadline: float) -> Decision:
+def prove_on_half_line(axis: Axis, expressions: list[Quantity], ends: list[Quantity], deadline: float) -> Decision:
     """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:

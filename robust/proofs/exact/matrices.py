@@ -6,7 +6,7 @@ from `to_rational_matrix` and exact sums and products, and ask for each.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 from flint import arb, arb_poly, ctx, fmpq_mat
 
@@ -14,6 +14,7 @@ from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.polynomials import (
+    Coefficient,
     Decision,
     positive_on_half_line,
     proved,
@@ -30,7 +31,7 @@ __all__ = ["NormClaim", "decide_norm", "ldl_pivots", "positive_definite", "verif
 BITS = (128, 512)
 
 
-def positive_definite(matrix: Any) -> bool:
+def positive_definite(matrix: fmpq_mat) -> bool:
     """Whether a symmetric matrix of rationals (fmpq_mat) is positive definite: all pivots of its LDL' positive.
 
     Balls decide where they can, rationals where they cannot.
@@ -53,7 +54,7 @@ def positive_definite(matrix: Any) -> bool:
     return all(p > 0 for p in ldl_pivots(rows))
 
 
-def ldl_pivots(rows: list[list[Any]]) -> list[Any]:
+def ldl_pivots(rows: Sequence[Sequence[Coefficient]]) -> list[Coefficient]:
     """Pivots of the LDL' of a symmetric matrix, up to the first that is not certainly positive."""
     left = [list(row) for row in rows]
     pivots = []
@@ -121,7 +122,7 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
     return {"stability": stable, "norm": gain_below_level(A, B, C, D, claim.level) if stable.holds else NOT_EXAMINED}
 
 
-def gain_below_level(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
+def gain_below_level(A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, level: float) -> Decision:
     """Whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
     n, m = A.nrows(), D.ncols()
     R = identity(m) * (to_rational(level) ** 2) - D.transpose() * D
@@ -145,6 +146,6 @@ def gain_below_level(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
     return found
 
 
-def identity(n: int) -> Any:
+def identity(n: int) -> fmpq_mat:
     """The identity over the rationals."""
     return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])

@@ -10,21 +10,24 @@ from __future__ import annotations
 
 import time
 from enum import Enum, auto
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from flint import arb, arb_mat, arb_poly, fmpq, fmpq_mat, fmpq_poly
+from flint import acb, arb, arb_mat, arb_poly, fmpq, fmpq_mat, fmpq_poly
 
 from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.claim import Matrices
 
 __all__ = [
+    "Coefficient",
     "Decision",
+    "Polynomial",
     "Quotient",
     "Roots",
     "bernstein_coefficients",
     "bilinear_image",
+    "complex_roots",
     "delay_by_samples",
     "exact_roots",
     "positive_on_half_line",
@@ -38,23 +41,29 @@ __all__ = [
 ]
 
 
+#: A `fmpq_poly` or an `arb_poly`, and the `fmpq` or `arb` that are its coefficients. Code that serves both makes more
+#: of the kind that it was given, `type(p)`, and a union does not know that the two are of one kind.
+Polynomial: TypeAlias = Any
+Coefficient: TypeAlias = Any
+
+
 @value
 class Quotient:
     """num/den as polynomials in s or z (python-flint), both of formal degree `degree` at most."""
 
-    num: Any
-    den: Any
+    num: Polynomial
+    den: Polynomial
     degree: int
 
 
-def to_rational(x: float) -> Any:
+def to_rational(x: float) -> fmpq:
     """Return a double as the rational number that it is (fmpq)."""
     return fmpq(*float(x).as_integer_ratio())
 
 
-def to_rational_matrix(matrix: np.ndarray) -> Any:
+def to_rational_matrix(matrix: np.ndarray) -> fmpq_mat:
     """Return a matrix of doubles as rationals (fmpq_mat)."""
-    return fmpq_mat(*matrix.shape, [to_rational(x) for x in matrix.ravel()])
+    return fmpq_mat(len(matrix), matrix.shape[1], [to_rational(x) for x in matrix.ravel()])
 
 
 def transfer_quotient(system: Matrices) -> Quotient:
@@ -80,7 +89,7 @@ def delay_by_samples(system: Quotient, whole: int) -> Quotient:
     return Quotient(num=system.num, den=system.den.left_shift(whole), degree=system.degree + whole)
 
 
-def zoh_quotient(plant: Matrices, dt: Any, whole: int, rest: Any) -> Quotient:
+def zoh_quotient(plant: Matrices, dt: fmpq, whole: int, rest: fmpq) -> Quotient:
     """A continuous plant as a sampled controller sees it: zero-order hold, delay of whole dt + rest, sampler.
 
     The input changes inside a sample where rest > 0 (Åström & Wittenmark, 3rd ed., 2.3). Coefficients are balls that
@@ -94,7 +103,7 @@ def zoh_quotient(plant: Matrices, dt: Any, whole: int, rest: Any) -> Quotient:
         both = [[to_rational(x) for x in (*plant.A[i], plant.B[i, 0])] for i in range(n)] + [[0] * (n + 1)]
         generator = fmpq_mat(both)
 
-        def step(duration: Any) -> tuple[Any, Any]:
+        def step(duration: fmpq) -> tuple[arb_mat, arb_mat]:
             moved = arb_mat(generator * duration).exp().tolist()
             return arb_mat([row[:n] for row in moved[:n]]), arb_mat([row[n:] for row in moved[:n]])
 
@@ -120,7 +129,7 @@ def bilinear_image(system: Quotient) -> Quotient:
     )
 
 
-def moebius_transform(p: Any, degree: int) -> Any:
+def moebius_transform(p: Polynomial, degree: int) -> Polynomial:
     """(1 - s)^degree p((1 + s)/(1 - s)); with v = 1 - s the argument is 2/v - 1."""
     kind = type(p)
     shifted = p(kind([-1, 2]))
@@ -166,10 +175,15 @@ def exact_roots(system: Matrices) -> Roots:
     return Roots(zeros=polynomial_roots(num), poles=polynomial_roots(den), gain=float(int(lead.p) / int(lead.q)))
 
 
-def polynomial_roots(p: Any) -> np.ndarray:
+def polynomial_roots(p: fmpq_poly) -> np.ndarray:
     """All roots of a fmpq_poly, each as often as it is one."""
-    found = [complex(root) for root, many in p.numer().complex_roots() for _ in range(many)] if p.degree() > 0 else []
+    found = [complex(root) for root, many in complex_roots(p) for _ in range(many)] if p.degree() > 0 else []
     return np.array(found, dtype=complex)
+
+
+def complex_roots(p: fmpq_poly) -> list[tuple[acb, int]]:
+    """Every root as a ball, and how often it is one."""
+    return p.numer().complex_roots()  # type: ignore[return-value]  # the stub of python-flint says a single ball
 
 
 # ---- Polynomials proved positive on the half-line from zero to infinity, by the signs of their coefficients.
@@ -228,7 +242,7 @@ class Signs(Enum):
     UNCLEAR = auto()
 
 
-def bernstein_coefficients(p: Any, low: Any, high: Any) -> list[Any]:
+def bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) -> list[Coefficient]:
     """Coefficients with the signs of the Bernstein coefficients of p on [low, high] (each a positive multiple)."""
     kind = type(p)
     n = p.degree()
@@ -237,14 +251,14 @@ def bernstein_coefficients(p: Any, low: Any, high: Any) -> list[Any]:
     return [coefficients[k] for k in range(n, -1, -1)]
 
 
-def bernstein_signs(coefficients: list[Any]) -> Signs:
+def bernstein_signs(coefficients: list[Coefficient]) -> Signs:
     """Whether all are positive, so that the piece is, ends included; some negative; or unclear for want of digits."""
     if all(c >= 0 for c in coefficients) and coefficients[0] > 0 and coefficients[-1] > 0:
         return Signs.POSITIVE
     return Signs.MIXED if any(c < 0 for c in coefficients) else Signs.UNCLEAR
 
 
-def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
+def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decision:
     """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint. Infinity is not looked at.
 
     >>> from flint import fmpq, fmpq_poly
@@ -286,12 +300,12 @@ def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
     return undecided(f"undecided after {MAX_PIECES} pieces")
 
 
-def shifted_coefficients(p: Any, low: float) -> list[Any]:
+def shifted_coefficients(p: Polynomial, low: float) -> list[Coefficient]:
     """Coefficients of p(low + y): all nonnegative where p has no root beyond; the last is only its sign at infinity."""
     return list(p(type(p)([to_exact_number(p, low), 1])).coeffs())
 
 
-def to_exact_number(p: Any, x: float) -> Any:
+def to_exact_number(p: Polynomial, x: float) -> Coefficient:
     """A double as an exact number of the kind that p has."""
     return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
 
@@ -303,7 +317,7 @@ def geometric_midpoint(a: float, b: float) -> float:
     return a * 64 if np.isinf(b) else float(np.sqrt(a) * np.sqrt(b))
 
 
-def root_bounds(coefficients: list[Any]) -> tuple[float, float]:
+def root_bounds(coefficients: list[arb]) -> tuple[float, float]:
     """About where the smallest and the largest root lie: only where to cut first, nothing rests on it."""
     logs = [float(abs(c).log().mid()) if abs(c) > 0 else -np.inf for c in coefficients]
     n = max(k for k, log in enumerate(logs) if np.isfinite(log))

@@ -8,18 +8,20 @@ direction in which |D| - |N| changes sign there (Cooke & van den Driessche 1986;
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TypeAlias, TypeVar
 
 import numpy as np
-from flint import acb, acb_poly, arb, arb_poly, ctx
+from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq, fmpq_poly
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import LoopClaim, Matrices
-from robust.proofs.exact.conditions import Terms
+from robust.proofs.exact.conditions import Quantity, Terms
 from robust.proofs.exact.polynomials import (
     Decision,
+    Polynomial,
     Quotient,
     bilinear_image,
+    complex_roots,
     delay_by_samples,
     proved,
     refuted,
@@ -33,6 +35,7 @@ from robust.proofs.exact.polynomials import (
 __all__ = [
     "WHOLE_SAMPLES",
     "Axis",
+    "SquaredPart",
     "Squares",
     "claim_on_axis",
     "decide_loop_stability",
@@ -56,7 +59,7 @@ MAX_BITS = 4096
 TOO_NEAR_BOUNDARY = "not told from the stability boundary"
 
 
-def hurwitz(p: Any, degree: int) -> Decision:
+def hurwitz(p: Polynomial, degree: int) -> Decision:
     """Whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
 
     p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it undecided.
@@ -85,7 +88,7 @@ def hurwitz(p: Any, degree: int) -> Decision:
     return proved()
 
 
-def routh(p: Any, degree: int) -> Decision:
+def routh(p: Polynomial, degree: int) -> Decision:
     """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
     if isinstance(p, arb_poly):
         return hurwitz(p, degree)
@@ -97,7 +100,7 @@ def routh(p: Any, degree: int) -> Decision:
     return hurwitz(p, degree)
 
 
-def squared_magnitude(p: Any) -> Any:
+def squared_magnitude(p: Polynomial) -> Polynomial:
     """|p(j x)|^2 as a polynomial in y = x^2."""
     kind = type(p)
     mirrored = kind([c if k % 2 == 0 else -c for k, c in enumerate(p.coeffs())])
@@ -105,7 +108,7 @@ def squared_magnitude(p: Any) -> Any:
     return kind([c if k % 2 == 0 else -c for k, c in enumerate(both[::2])])
 
 
-def hurwitz_with_delay(den: Any, num: Any, degree: int, delay: Any) -> Decision:
+def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, degree: int, delay: fmpq) -> Decision:
     """Whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
     total = den + num
     if total[0] == 0:
@@ -127,10 +130,10 @@ def hurwitz_with_delay(den: Any, num: Any, degree: int, delay: Any) -> Decision:
     return undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
 
 
-def roots_outside(p: Any) -> int | None:
+def roots_outside(p: fmpq_poly) -> int | None:
     """How many roots of a fmpq_poly lie in the right half plane; None where one cannot be told from the axis."""
     count = 0
-    for root, many in p.numer().complex_roots():
+    for root, many in complex_roots(p):
         if root.real > 0:
             count += many
         elif not root.real < 0:
@@ -138,13 +141,13 @@ def roots_outside(p: Any) -> int | None:
     return count
 
 
-def delay_crossings(den: Any, num: Any, delay: Any) -> int | None:
+def delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
     """How many roots of den + num exp(-s tau) move out of the left half plane as tau grows from 0 to the delay."""
     balance = squared_magnitude(den) - squared_magnitude(num)
     if balance.degree() <= 0:
         return 0 if balance[0] != 0 else None
     count, pi = 0, arb.pi()
-    for root, many in balance.numer().complex_roots():
+    for root, many in complex_roots(balance):
         if root.imag != 0 or root.real < 0:
             continue
         if not root.imag.is_zero() or not root.real > 0:
@@ -169,23 +172,23 @@ def delay_crossings(den: Any, num: Any, delay: Any) -> int | None:
     return count
 
 
-def value_at(p: Any, s: Any) -> Any:
+def value_at(p: fmpq_poly, s: acb) -> acb:
     """p(s) at a complex ball."""
     return acb_poly([acb_coefficient(c) for c in p.coeffs()])(s)
 
 
-def acb_coefficient(c: Any) -> Any:
+def acb_coefficient(c: fmpq) -> acb:
     """A rational as a ball at the precision of the moment."""
     return acb(arb(c))
 
 
-def floor_or_none(x: Any) -> int | None:
+def floor_or_none(x: arb) -> int | None:
     """floor(x), None where the ball holds an integer."""
     floor = x.floor().unique_fmpz()
     return None if floor is None or x.contains_integer() else int(floor)
 
 
-def sign_of_slope(p: Any, y: Any, order: int) -> int | None:
+def sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
     """The sign of the first derivative that does not vanish at a root of that multiplicity (odd)."""
     for _ in range(order):
         p = p.derivative()
@@ -220,8 +223,8 @@ class Axis:
     K: Quotient
     w: Quotient
     P: Quotient | None
-    dt: Any
-    delay: Any
+    dt: fmpq
+    delay: fmpq
     w_timed: bool
     P_timed: bool
     W: Quotient | None = None
@@ -241,7 +244,7 @@ def claim_on_axis(claim: LoopClaim) -> Axis:
     return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed, W=W)
 
 
-def shaping_product(claim: LoopClaim, dt: Any) -> Quotient:
+def shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
     """The product of the shaping functions, on the axis of the loop."""
     if dt and not claim.plant.dt:
         raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
@@ -255,7 +258,7 @@ def shaping_product(claim: LoopClaim, dt: Any) -> Quotient:
     return Quotient(num=num, den=den, degree=degree)
 
 
-def loop_on_axis(plant: Matrices, K: Matrices, seconds: Any) -> tuple[Quotient, Quotient, Any, Any]:
+def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Quotient, Quotient, fmpq, fmpq]:
     """Plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant.
 
     `seconds` is a double or a rational.
@@ -286,7 +289,7 @@ def is_same_sampling_time(dt: float, other: float) -> bool:
     return abs(dt - other) <= SAME_CLOCK * other
 
 
-def weight_quotient(name: str, system: Matrices, dt: Any) -> tuple[Quotient, bool]:
+def weight_quotient(name: str, system: Matrices, dt: fmpq) -> tuple[Quotient, bool]:
     """A weight as a quotient, and whether it is continuous around a sampled loop."""
     found = transfer_quotient(system)
     if system.order == 0:
@@ -298,6 +301,10 @@ def weight_quotient(name: str, system: Matrices, dt: Any) -> tuple[Quotient, boo
     return found, bool(dt)
 
 
+#: Numerator and denominator of a squared magnitude, and their formal degree.
+SquaredPart: TypeAlias = tuple[arb_poly, arb_poly, int]
+
+
 @value
 class Squares:
     """Polynomials in y = x^2 (arb_poly, at the precision of the moment) and their formal degrees.
@@ -306,14 +313,14 @@ class Squares:
     make N D* = even + j x odd, without the delay.
     """
 
-    G: tuple[Any, Any, int]
-    K: tuple[Any, Any, int]
-    even: Any
-    odd: Any
-    closed: Any
-    w: tuple[Any, Any, int]
-    P: tuple[Any, Any, int] | None
-    W: tuple[Any, Any, int] | None = None
+    G: SquaredPart
+    K: SquaredPart
+    even: arb_poly
+    odd: arb_poly
+    closed: arb_poly
+    w: SquaredPart
+    P: SquaredPart | None
+    W: SquaredPart | None = None
 
 
 def squared_magnitudes(axis: Axis) -> Squares:
@@ -322,10 +329,10 @@ def squared_magnitudes(axis: Axis) -> Squares:
     N, D = G_num * K_num, G_den * K_den
     both = (N * arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(D.coeffs())])).coeffs()
 
-    def signed(coefficients: list[Any]) -> Any:
+    def signed(coefficients: list[arb]) -> arb_poly:
         return arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(coefficients)])
 
-    def of_weight(part: Quotient) -> tuple[Any, Any, int]:
+    def of_weight(part: Quotient) -> SquaredPart:
         return squared_magnitude(arb_poly(part.num)), squared_magnitude(arb_poly(part.den)), part.degree
 
     return Squares(
@@ -340,10 +347,13 @@ def squared_magnitudes(axis: Axis) -> Squares:
     )
 
 
-Pair = tuple[Any, Any]
+Pair: TypeAlias = tuple[Quantity, Quantity]
+Made = TypeVar("Made")
 
 
-def loop_terms(G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cross: Any, closed: Any) -> Terms:
+def loop_terms(
+    G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cross: Quantity, closed: Quantity
+) -> Terms:
     """The terms from numerator and denominator of each part."""
     P, W = P or (None, None), W or (None, None)
     return Terms(
@@ -362,9 +372,10 @@ def loop_terms(G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cro
     )
 
 
-def map_parts(found: Squares, pair: Callable[[tuple[Any, Any, int]], Pair]) -> list[Any]:
+def map_parts(found: Squares, pair: Callable[[SquaredPart], Made]) -> tuple[Made, Made, Made, Made | None, Made | None]:
     """What `pair` makes of plant, controller and weights; None where there is none."""
-    return [None if part is None else pair(part) for part in (found.G, found.K, found.w, found.P, found.W)]
+    P, W = (None if part is None else pair(part) for part in (found.P, found.W))
+    return pair(found.G), pair(found.K), pair(found.w), P, W
 
 
 def polynomial_terms(found: Squares) -> Terms:
@@ -425,10 +436,11 @@ def decide_matrix_stability(A: np.ndarray, *, discrete: bool = False) -> Decisio
     return routh(bilinear_image(Quotient(num=p, den=p, degree=n)).den if discrete else p, n)
 
 
-def decide_quotient_stability(G: Quotient, K: Quotient, delay: Any) -> Decision:
+def decide_quotient_stability(G: Quotient, K: Quotient, delay: fmpq) -> Decision:
     """Whether the loop of two quotients on one axis, and a delay (fmpq), is stable, at the precision of the moment."""
     kind = type(G.num) if type(G.num) is type(K.num) else arb_poly
-    N, D = kind(G.num) * kind(K.num), kind(G.den) * kind(K.den)
+    N: Polynomial = kind(G.num) * kind(K.num)
+    D: Polynomial = kind(G.den) * kind(K.den)
     if delay > 0:
         return hurwitz_with_delay(D, N, G.degree + K.degree, delay)
     return routh(N + D, G.degree + K.degree)

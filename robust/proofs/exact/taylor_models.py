@@ -10,13 +10,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from math import inf, sqrt
-from typing import Any
+from typing import TypeAlias
 
 from flint import arb, arb_poly
 
-from robust.proofs.exact.conditions import Terms
-from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
-from robust.proofs.exact.stability import Axis, Squares, loop_terms, map_parts
+from robust.proofs.exact.conditions import Quantity, Terms
+from robust.proofs.exact.polynomials import Decision, Polynomial, proved, refuted, undecided
+from robust.proofs.exact.stability import Axis, SquaredPart, Squares, loop_terms, map_parts
 
 __all__ = [
     "MAX_INTERVALS",
@@ -34,6 +34,7 @@ __all__ = [
 
 
 ORDER = 5
+Summand: TypeAlias = "TaylorModel | arb | int"
 
 
 class TaylorModel:
@@ -41,24 +42,24 @@ class TaylorModel:
 
     __slots__ = ("p",)
 
-    def __init__(self, p: Any) -> None:
+    def __init__(self, p: arb_poly) -> None:
         self.p = p
 
-    def __add__(self, other: Any) -> TaylorModel:
+    def __add__(self, other: Summand) -> TaylorModel:
         return TaylorModel(self.p + (other.p if isinstance(other, TaylorModel) else other))
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> TaylorModel:
+    def __sub__(self, other: Summand) -> TaylorModel:
         return TaylorModel(self.p - (other.p if isinstance(other, TaylorModel) else other))
 
-    def __mul__(self, other: Any) -> TaylorModel:
+    def __mul__(self, other: Summand) -> TaylorModel:
         return truncate(self.p * other.p) if isinstance(other, TaylorModel) else TaylorModel(self.p * other)
 
     __rmul__ = __mul__
 
 
-def truncate(p: Any) -> TaylorModel:
+def truncate(p: arb_poly) -> TaylorModel:
     """What lies beyond the order goes into the constant, as a ball."""
     coefficients = p.coeffs()
     if len(coefficients) <= ORDER + 1:
@@ -67,12 +68,12 @@ def truncate(p: Any) -> TaylorModel:
     return TaylorModel(arb_poly([coefficients[0] + arb(0, left), *coefficients[1 : ORDER + 1]]))
 
 
-def linear_model(middle: Any, half: Any) -> TaylorModel:
+def linear_model(middle: arb, half: arb) -> TaylorModel:
     """The variable itself: middle + half x."""
     return TaylorModel(arb_poly([middle, half]))
 
 
-def sine_and_cosine(middle: Any, half: Any) -> tuple[TaylorModel, TaylorModel]:
+def sine_and_cosine(middle: arb, half: arb) -> tuple[TaylorModel, TaylorModel]:
     """sin and cos of middle + half x: their Taylor polynomials and half^(n+1)/(n+1)! for the rest."""
     at = (middle.sin(), middle.cos())
     cycle = (at[0], at[1], -at[0], -at[1], at[0])
@@ -88,17 +89,17 @@ def sine_and_cosine(middle: Any, half: Any) -> tuple[TaylorModel, TaylorModel]:
     return out[0], out[1]
 
 
-def sine(middle: Any, half: Any) -> TaylorModel:
+def sine(middle: arb, half: arb) -> TaylorModel:
     """sin(middle + half x)."""
     return sine_and_cosine(middle, half)[0]
 
 
-def cosine(middle: Any, half: Any) -> TaylorModel:
+def cosine(middle: arb, half: arb) -> TaylorModel:
     """cos(middle + half x)."""
     return sine_and_cosine(middle, half)[1]
 
 
-def compose_polynomial(p: Any, argument: TaylorModel) -> TaylorModel:
+def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
     """p of a jet, by the Taylor coefficients of p at the middle; those beyond the order are bounded by their sum."""
     middle = argument.p[0].mid()
     away = argument.p - middle
@@ -115,18 +116,18 @@ def compose_polynomial(p: Any, argument: TaylorModel) -> TaylorModel:
     return total + arb(0, left.abs_upper())
 
 
-def lower_bound(jet: TaylorModel) -> Any:
+def lower_bound(jet: TaylorModel) -> arb:
     """A number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
     from math import comb
 
     n = max(jet.p.degree(), 0)
     unit = jet.p(arb_poly([-1, 2]))  # on [0, 1]
-    least = None
+    least = arb.pos_inf()
     for i in range(n + 1):
         c = sum((unit[k] * arb(comb(i, k)) / comb(n, k) for k in range(i + 1)), arb(0)).lower()
         if not c.is_finite():
             return arb.neg_inf()
-        least = c if least is None or c < least else least
+        least = c if c < least else least
     return least
 
 
@@ -142,7 +143,7 @@ MAX_INTERVALS = 50_000
 MAX_OMEGA = 1e18  # [rad/s]
 MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
 
-Inequalities = Callable[[Terms], list[Any]]
+Inequalities = Callable[[Terms], list[Quantity]]
 
 
 def positive_on_intervals(axis: Axis, found: Squares, inequalities: Inequalities, deadline: float) -> Decision:
@@ -180,36 +181,33 @@ def positive_on_intervals(axis: Axis, found: Squares, inequalities: Inequalities
     return undecided(f"undecided after {MAX_INTERVALS} intervals")
 
 
-def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
+def delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
     """Terms of a continuous loop with its delay on an interval of omega."""
     tau = arb(axis.delay)
 
-    def terms(middle: Any, half: Any) -> Terms:
+    def terms(middle: arb, half: arb) -> Terms:
         omega = linear_model(middle, half)
         y = omega * omega
         phase = middle * tau, half * tau
-        G, K, *weights = map_parts(found, lambda part: quotient_at(part, y))
+        G, K, w, P, W = map_parts(found, lambda part: quotient_at(part, y))
         cross = compose_polynomial(found.even, y) * cosine(*phase) + compose_polynomial(found.odd, y) * omega * sine(
             *phase
         )
-        return loop_terms(G, K, *weights, cross=cross, closed=G[0] * K[0] + G[1] * K[1] + cross * 2)
+        return loop_terms(G, K, w, P, W, cross=cross, closed=G[0] * K[0] + G[1] * K[1] + cross * 2)
 
     return terms
 
 
-def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[Any, Any], Terms]:
+def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb, arb], Terms]:
     """Terms of a sampled loop on an interval of omega; its polynomials in u = sin^2(omega dt/2), y = u/(1 - u).
 
     `samples` of delay that are not in the plant are taken as the phase that they are: as poles at zero they make
     polynomials of as many degrees.
     """
     dt = arb(axis.dt)
-    timed = (False, False, axis.w_timed, axis.P_timed, False)  # those stay polynomials in omega^2
-    parts = (found.G, found.K, found.w, found.P, found.W)
-    known = [
-        part if part is None or own else (*(polynomial_in_sine(p, part[2]) for p in part[:2]), part[2])
-        for part, own in zip(parts, timed, strict=True)
-    ]
+    G_in_sine, K_in_sine, w_in_sine, P_in_sine, W_in_sine = map_parts(found, part_in_sine)
+    w_known = found.w if axis.w_timed else w_in_sine  # a timed weight stays one of polynomials in omega^2
+    P_known = found.P if axis.P_timed else P_in_sine
     n = found.G[2] + found.K[2]
     even, whole, odd = (
         polynomial_in_sine(found.even, n),
@@ -217,31 +215,37 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[Any
         polynomial_in_sine(found.odd, max(n - 1, 0)),
     )
 
-    def terms(middle: Any, half: Any) -> Terms:
+    def terms(middle: arb, half: arb) -> Terms:
         omega = linear_model(middle, half)
         u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
         y = omega * omega
-        along: list[Any] = [
-            None if part is None else quotient_at(part, y if own else u) for part, own in zip(known, timed, strict=True)
-        ]
-        G, K, *weights = along
+        G, K = quotient_at(G_in_sine, u), quotient_at(K_in_sine, u)
+        w = quotient_at(w_known, y if axis.w_timed else u)
+        P = None if P_known is None else quotient_at(P_known, y if axis.P_timed else u)
+        W = None if W_in_sine is None else quotient_at(W_in_sine, u)
         cross, closed = compose_polynomial(even, u), compose_polynomial(whole, u)
         if samples:
             # x (1 - u) = sin(omega dt)/2: what is odd in x = tan(omega dt/2) has one power of 1 - u less
             phase, turn = (middle * dt * samples, half * dt * samples), sine(middle * dt, half * dt)
             cross = cross * cosine(*phase) + compose_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
             closed = G[0] * K[0] + G[1] * K[1] + cross * 2
-        return loop_terms(G, K, *weights, cross=cross, closed=closed)
+        return loop_terms(G, K, w, P, W, cross=cross, closed=closed)
 
     return terms
 
 
-def quotient_at(part: tuple[Any, Any, int], argument: TaylorModel) -> tuple[TaylorModel, TaylorModel]:
+def quotient_at(part: SquaredPart, argument: TaylorModel) -> tuple[TaylorModel, TaylorModel]:
     """Numerator and denominator along a jet."""
     return compose_polynomial(part[0], argument), compose_polynomial(part[1], argument)
 
 
-def polynomial_in_sine(p: Any, degree: int) -> Any:
+def part_in_sine(part: SquaredPart) -> SquaredPart:
+    """The same in u = sin^2(omega dt/2), for y = u/(1 - u)."""
+    num, den, degree = part
+    return polynomial_in_sine(num, degree), polynomial_in_sine(den, degree), degree
+
+
+def polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
     """(1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
     kind = type(p)
     shifted = p(kind([-1, 1]))
@@ -254,16 +258,16 @@ def tail_frequency(found: Squares, inequalities: Inequalities) -> float:
     while omega < MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)
 
-        def ratio(p: Any, degree: int, v: Any = v) -> Any:  # p(y)/y^degree at v = 1/y
+        def ratio(p: arb_poly, degree: int, v: arb = v) -> arb:  # p(y)/y^degree at v = 1/y
             total = arb(0)
             for k in range(degree + 1):
                 total = total * v + p[k]
             return total
 
-        G, K, *weights = map_parts(found, lambda part: (ratio(part[0], part[2]), ratio(part[1], part[2])))
+        G, K, w, P, W = map_parts(found, lambda part: (ratio(part[0], part[2]), ratio(part[1], part[2])))
         N, D = G[0] * K[0], G[1] * K[1]
         cross = arb(0, (N.abs_upper() * D.abs_upper()).sqrt().abs_upper())
-        terms = loop_terms(G, K, *weights, cross=cross, closed=N + D + cross * 2)
+        terms = loop_terms(G, K, w, P, W, cross=cross, closed=N + D + cross * 2)
         if all(x > 0 for x in inequalities(terms)):
             return omega
         omega *= 4

@@ -7,14 +7,13 @@ inputs and outputs; one loop is proved in exact arithmetic (`robust.proofs.exact
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import require_positive, short_form
 from robust._base.states import Outcome
+from robust._base.types import LinearSystem
 from robust.lti.lti import Matrices, scale_states, timebase
 from robust.lti.norms import EPS, hinf_norm, to_continuous, to_discrete, well_conditioned
 from robust.proofs.exact.claim import to_matrices
@@ -29,7 +28,12 @@ SLACK = 3e-6  # above what the change of coordinates may be off
 
 
 def certify_norm(
-    system: Any, level: float = 1.0, *, solver: str = "CLARABEL", subject: str = "norm", time_cap: float = TIME_CAP
+    system: LinearSystem,
+    level: float = 1.0,
+    *,
+    solver: str = "CLARABEL",
+    subject: str = "norm",
+    time_cap: float = TIME_CAP,
 ) -> Certificate:
     """Prove by the bounded-real lemma that a system is stable with H-infinity norm below a level.
 

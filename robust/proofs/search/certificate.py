@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from robust._base.states import Outcome
 from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.loops import Verification, verify_loop
 from robust.proofs.exact.matrices import NormClaim, verify_norm
+
+if TYPE_CHECKING:
+    import cvxpy
 
 __all__ = ["EXACT", "SOLVERS", "TIME_CAP", "Certificate", "failed_certificate", "solve_program"]
 
@@ -71,7 +74,7 @@ class Certificate:
     method: str
     intervals: np.ndarray
     reason: str
-    claim: Any = None
+    claim: object = None
     again: Callable[..., Verification] | None = None
 
     @property
@@ -125,7 +128,7 @@ def failed_certificate(subject: str, level: float, reason: str, *, outcome: Outc
 # ---- Convex programs, solved under a time cap by solvers that may fail in any way.
 
 
-def solve_program(problem: Any, solver: str, time_cap: float, *, eps: float = 1e-7) -> str:
+def solve_program(problem: cvxpy.Problem, solver: str, time_cap: float, *, eps: float = 1e-7) -> str:
     """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
 
     problem : cvxpy.Problem; solver : its name there; time_cap : seconds; eps : tolerance of SCS.

@@ -4,20 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.files import write_text
 from robust.models.fit.weights import performance_weight
+from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.generated_text import PartSources
 from robust.reports.shaping_page.page import page_content, page_text
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = ["write_from_files"]
 
 
 def write_from_files(
-    out: Path, models: list[Any], K: Any, paths: tuple[Sequence[Path], Path | None], demand: Any, **loop: float
+    out: Path,
+    models: list[UncertaintyModel],
+    K: control.StateSpace | None,
+    paths: tuple[Sequence[Path], Path | None],
+    demand: tuple[float | None, float, float],
+    **loop: float,
 ) -> None:
     """Write the page of models and a controller, and the paths of both; demand is bandwidth [Hz], peak, error."""
     files, controller = paths

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from typing import Any
+from collections.abc import Sequence
 
 import control
 
 from nlfrf._base.values import value
+from robust.models.sets.model import UncertaintyModel
 
 __all__ = ["PLACE_OF_K", "PartSources", "proof_commands", "python_script"]
 
@@ -44,7 +45,12 @@ class PartSources:
 
 
 def python_script(
-    sources: PartSources, models: list[Any], w_P: Any, K: control.StateSpace, dt: float, delay: float
+    sources: PartSources,
+    models: Sequence[UncertaintyModel],
+    w_P: control.StateSpace | None,
+    K: control.StateSpace,
+    dt: float,
+    delay: float,
 ) -> str:
     """Return a script that loads the models, takes a controller at a marked place, checks each and saves K."""
     files = sources.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
@@ -78,7 +84,7 @@ def state_space_literal(system: control.StateSpace) -> str:
     return f"control.ss({matrices}, {0 if system.dt is None else system.dt!r})"
 
 
-def proof_commands(sources: PartSources, w_P: Any, delay: float) -> list[str]:
+def proof_commands(sources: PartSources, w_P: control.StateSpace | None, delay: float) -> list[str]:
     """Return the commands that prove it, one a model; none where a file or the demand is not known to the command."""
     if not sources.files or (w_P is not None and not sources.options):
         return []

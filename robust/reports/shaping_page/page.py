@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
-from typing import Any
 
 import control
 import numpy as np
@@ -15,6 +14,8 @@ from scipy.linalg import hessenberg
 
 from nlfrf._base.arguments import require_nonnegative, short_form
 from nlfrf._base.files import to_path, write_text
+from nlfrf._base.types import JsonObject
+from robust._base.types import Controller, Weight
 from robust.analysis.bounds import loop_bounds
 from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.connections import in_series
@@ -42,7 +43,7 @@ __all__ = [
 # ---- The controller that was shaped: gain and elements as the page names them, to one state space.
 
 
-def shaped_controller(state: Mapping[str, Any], K: Any, dt: float) -> control.StateSpace:
+def shaped_controller(state: JsonObject, K: Controller, dt: float) -> control.StateSpace:
     """Return the controller K to begin with, times the gain and the elements of a state of the page.
 
     >>> state = {"gain": 2.0, "elements": [{"kind": "lead", "f": 1.0, "phase": 30.0}]}
@@ -55,7 +56,7 @@ def shaped_controller(state: Mapping[str, Any], K: Any, dt: float) -> control.St
     return in_series(control.StateSpace(K.A, K.B, K.C, K.D, dt), gain, *elements)
 
 
-def shaping_element(element: Mapping[str, Any], dt: float) -> control.StateSpace:
+def shaping_element(element: JsonObject, dt: float) -> control.StateSpace:
     """One element, by the function of `compensators` that the page writes out for it."""
     omega, kind = 2 * np.pi * element["f"], element["kind"]
     if kind == "integrator":
@@ -70,7 +71,7 @@ def shaping_element(element: Mapping[str, Any], dt: float) -> control.StateSpace
 # ---- A system as the page computes with it: a Hessenberg form, whose response costs n^2 operations a frequency.
 
 
-def encode_response(system: control.StateSpace) -> dict[str, Any]:
+def encode_response(system: control.StateSpace) -> JsonObject:
     """Encode a system for C (x I - H)^-1 B + D: x = j omega, or exp(j omega dt) - 1 where sampled.
 
     A sampled system is given by A - I: its slow poles crowd around one, and would lose their digits there.
@@ -109,7 +110,15 @@ NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
 MAX_LINES = 400
 
 
-def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, sources: PartSources) -> dict[str, Any]:
+def page_content(
+    models: UncertaintyModel | Sequence[UncertaintyModel],
+    *,
+    w_P: Weight | None,
+    K: Controller | None,
+    dt: float,
+    delay: float,
+    sources: PartSources,
+) -> JsonObject:
     """Everything the page needs, as JSON holds it."""
     models = list(models) if isinstance(models, Sequence) else [models]
     if not models or not all(isinstance(model, UncertaintyModel) for model in models):
@@ -118,9 +127,10 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, sour
         raise ValueError(
             "model must have a parametric nominal to be shaped on, got one on an FRF. Make it by fit_nominal"
         )
-    K, w_P = state_space("K", 1.0 if K is None else K), None if w_P is None else state_space("w_P", w_P)
-    dt = loop_sampling_time(models, K, dt)
-    start = control.StateSpace(K.A, K.B, K.C, K.D, dt)
+    initial = state_space("K", 1.0 if K is None else K)
+    w_P = None if w_P is None else state_space("w_P", w_P)
+    dt = loop_sampling_time(models, initial, dt)
+    start = control.StateSpace(initial.A, initial.B, initial.C, initial.D, dt)
     loops = [assemble_loop(model, start, w_P, delay) for model in models]
     if len({loop.dt for loop in loops}) > 1:
         raise ValueError(f"model must have one sampling time, got {', '.join(f'{loop.dt:g} s' for loop in loops)}")
@@ -157,7 +167,7 @@ def loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt
     return known.pop() if known else 0.0
 
 
-def encode_model(name: str, model: UncertaintyModel, loop: Loop) -> dict[str, Any]:
+def encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
     """Encode one model: its responses, its bounds on |L|, its poles that may be unstable."""
     row = FORMS[model.form]
     # without a demand the bounds are those of robust stability: a demand that asks nothing
@@ -187,7 +197,7 @@ def omits_aliases(loop: Loop) -> bool:
     return loop.aliases is not None and loop.aliases.inverse
 
 
-def encode_aliases(loop: Loop) -> dict[str, Any] | None:
+def encode_aliases(loop: Loop) -> JsonObject | None:
     """Encode the sums over the aliases of a frequency (`robust.analysis.aliases`); None without aliases."""
     aliases = loop.aliases
     if aliases is None or aliases.inverse:
@@ -261,10 +271,10 @@ globalThis.shaping = start(document.getElementById("shaping"), JSON.parse(docume
 
 def write_shaping_page(
     path: str | os.PathLike[str],
-    model: Any,
+    model: UncertaintyModel | Sequence[UncertaintyModel],
     *,
-    w_P: Any = None,
-    K: Any = None,
+    w_P: Weight | None = None,
+    K: Controller | None = None,
     dt: float = 0.0,
     delay: float = 0.0,
     title: str = "Shape a loop",
@@ -325,7 +335,7 @@ def write_shaping_page(
     write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources(title=title))))
 
 
-def page_text(content: dict[str, Any]) -> str:
+def page_text(content: JsonObject) -> str:
     """Return the page, as text."""
     # "<" cannot end the script element that holds the content
     text = json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import control
 
 from nlfrf._base.extras import import_extra
+from robust._base.types import Controller, Weight
+from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.generated_text import PartSources
 from robust.reports.shaping_page.page import page_content, read_script, read_style, shaped_controller
+
+if TYPE_CHECKING:
+    import anywidget
 
 __all__ = ["shape"]
 
@@ -24,7 +30,14 @@ export default { render({ model, el }) {
 """
 
 
-def shape(model: Any, *, w_P: Any = None, K: Any = None, dt: float = 0.0, delay: float = 0.0) -> Any:
+def shape(
+    model: UncertaintyModel | Sequence[UncertaintyModel],
+    *,
+    w_P: Weight | None = None,
+    K: Controller | None = None,
+    dt: float = 0.0,
+    delay: float = 0.0,
+) -> anywidget.AnyWidget:
     """Shape a loop by hand in a notebook, live: the page of `write_shaping_page` as the output of a cell.
 
     Drag gain, integrator, lead, notch and roll-off on |L|; read the controller back as `.K` and prove it with `check`.
@@ -70,7 +83,7 @@ def shape(model: Any, *, w_P: Any = None, K: Any = None, dt: float = 0.0, delay:
 
 
 @cache
-def widget_class() -> Any:
+def widget_class() -> type[anywidget.AnyWidget]:
     """Return the class of the widget, made when the first one is: anywidget is an extra."""
     import_extra("anywidget", "notebook", "shape, unlike write_shaping_page,")
     import anywidget
@@ -84,7 +97,7 @@ def widget_class() -> Any:
         content = traitlets.Dict().tag(sync=True)
         state = traitlets.Dict().tag(sync=True)
 
-        def __init__(self, *, begun: Any = 1.0, **traits: Any) -> None:
+        def __init__(self, *, begun: Controller = 1.0, **traits: object) -> None:
             super().__init__(**traits)
             self.begun = begun
 

@@ -288,8 +288,9 @@ def fit_scalings(
     omega, dt = found.omega, timebase(P)
     response_ = response_by_channel(lower_lft(P, found.K), omega)
     full = [(r.stop - r.start, c.stop - c.start) for r, c in zip(s.rows, s.cols, strict=True)]
-    D_L = mu_upper(response_, full).scaling[0]
-    d = np.array([np.abs(D_L[row.start, row.start]) for row in s.rows])
+    upper = mu_upper(response_, full).scaling
+    assert upper is not None
+    d = np.array([np.abs(upper[0][row.start, row.start]) for row in s.rows])
     before = scaling_sizes(scaling, omega)
     d = before * (d / d[-1] / before) ** stretch
     goal = scaled_gains(response_, d, s)

@@ -159,6 +159,28 @@ def test_two_masses_are_no_one_mass():
     assert "friction_class with a nominal" in question.description
 
 
+SIGNS = {
+    1.0: "more than its whole delay of",
+    12.0: r"a load that gives way behind the motor improves the fit \(F ratio",
+}
+
+
+@pytest.mark.parametrize(("delay_periods", "sign"), SIGNS.items())
+def test_a_load_far_above_the_band_makes_no_class(delay_periods, sign):
+    """A ball screw below a third of its antiresonance leaves 0.8 % of the force, and Fs was read 3.5 % low."""
+    axis = nlfrf.servo_axis("ball screw")
+    drive = replace(axis.drive, delay_periods=delay_periods, kp=70, kv=12)
+    records = measure_at_rest(
+        replace(axis, drive=drive), replace(AT_REST["ball screw"], rms=(20, 150, 1200), n_samples=4000), 0
+    )
+    fit = robust.identify_friction(records, free=True)
+    assert [question.kind for question in fit.questions] == [robust.Gap.FLEXIBLE]
+    assert np.isinf(fit.stds["mass"])
+    assert "m: left open" in str(fit)
+    with pytest.raises(ValueError, match=sign):
+        fit.assumed_class()
+
+
 @pytest.mark.parametrize("name", list(IN_MOTION))
 def test_an_axis_in_motion_tells_mass_viscous_and_coulomb_friction(name):
     axis = nlfrf.servo_axis(name)

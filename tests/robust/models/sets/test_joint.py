@@ -15,8 +15,8 @@ from benchmarks.coverage_matrix import static_record
 from robust import UncertaintyModel, check, frd, load_model, save_model, uncertainty
 from robust.lti.lti import response
 from robust.models.sets import joint
-from robust.models.sets.joint import attach_records, format_probability, probability_of_frf
-from robust.models.sets.records import RecordSummary
+from robust.models.sets.joint import attach_records, probability_of_frf
+from robust.models.sets.records import RecordSummary, format_probability
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
 
