@@ -186,7 +186,9 @@ def scalings_of_mu(N: np.ndarray, blocks: Blocks, level: np.ndarray) -> np.ndarr
     scaled = N.copy()
     scaled[:, rows:] /= level[:, None, None]
     structure = [*blocks, (N.shape[1] - rows, N.shape[2] - columns)]
-    D = np.abs(np.einsum("iiw->iw", mu_upper(np.moveaxis(scaled, 0, 2), structure).scaling[0]))
+    found = mu_upper(np.moveaxis(scaled, 0, 2), structure).scaling
+    assert found is not None
+    D = np.abs(np.einsum("iiw->iw", found[0]))
     first = np.cumsum([0, *(block[0] for block in blocks)])
     return (D[first[:-1]] / D[first[-1]] * level).T
 
