@@ -288,7 +288,7 @@ def records_from_streams(
         for name in list(kept)
     }
     with add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
-        check_period(cut.get("r", cut["u"]), stream)
+        check_period(cut.get("r", cut["u"]), stream, fs)
     warn_of_swapped(cut, labels)
     if lines is None:
         lines = recognise_grid(cut.get("r", cut["u"])) if design is None else design.lines
@@ -585,8 +585,8 @@ def rounded_period(u: np.ndarray, resample: bool) -> int:
     return round(period)
 
 
-def check_period(u: np.ndarray, stream: np.ndarray) -> None:
-    """Refuse periods that do not repeat each other: the period, or the signal, is not what was said."""
+def check_period(u: np.ndarray, stream: np.ndarray, fs: float) -> None:
+    """Refuse periods that do not repeat each other: the period, or the signal, is another."""
     _, n_periods, n_samples = u.shape
     if n_periods < 2:
         return
@@ -602,7 +602,10 @@ def check_period(u: np.ndarray, stream: np.ndarray) -> None:
     if lost > MAX_PERIOD_DIFFERENCE * (whole + lost):
         unexplained = lost / (whole + lost)
         try:
-            found = f"its autocorrelation points to {detect_period(stream):.1f}"
+            period = detect_period(stream)
+            found = f"its autocorrelation points to {period:.1f}"
+            if abs(period / fs - n_samples) < 0.1:
+                found += f"; a period counts samples: {n_samples} s at {fs:g} Hz are {period:.0f}"
         except ValueError:
             found = "it does not seem to repeat at all"
         raise ValueError(

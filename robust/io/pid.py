@@ -67,8 +67,21 @@ class PidGains:
 
     @property
     def has_ideal_form(self) -> bool:
-        """Return whether Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) has positive times: all gains have the sign of kp."""
-        return self.kp != 0 and all(gain * self.kp >= 0 for gain in (self.ki, self.kd))
+        """Return whether blocks take Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)): times that are no shorter than a sample.
+
+        They are positive where all gains have the sign of kp; "TI >= CYCLE, TD >= CYCLE" stands in the manual of CONT_C.
+        """
+        return self.kp != 0 and not self._unusable_times
+
+    @property
+    def _unusable_times(self) -> str:
+        """Name the times of the ideal form that no block takes, and why; empty where there are none."""
+        times = {"Ti": self.integral_time if self.ki else None, "Td": self.derivative_time if self.kd else None}
+        short = {name: time for name, time in times.items() if time is not None and time < self.dt}
+        negative = any(time < 0 for time in short.values())
+        because = "negative" if negative else f"shorter than a sample of {1e3 * self.dt:g} ms"
+        named = " and ".join(f"{name} = {time:.4g} s" for name, time in short.items() if not negative or time < 0)
+        return f"{named} would be {because}" if short else ""
 
     def plc_parameters(self) -> list[str]:
         """Return the parameters of the ideal form in Siemens and TwinCAT blocks, a line each; empty without one.
@@ -129,10 +142,7 @@ class PidGains:
         form = "Kp" + " + Ki/s" * bool(self.ki) + " + Kd s/(Tf s + 1)" * bool(self.kd)
         rows = [f"parallel, {form}: {', '.join(parts)}"]
         if self.kp and not self.has_ideal_form:
-            times = [f"Ti = {self.integral_time:.4g} s"] * bool(self.ki) + [
-                f"Td = {self.derivative_time:.4g} s"
-            ] * bool(self.kd)
-            rows.append(f"ideal: none that a PLC takes, as {' and '.join(times)} would be negative times")
+            rows.append(f"ideal: none that a PLC takes, as {self._unusable_times}; use the parallel form")
         elif self.kp and (self.ki or self.kd):
             times = [parts[0]]
             times += [f"Ti = {self.integral_time:.6g} s"] if self.ki else []

@@ -207,7 +207,7 @@ def track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     weight = squared_modulus(rfft(periods[first]))
     weight[0] = 0.0
     weight[weight < 1e-6 * weight.max()] = 0.0
-    weight[int(0.45 * n_samples) :] = 0.0
+    weight[max(2, int(0.45 * n_samples)) :] = 0.0  # a period of four samples has one line
     used = np.flatnonzero(weight)  # the lines that tell: all that follows is of these
     if used.size > MAX_LINES:
         used = np.sort(np.argpartition(weight, -MAX_LINES)[-MAX_LINES:])

@@ -9,6 +9,7 @@ from typing import Any
 
 import control
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from nlfrf._base.arguments import (
     format_hertz,
@@ -46,6 +47,7 @@ __all__ = ["design_loop"]
 #: be missed by for that to be done from where it is.
 LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1
 N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried where gains have to be positive
+N_REFINED = 8  # more of them, around the best
 #: What a demand may be missed by, recomputed on those lines.
 LIMIT_TOLERANCE = 1e-3
 
@@ -137,25 +139,36 @@ def best_filter(plant: Any, structure: Any, basis: Basis, given: dict[str, Any])
     With the time constant given the gains are linear in the parameters, so that they are kept positive by the convex
     program itself; with a free one that constraint is bilinear.
     """
-    found, refused = [], None
+    found: list[tuple[tuple[bool, float], Design]] = []
+    refused: ValueError | None = None
     freely = design_loop(plant, structure, **{**given, "positive_gains": False})
     if has_positive_gains(freely.K, basis.dt):
         return freely
-    given |= {"time_cap": given["time_cap"] / N_FILTER_TIMES}
-    for pole in np.geomspace(basis.slowest, 0.9 * basis.fastest, N_FILTER_TIMES):
+    given |= {"time_cap": given["time_cap"] / (N_FILTER_TIMES + N_REFINED)}
+    omega = np.array([1e-3 * basis.omega_mid])
+
+    def merit(log_pole: float) -> float:
+        """Return gamma, or minus the gain at low frequency; no filter without a start, or with a missed limit, is best."""
+        nonlocal refused
         try:
-            found.append(design_loop(plant, structure, **{**given, "filter_time": float(1 / pole)}))
+            design = design_loop(plant, structure, **{**given, "filter_time": float(np.exp(-log_pole))})
         except ValueError as error:  # no start, with this filter
             refused = error
+            return np.inf
+        goal = design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
+        found.append(((not design.met, goal), design))
+        return goal if design.met else np.inf
+
+    log_poles = np.linspace(np.log(basis.slowest), np.log(0.9 * basis.fastest), N_FILTER_TIMES)
+    goals = [merit(log_pole) for log_pole in log_poles]
     if not found:
         assert refused is not None
         raise refused
-    omega = np.array([1e-3 * basis.omega_mid])
-
-    def merit(design: Design) -> tuple[bool, float]:
-        return not design.met, design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
-
-    return min(found, key=merit)
+    best = int(np.argmin(goals))
+    if np.isfinite(goals[best]):  # six filters are too few: the gain between two of them may be half as large again
+        between = log_poles[max(best - 1, 0)], log_poles[min(best + 1, N_FILTER_TIMES - 1)]
+        minimize_scalar(merit, bounds=between, method="bounded", options={"maxiter": N_REFINED, "xatol": 0.02})
+    return min(found, key=lambda one: one[0])[1]
 
 
 def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
