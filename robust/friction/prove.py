@@ -56,6 +56,7 @@ __all__ = [
     "describe_modal_damping",
     "describe_scope",
     "error_of_nominal",
+    "machines_of",
     "machines_of_nominal",
     "plant_matrices",
     "prove_friction",
@@ -618,6 +619,18 @@ def describe_scope(machine: FrictionPlant, friction: AnyFriction, K: Any, delay:
 
 #: Of the largest root: nearer to the real axis than this a pair of roots does not swing.
 OSCILLATORY_TOLERANCE = 1e-9
+
+
+def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
+    """The machines to prove, and the class; from a class read from levels both."""
+    own = getattr(machine, "machines", ())
+    if own and friction is None:
+        return tuple(own), machine.friction
+    if not isinstance(machine, FrictionPlant):
+        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {short_form(machine)}")
+    if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
+        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
+    return (machine,), friction
 
 
 def machines_of_nominal(nominal: Any) -> tuple[tuple[FrictionPlant, ...], str]:

@@ -21,6 +21,7 @@ from nlfrf._base.arguments import (
 )
 from robust._base.channels import is_single
 from robust._base.states import Stability
+from robust.friction.prove import machines_of
 from robust.lti.lti import is_clockless, is_constant, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
@@ -28,7 +29,7 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
 from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
 from robust.synthesis.fixed.plants import DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
-from robust.synthesis.fixed.proved import largest_proved_gain, machines_of
+from robust.synthesis.fixed.proved import largest_proved_gain
 from robust.synthesis.fixed.starts import find_start, loops_stable, start_from_controller
 from robust.synthesis.fixed.structures import (
     FASTEST,

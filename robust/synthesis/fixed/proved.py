@@ -19,13 +19,13 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
-from robust.friction.prove import FrictionProof, prove_friction
+from robust.friction.prove import FrictionProof, machines_of, prove_friction
 from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import discretize, sampled
 
-__all__ = ["ProvedDesign", "design_proved", "largest_proved_gain", "machines_of"]
+__all__ = ["ProvedDesign", "design_proved", "largest_proved_gain"]
 
 BISECTION_RATIO = 1.03  # ratio of the two gains where a bisection stops
 MAX_GAIN_RATIO = 256.0  # times the gain that was given, up and down
@@ -283,18 +283,6 @@ def largest_allowed_gain(allowed: Any, gain: float) -> tuple[float, Any]:
         else:
             low, found = middle, more
     return low, found
-
-
-def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
-    """The machines to prove, and the class; from a class read from levels both."""
-    own = getattr(machine, "machines", ())
-    if own and friction is None:
-        return tuple(own), machine.friction
-    if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {short_form(machine)}")
-    if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
-        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
-    return (machine,), friction
 
 
 def initial_gains(machine: FrictionPlant, K0: float) -> np.ndarray:
