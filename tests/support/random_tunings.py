@@ -33,6 +33,23 @@ def random_model(rng, dt):
     return robust.UncertaintyModel(G, weight, forms[rng.integers(len(forms))], omega, np.full(80, size * 0.9))
 
 
+def matrix_set(form, dt):
+    """Three lags coupled to two inputs and outputs, with a set of this form of gain 0.05 to 0.3 around them."""
+    B, C = [[1.0, 0.3], [0.2, 2.0], [0.5, -0.2]], [[1.0, 0.0, 0.4], [0.3, 1.0, 0.0]]
+    G = control.ss(-np.diag([1.0, 2.0, 0.5]), B, C, np.zeros((2, 2)))
+    omega = np.geomspace(0.05, 20, 60)
+    sizes = [0.3, 0.45, 0.6, 0.75] if form == "elements" else [0.8, 0.6, 0.3, 0.45]
+    weights = [control.ss(control.tf([size, 0.2 * size], [1, 4.0])) for size in sizes]
+    if dt:
+        G = robust.sampled(G, dt)
+        weights = [control.ss([], [], [], [[0.3 * size]], dt) for size in sizes]
+    n = 0 if form == "elements" else 2
+    radius = 0.9 * np.array([np.abs(w(np.exp(1j * omega * dt) if dt else 1j * omega)) for w in weights])
+    return robust.UncertaintyModel(
+        nominal=G, form=form, left=tuple(weights[:n]), right=tuple(weights[n:]), omega=omega, radius=radius
+    )
+
+
 def random_blocks(rng, structure):
     """(parts, blocks, signals of the plant) of a structure."""
     error = control.summing_junction(["r", "-y"], "e")

@@ -11,4 +11,5 @@ plants      plants behind hold and delay, or on their lines
 problem     poles, peaks and slopes of all plants at given coordinates
 tune        the entry point
 wiring      fixed parts joined by names, blocks left out
+worst       the worst gain over a set: a disc in closed form, several blocks by scalings
 """

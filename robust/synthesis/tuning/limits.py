@@ -13,13 +13,21 @@ from robust.lti.lti import is_clockless, response, timebase
 from robust.lti.realisation import rightmost_pole, state_space
 from robust.lti.stability import is_stable
 from robust.synthesis.tuning.blocks import signal_names
+from robust.synthesis.tuning.worst import (
+    ONE_DISC,
+    SECOND_VALUE_RATIO,
+    Blocks,
+    Perturbation,
+    Scalings,
+    disc_gain,
+    disc_slope,
+    fit_scalings,
+    largest_gain,
+    scaled_gain,
+    scaled_slopes,
+)
 
-__all__ = ["Channel", "Limit", "gain_slopes", "largest_over_discs", "require_limits"]
-
-#: 1 - |N11|^2 from which on the worst case is carried on as a hyperbola, so that a start outside has a slope.
-NEAR_ONE = 1e-6
-#: A second singular value this close to the largest is a peak of its own.
-SECOND_VALUE_RATIO = 0.9
+__all__ = ["Channel", "Limit", "require_limits"]
 
 
 @value(kw_only=False)
@@ -39,7 +47,8 @@ class Limit:
     weight : float, control system or callable
         What the gain is multiplied by, as `bound`. A system must be stable.
     worst : bool
-        The limit of every plant of the set, not of the nominal one: plants that are a Bla or an UncertaintyModel.
+        The limit of every plant of the set, not of the nominal one. Every plant has to be an UncertaintyModel, or a Bla
+        of one input and output.
 
     Raises
     ------
@@ -153,8 +162,10 @@ class Channel:
         Its number, hard limits first.
     hard : bool
     rows, columns : (.,) ndarray of int
-    perturbation : (int, int, int) or None
-        Of a worst case: row of the plant input, columns of disturbances at plant input and output.
+    perturbation : (ndarray of int, ndarray of int) or None
+        Of a worst case: rows of the plant inputs, columns of disturbances at plant inputs and outputs.
+    blocks : tuple of (int, int)
+        Of a worst case: the blocks of Delta.
     """
 
     limit: Limit
@@ -162,30 +173,57 @@ class Channel:
     hard: bool
     rows: np.ndarray
     columns: np.ndarray
-    perturbation: tuple[int, int, int] | None
+    perturbation: tuple[np.ndarray, np.ndarray] | None
+    blocks: Blocks = ONE_DISC
 
-    def gain(self, H: np.ndarray, discs: tuple[np.ndarray, np.ndarray] | None, *, smooth: bool = True) -> np.ndarray:
-        """Return the unweighted gain (W,) of the channel from responses H (W, outputs, inputs) and discs a, g."""
-        nominal = H[:, self.rows[:, None], self.columns]
-        if self.perturbation is None:
-            return largest_singular_values(nominal)
-        assert discs is not None
-        N11, N12, N21 = self.perturbation_loop(H, *discs)
-        return largest_over_discs(nominal, N21, N12, N11, smooth=smooth)
+    @property
+    def is_scaled(self) -> bool:
+        """Return whether its worst case is a bound by scalings: all but one scalar Delta in a scalar channel."""
+        return self.perturbation is not None and (self.blocks, self.rows.size, self.columns.size) != (ONE_DISC, 1, 1)
 
-    def perturbation_loop(
-        self, H: np.ndarray, a: np.ndarray, g: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return N11, N12, N21 of the loop with Delta pulled out of (G + g Delta)/(1 + a Delta).
-
-        Delta reads the plant input u; -a Delta u is added there, g Delta u to the plant output.
-        """
+    @property
+    def places(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """Return rows of H, of the plant inputs and of the limit, and its columns."""
         assert self.perturbation is not None
-        u, at_input, at_output = self.perturbation
-        N11 = g * H[:, u, at_output] - a * H[:, u, at_input]
-        N12 = H[:, u, self.columns]
-        N21 = g[:, None] * H[:, self.rows, at_output] - a[:, None] * H[:, self.rows, at_input]
-        return N11, N12, N21
+        return (self.perturbation[0], self.rows), (self.perturbation[1], self.columns)
+
+    def gain(self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None) -> np.ndarray:
+        """Return the unweighted gain (W,) of the search: smooth, with scalings d (W, K) where the limit has some."""
+        if self.perturbation is None:
+            return largest_singular_values(H[:, self.rows[:, None], self.columns])
+        assert perturbation is not None
+        N = perturbation.pull_out(H, *self.places)
+        return disc_gain(N, smooth=True) if d is None else scaled_gain(N, self.blocks, d)
+
+    def exact_gain(self, H: np.ndarray, perturbation: Perturbation | None) -> np.ndarray:
+        """Return the unweighted gain (W,) as it is reported, with the best scalings; inf where the set destabilises."""
+        if self.perturbation is None:
+            return self.gain(H, None, None)
+        assert perturbation is not None
+        N = perturbation.pull_out(H, *self.places)
+        return largest_gain(N, self.blocks) if self.is_scaled else disc_gain(N)
+
+    def slopes(
+        self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None
+    ) -> list[tuple[float, np.ndarray]]:
+        """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two where they are close."""
+        if self.perturbation is None:
+            found = []
+            for sigma, u, v in leading_singular_vectors(H[self.rows[:, None], self.columns]):
+                Q = np.zeros(H.shape, complex)
+                np.add.at(Q, (self.rows[:, None], self.columns), np.outer(u, v.conj()))
+                found.append((sigma, Q))
+            return found
+        assert perturbation is not None
+        (N,) = perturbation.pull_out(H[None], *self.places)
+        gains = [disc_slope(N)] if d is None else scaled_slopes(N, self.blocks, d)
+        return [(gain, perturbation.carry_back(Q, *self.places, H.shape)) for gain, Q in gains]
+
+    def best_scalings(
+        self, omega: np.ndarray, H: np.ndarray, perturbation: Perturbation, level: np.ndarray
+    ) -> Scalings:
+        """Return the scalings of least gain at increasing positive frequencies."""
+        return fit_scalings(omega, perturbation.pull_out(H, *self.places), self.blocks, level)
 
 
 def largest_singular_values(H: np.ndarray) -> np.ndarray:
@@ -195,92 +233,9 @@ def largest_singular_values(H: np.ndarray) -> np.ndarray:
     return np.linalg.svd(H, compute_uv=False)[:, 0]
 
 
-def distance_to_one(N11: np.ndarray, smooth: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return 1 - |N11|^2, below NEAR_ONE a positive hyperbola where smooth, and its slope over |N11|^2."""
-    slack = 1 - np.abs(N11) ** 2
-    if not smooth:
-        return slack, -np.ones(slack.shape)
-    away = np.maximum(2 - slack / NEAR_ONE, 1.0)
-    return np.where(slack > NEAR_ONE, slack, NEAR_ONE / away), -1 / away**2
-
-
-def largest_over_discs(
-    N22: np.ndarray, N21: np.ndarray, N12: np.ndarray, N11: np.ndarray, *, smooth: bool = False
-) -> np.ndarray:
-    """Return (W,) largest gain of N22 + N21 Delta N12/(1 - N11 Delta) over |Delta| <= 1; inf where |N11| >= 1.
-
-    The channel fills a disc with centre N22 + N21 N12 conj(N11)/(1 - |N11|^2) and radius |N21 N12|/(1 - |N11|^2). With
-    several inputs or outputs centre plus radius is an upper bound. `smooth` carries it on where |N11| >= 1.
-    """
-    slack, _ = distance_to_one(N11, smooth)
-    product = N21[:, :, None] * N12[:, None, :]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        centre = N22 + product * (np.conj(N11) / slack)[:, None, None]
-        edge = np.linalg.norm(N21, axis=1) * np.linalg.norm(N12, axis=1) / slack
-    if smooth:
-        return largest_singular_values(centre) + edge
-    inside = (slack > 0) & np.isfinite(centre).all(axis=(1, 2))
-    centre[~inside] = 0.0
-    return np.where(inside, largest_singular_values(centre) + edge, np.inf)
-
-
-def gain_slopes(
-    channel: Channel, H: np.ndarray, discs: tuple[complex, complex] | None
-) -> list[tuple[float, np.ndarray]]:
-    """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two where they are close."""
-    nominal = H[channel.rows[:, None], channel.columns]
-    if channel.perturbation is None:
-        found = []
-        for sigma, u, v in leading_singular_vectors(nominal):
-            Q = np.zeros(H.shape, complex)
-            np.add.at(Q, (channel.rows[:, None], channel.columns), np.outer(u, v.conj()))
-            found.append((sigma, Q))
-        return found
-    assert discs is not None
-    return [worst_case_slope(channel, H, *discs)]
-
-
 def leading_singular_vectors(H: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Return the largest singular value with its vectors, and the second where it comes close."""
     U, sigma, V = np.linalg.svd(H, full_matrices=False)
     return [
         (float(s), U[:, k], V[k].conj()) for k, s in enumerate(sigma[:2]) if k == 0 or s > SECOND_VALUE_RATIO * sigma[0]
     ]
-
-
-def worst_case_slope(channel: Channel, H: np.ndarray, a: complex, g: complex) -> tuple[float, np.ndarray]:
-    """Return the smooth worst case and its adjoint.
-
-    With q = |N11|^2, D(q) and p = N21 N12: centre c = N22 + p conj(N11)/D and edge |N21| |N12|/D, term by term.
-    """
-    assert channel.perturbation is not None
-    u_row, at_input, at_output = channel.perturbation
-    rows, columns = channel.rows, channel.columns
-    (N11,), (N12,), (N21,) = channel.perturbation_loop(H[None], np.array([a]), np.array([g]))
-    (slack,), (slope,) = distance_to_one(np.array([N11]), smooth=True)
-    inverse = 1 / slack
-    centre = H[rows[:, None], columns] + np.outer(N21, N12) * np.conj(N11) * inverse
-    U, sigma, V = np.linalg.svd(centre, full_matrices=False)
-    u, v = U[:, 0], V[0].conj()
-    n21, n12 = float(np.linalg.norm(N21)), float(np.linalg.norm(N12))
-    edge = n21 * n12 * inverse
-    left, right = u.conj() @ N21, N12 @ v  # u* p v = left right
-    # adjoints of N22, N21, N12, N11: d value = Re sum conj(adjoint) d(entry)
-    of_nominal = np.outer(u, v.conj())
-    of_N21 = u * np.conj(right * np.conj(N11) * inverse)
-    of_N12 = np.conj(left * np.conj(N11) * inverse) * v.conj()
-    of_N11 = left * right * inverse  # from d conj(N11): Re(left right inverse conj(dN11))
-    if n21 and n12:
-        of_N21 = of_N21 + N21 / n21 * n12 * inverse
-        of_N12 = of_N12 + N12 / n12 * n21 * inverse
-    # D moves by D'(q) 2 Re(conj(N11) dN11)
-    by_slack = -((left * right * np.conj(N11)).real + n21 * n12) * inverse**2
-    of_N11 = of_N11 + by_slack * slope * 2 * N11
-    Q = np.zeros(H.shape, complex)
-    np.add.at(Q, (rows[:, None], columns), of_nominal)
-    np.add.at(Q, (np.full(columns.size, u_row), columns), of_N12)
-    np.add.at(Q, (rows, np.full(rows.size, at_output)), np.conj(g) * of_N21)
-    np.add.at(Q, (rows, np.full(rows.size, at_input)), -np.conj(a) * of_N21)
-    Q[u_row, at_output] += np.conj(g) * of_N11
-    Q[u_row, at_input] -= np.conj(a) * of_N11
-    return float(sigma[0]) + edge, Q

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -13,9 +14,10 @@ from robust.lti.lti import evaluate_transfer
 from robust.lti.norms import crossings, to_discrete, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
-from robust.synthesis.tuning.limits import Channel, gain_slopes
-from robust.synthesis.tuning.plants import UNBOUNDED_GAIN, MeasuredPlant, ModelledPlant
+from robust.synthesis.tuning.limits import Channel
+from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_bounded
 from robust.synthesis.tuning.wiring import continuous_matrices, is_well_posed
+from robust.synthesis.tuning.worst import Perturbation, Scalings
 
 __all__ = ["CloseLook", "MeasuredLoop", "ModelledLoop", "Peak", "bilinear_frequency", "true_frequency"]
 
@@ -29,6 +31,10 @@ NORM_TOLERANCE = 1e-8
 #: Steps above a value at which the exact norm is looked for, the first ones for a value close to a singular value of D.
 DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
 MAX_KEPT = 24
+#: Of the scalings of a worst case: how often lines are put between others, and the level above the best from which on.
+N_SCALING_ROUNDS, SCALING_TOLERANCE = 3, 1e-3
+#: Frequencies of which the best scalings are found together.
+N_TOGETHER = 60
 
 
 def bilinear_frequency(omega: np.ndarray, dt: float) -> np.ndarray:
@@ -97,6 +103,8 @@ class ModelledLoop:
         self.index, self.fixed, self.plant, self.channels, self.dt = index, fixed, plant, channels, dt
         #: Frequencies at which a limit was found above its value on the grid, kept for good: by limit.
         self.added: dict[int, list[float]] = {channel.index: [] for channel in channels}
+        #: Scalings of worst cases, by limit.
+        self.scalings: dict[int, Scalings] = {}
         lines = plant.lines[(plant.lines > 0)]
         self.lines = bilinear_frequency(lines[lines * dt < np.pi] if dt else lines, dt)
 
@@ -111,21 +119,48 @@ class ModelledLoop:
         low, high = bilinear_frequency(np.array(channel.limit.band), self.dt)
         return float(low), float(high)
 
-    def levels(self, channel: Channel, omega: np.ndarray, H: np.ndarray, *, smooth: bool = True) -> np.ndarray:
-        """Return (W,) gain times weight over bound, of responses H at frequencies of the plane."""
+    def levels(self, channel: Channel, omega: np.ndarray, H: np.ndarray, *, exact: bool = False) -> np.ndarray:
+        """Return (W,) gain times weight over bound at frequencies of the plane: as the search has it, or exact."""
         true = true_frequency(omega, self.dt)
         factor = channel.limit.factor(np.minimum(true, 1e12))
         if channel.perturbation is None:
-            return channel.gain(H, None) * factor
-        a, g = self.discs(true)
-        known = np.maximum(np.abs(a), np.abs(g)) < UNBOUNDED_GAIN  # at a pole on the axis it is looked at beside it
-        gain = channel.gain(H, (np.where(known, a, 0), np.where(known, g, 0)), smooth=smooth)
+            return channel.exact_gain(H, None) * factor
+        perturbation = self.perturbation(true)
+        known = is_bounded(perturbation)
+        perturbation = replace(perturbation, drives=np.where(known[:, None, None], perturbation.drives, 0))
+        gain = (
+            channel.exact_gain(H, perturbation)
+            if exact
+            else channel.gain(H, perturbation, self.scalings_at(channel, omega))
+        )
         return np.where(known, gain * factor, 0.0)
 
-    def discs(self, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return a and g of the set."""
-        assert self.plant.discs is not None
-        return self.plant.discs(true)
+    def perturbation(self, true: np.ndarray) -> Perturbation:
+        """Return where the perturbation of the set reads and acts."""
+        assert self.plant.perturbation is not None
+        return self.plant.perturbation(true)
+
+    def scalings_at(self, channel: Channel, omega: np.ndarray) -> np.ndarray | None:
+        """Return the scalings (W, K) that the search has kept; None where the limit has none."""
+        return self.scalings[channel.index].at(omega) if channel.is_scaled else None
+
+    def refit_scalings(self, loop: ClosedLoop) -> None:
+        """Find the scalings of the worst cases again for a loop, closer together where lines are too few for them."""
+        for channel in self.channels:
+            if not channel.is_scaled:
+                continue
+            omega = self.grid(loop)
+            omega = omega[(omega > 0) & np.isfinite(omega)]
+            for _ in range(N_SCALING_ROUNDS):
+                true = true_frequency(omega, self.dt)
+                level = 1 / np.maximum(channel.limit.factor(true), 1e-300)
+                H = loop.responses_by_elimination(omega)
+                self.scalings[channel.index] = channel.best_scalings(omega, H, self.perturbation(true), level)
+                level = self.levels(channel, omega, H)
+                tops, heights = self.refine_maxima(loop, channel, omega, level)
+                if not heights.max(initial=0.0) > level.max() * (1 + SCALING_TOLERANCE):
+                    break
+                omega = np.union1d(omega, tops)
 
     def grid(self, loop: ClosedLoop) -> np.ndarray:
         """Return frequencies that see every mode of the loop [rad/s], zero and infinity among them."""
@@ -142,6 +177,8 @@ class ModelledLoop:
         """For each limit the frequencies of its highest local maxima, and the levels there, highest first."""
         omega = self.grid(loop)
         H = loop.responses(omega)
+        if any(channel.is_scaled and channel.index not in self.scalings for channel in self.channels):
+            self.refit_scalings(loop)
         found = []
         for channel in self.channels:
             low, high = self.band(channel)
@@ -182,7 +219,7 @@ class ModelledLoop:
             shares = np.array([0.25, 0.5, 0.75])
             for _ in range(rounds):
                 points = np.concatenate([lo + (x - lo) * shares[:, None], x + (hi - x) * shares[:, None]])
-                values = self.levels(channel, points.ravel(), respond(points.ravel()), smooth=not exact)
+                values = self.levels(channel, points.ravel(), respond(points.ravel()), exact=exact)
                 values = values.reshape(points.shape)
                 every = np.concatenate([lo[None], points[:3], x[None], points[3:], hi[None]])
                 heights = np.concatenate([np.full((1, x.size), -np.inf), values[:3], y[None], values[3:]])
@@ -211,12 +248,11 @@ class ModelledLoop:
         """Return a limit at one frequency: its level and slope, and those of a second singular value."""
         H, L, R = sides
         true = true_frequency(np.array([omega]), self.dt)
-        discs = None
-        if channel.perturbation is not None:
-            a, g = self.discs(true)
-            discs = (complex(a[0]), complex(g[0]))
+        perturbation = self.perturbation(true) if channel.perturbation is not None else None
+        d = self.scalings_at(channel, np.array([omega]))
         factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
-        return peaks_of_gains(channel, self.index, omega, factor, gain_slopes(channel, H, discs), (L, R), slopes)
+        gains = channel.slopes(H, perturbation, None if d is None else d[0])
+        return peaks_of_gains(channel, self.index, omega, factor, gains, (L, R), slopes)
 
     def raise_norms(
         self, loop: ClosedLoop, floors: dict[int, float] | None = None
@@ -227,7 +263,7 @@ class ModelledLoop:
         """
         found = {}
         for channel, omega, _ in self.highest_maxima(loop):
-            exact = self.levels(channel, omega, loop.responses_by_elimination(omega), smooth=False)
+            exact = self.levels(channel, omega, loop.responses_by_elimination(omega), exact=not channel.is_scaled)
             k = int(np.argmax(exact))
             best, where = float(exact[k]), float(omega[k])
             certain = False
@@ -262,8 +298,10 @@ class ModelledLoop:
             omega.append(np.geomspace(max(low, 1e-3 * high), high, N_BAND))
         at = np.unique(np.concatenate([*omega, [where]]))
         at = at[(at >= low) & (at <= high)]
-        levels = self.levels(channel, at, loop.responses_by_elimination(at), smooth=False)
+        levels = self.highest_levels(loop, channel, at)
         k = int(np.argmax(levels))
+        if channel.is_scaled:
+            level, where = float(levels[k]), float(at[k])
         if levels[k] > level * (1 - 1e-3):  # the top between two lines of the grid
             peak = slice(max(k - 1, 0), k + 2)
             tops, heights = self.refine_maxima(loop, channel, at[peak], levels[peak], rounds=3 * N_ROUNDS, exact=True)
@@ -272,12 +310,30 @@ class ModelledLoop:
                 self.keep(channel.index, where)
         return CloseLook(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
 
+    def highest_levels(self, loop: ClosedLoop, channel: Channel, omega: np.ndarray) -> np.ndarray:
+        """Return (W,) exact levels; with scalings only where they may be the highest, zero elsewhere.
+
+        The scalings of the search prove a bound at every frequency: where that is below an exact level found, no exact
+        level is higher.
+        """
+        H = loop.responses_by_elimination(omega)
+        if not channel.is_scaled:
+            return self.levels(channel, omega, H, exact=True)
+        bound = self.levels(channel, omega, H)
+        found = np.zeros(omega.size)
+        order = np.argsort(-bound, kind="stable")
+        for part in np.array_split(order, max(1, omega.size // N_TOGETHER)):
+            if found.max() >= bound[part[0]]:
+                break
+            found[part] = self.levels(channel, omega[part], H[part], exact=True)
+        return found
+
     def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Return (W,) ratio of a limit over frequencies of the plane."""
         loop = self.close(M)
         if loop is None:
             return np.full(omega.size, np.nan)
-        return self.levels(channel, omega, loop.responses_by_elimination(omega), smooth=False)
+        return self.levels(channel, omega, loop.responses_by_elimination(omega), exact=True)
 
     def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
         """Return frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
@@ -422,7 +478,7 @@ class MeasuredLoop:
         n_w, n_z = n_external + n_u + n_y, n_looked_at + n_u
         self.P11, self.P12 = full[:, :n_z, :n_w], full[:, :n_z, n_w:]
         self.P21, self.P22 = full[:, n_z:, :n_w], full[:, n_z:, n_w:]
-        self.added: dict[int, list[float]] = {}
+        self.scalings: dict[int, Scalings] = {}
 
     def blocks_at(self, M: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return K, [C Phi, I] and [Phi B; I] of the blocks on the lines."""
@@ -448,11 +504,28 @@ class MeasuredLoop:
         low, high = channel.limit.band or (0.0, np.inf)
         return (omega >= low) & (omega <= high)
 
-    def levels(self, channel: Channel, H: np.ndarray, *, smooth: bool = True) -> np.ndarray:
+    def levels(self, channel: Channel, H: np.ndarray, *, exact: bool = False) -> np.ndarray:
         """Return (W,) gain times weight over bound on the lines; zero outside the band."""
-        discs = self.plant.discs if channel.perturbation is not None else None
-        level = channel.gain(H, discs, smooth=smooth) * channel.limit.factor(self.plant.omega)
-        return np.where(self.band(channel), level, 0.0)
+        perturbation = self.plant.perturbation
+        if exact:
+            gain = channel.exact_gain(H, perturbation)
+        else:
+            gain = channel.gain(H, perturbation, self.scalings_on_lines(channel))
+        return np.where(self.band(channel), gain * channel.limit.factor(self.plant.omega), 0.0)
+
+    def scalings_on_lines(self, channel: Channel) -> np.ndarray | None:
+        """Return the scalings (W, K) that the search has kept; None where the limit has none."""
+        return np.exp(self.scalings[channel.index].log_d.T) if channel.is_scaled else None
+
+    def refit_scalings(self, M: np.ndarray) -> None:
+        """Find the scalings of the worst cases again for a loop."""
+        H = self.responses(M)
+        for channel in self.channels:
+            if channel.is_scaled and H is not None:
+                assert self.plant.perturbation is not None
+                level = 1 / np.maximum(channel.limit.factor(self.plant.omega), 1e-300)
+                found = channel.best_scalings(self.plant.omega, H, self.plant.perturbation, level)
+                self.scalings[channel.index] = found
 
     def peaks(self, M: np.ndarray, slopes: np.ndarray) -> list[Peak]:
         """Return peaks on the lines with their gradients."""
@@ -460,6 +533,8 @@ class MeasuredLoop:
         if H is None:
             return []
         K, left, right = self.blocks_at(M)
+        if any(channel.is_scaled and channel.index not in self.scalings for channel in self.channels):
+            self.refit_scalings(M)
         found = []
         for channel in self.channels:
             level = self.levels(channel, H)
@@ -472,12 +547,11 @@ class MeasuredLoop:
                 inner = np.linalg.inv(np.eye(self.n_in) - self.P22[k] @ K[k])
                 L = self.P12[k] @ (np.eye(self.n_out) + K[k] @ inner @ self.P22[k]) @ left[k]
                 R = right[k] @ inner @ self.P21[k]
-                discs = None
-                if channel.perturbation is not None:
-                    assert self.plant.discs is not None
-                    discs = complex(self.plant.discs[0][k]), complex(self.plant.discs[1][k])
+                perturbation, d = self.plant.perturbation, self.scalings_on_lines(channel)
                 factor = float(channel.limit.factor(self.plant.omega[[k]])[0])
-                slope = gain_slopes(channel, H[k], discs)
+                slope = channel.slopes(
+                    H[k], None if perturbation is None else perturbation.at(k), None if d is None else d[k]
+                )
                 found += peaks_of_gains(channel, self.index, float(self.image[k]), factor, slope, (L, R), slopes)
         return found
 
@@ -486,7 +560,7 @@ class MeasuredLoop:
         H = self.responses(M)
         found = {}
         for channel in self.channels:
-            level = np.full(1, np.inf) if H is None else self.levels(channel, H, smooth=False)
+            level = np.full(1, np.inf) if H is None else self.levels(channel, H, exact=True)
             k = int(np.argmax(level))
             found[channel.index] = (float(level[k]), float(self.image[k]), False)
         return found
@@ -494,7 +568,7 @@ class MeasuredLoop:
     def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Return (W,) ratio of a limit on its lines."""
         H = self.responses(M)
-        return np.full(omega.size, np.nan) if H is None else self.levels(channel, H, smooth=False)[self.band(channel)]
+        return np.full(omega.size, np.nan) if H is None else self.levels(channel, H, exact=True)[self.band(channel)]
 
     def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
         """Return lines of a limit, in the plane of the bilinear map [rad/s]."""

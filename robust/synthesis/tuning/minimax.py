@@ -32,6 +32,9 @@ PENALTIES = (10.0, 100.0, 1000.0)
 N_LOOKS, LOOK_TOLERANCE = 3, 2e-6
 #: Around a stalled design: distances in coordinates, and how many points at most.
 SAMPLING_RADII, MAX_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
+#: Rounds of new scalings at most, and the gain (log) from which on there is another. Of a 2 by 2 plant under two PIDs
+#: the rounds gained 0.75, 0.037, 0.013, 0.003 and 0.0007, and eight more together 0.003.
+N_SCALINGS, SCALED_GAIN = 6, 1e-3
 #: Level (log) below that of the start from which on a limit counts as zero.
 MIN_LOG_GAIN = float(np.log(1e-10))
 WOLFE = 1e-4, 0.5
@@ -124,13 +127,27 @@ def bfgs(function: Any, x: np.ndarray, n_steps: int, *, enough: float = -np.inf)
 
 def minimise_from(problem: TuningProblem, start: Evaluation) -> SearchResult:
     """Minimise the merit from a stable design, until no step improves it."""
+    start = evaluate_with_scalings(problem, start)
     current, stationarity = minimise(problem, start, start)
+    for _ in range(N_SCALINGS if problem.has_scalings else 0):
+        before = current.merit(PENALTIES[-1])
+        current, stationarity = minimise(problem, evaluate_with_scalings(problem, current), start)
+        if not current.merit(PENALTIES[-1]) < before - SCALED_GAIN:
+            break
     for _ in range(N_LOOKS):
         closer = evaluate_closely(problem, current)
         if closer is current:
             break
         current, stationarity = minimise(problem, closer, start)
     return SearchResult(evaluation=current, stationarity=stationarity)
+
+
+def evaluate_with_scalings(problem: TuningProblem, current: Evaluation) -> Evaluation:
+    """Return the same design with the scalings of its worst cases found again."""
+    if not problem.has_scalings:
+        return current
+    problem.refit_scalings(current.x)
+    return problem.evaluate(current.x)
 
 
 def evaluate_closely(problem: TuningProblem, current: Evaluation) -> Evaluation:

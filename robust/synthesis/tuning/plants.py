@@ -13,19 +13,21 @@ from nlfrf._base.arguments import format_hertz, require_integer, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single
 from robust.analysis.loop import DELAY_ORDER, Loop, assemble_loop
-from robust.lti.lti import response, timebase
+from robust.analysis.sampled_set import sampled_set
+from robust.lti.connections import block_diagonal
+from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, hold_correction, hold_response, sampled
 from robust.models.fit.nominal import frd
-from robust.models.sets.forms import FORMS, plant_numerator
+from robust.models.sets.forms import ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import frf_sampling_time, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.tuning.blocks import signal_names
+from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
-__all__ = ["UNBOUNDED_GAIN", "MeasuredPlant", "ModelledPlant", "Plants", "see_plants", "stated_sampling_time"]
+__all__ = ["MeasuredPlant", "ModelledPlant", "Plants", "is_bounded", "see_plants", "stated_sampling_time"]
 
 
-#: Order of the Padé approximation of a delay without a clock, as `check` has it.
 #: Stands for a radius that is infinite: its square is still a number.
 UNBOUNDED_GAIN = 1e30
 
@@ -106,13 +108,16 @@ class ModelledPlant:
         Hold and delay inside.
     lines : (.,) ndarray
         Frequencies [rad/s] to be looked at.
-    discs : callable or None
-        omega (W,) -> a, g (W,) of the set (G + g Delta)/(1 + a Delta).
+    perturbation : callable or None
+        True frequencies (W,) [rad/s] -> where the perturbation of the set reads and acts.
+    blocks : tuple of (int, int)
+        The blocks of the perturbation.
     """
 
     system: control.StateSpace
     lines: np.ndarray
-    discs: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None
+    perturbation: Callable[[np.ndarray], Perturbation] | None = None
+    blocks: Blocks = ONE_DISC
 
 
 @value(copy=False)
@@ -125,18 +130,20 @@ class MeasuredPlant:
         Lines [rad/s].
     G : (n_y, n_u, W) complex ndarray
         Hold and delay inside.
-    discs : (a, g), (W,) complex ndarrays, or None
+    perturbation : Perturbation or None
+        Where the perturbation of the set reads and acts, on the lines.
     n_unstable : int
     """
 
     omega: np.ndarray
     G: np.ndarray
-    discs: tuple[np.ndarray, np.ndarray] | None
+    perturbation: Perturbation | None
     n_unstable: int
+    blocks: Blocks = ONE_DISC
 
 
 def see_plants(plants: Plants, dt: float, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
-    """Return every plant behind hold and delay, with the discs where a limit asks for them."""
+    """Return every plant behind hold and delay, with its set where a limit asks for it."""
     return [see_plant(f"models[{k}]", model, plants, dt, delay, worst) for k, model in enumerate(plants.models)]
 
 
@@ -158,13 +165,16 @@ def see_plant(
                 f"{name} must have a sampled nominal for worst=True in the {model.form} form under a clock, got a "
                 "continuous one. Take sampled(nominal, dt), or another form"
             )
-        discs = discs_of(loop) if worst else None
-        if discs is not None and np.abs(discs(np.array([0.1 / dt if dt else 1.0]))[1][0]) >= UNBOUNDED_GAIN:
+        perturbation = perturbation_of_disc(loop) if worst else None
+        if perturbation is not None and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]:
             raise ValueError(
                 f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
                 "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
             )
-        return ModelledPlant(system=loop.G, lines=model.omega, discs=discs)
+        return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation)
+    if worst and dt and not timebase(model.nominal):
+        warn_of_unknown_hold(model, dt)
+        model, delay = sampled_set(model, dt, delay).model, 0.0
     G = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
     step = timebase(G)
     if step and dt and abs(step / dt - 1) > 1e-9:
@@ -177,7 +187,12 @@ def see_plant(
         G = sampled(G, dt, delay)
     else:
         G = delayed(G, delay, order=DELAY_ORDER)
-    return ModelledPlant(system=G, lines=np.asarray(getattr(model, "omega", np.zeros(0))), discs=None)
+    lines = np.asarray(getattr(model, "omega", np.zeros(0)))
+    if not worst:
+        return ModelledPlant(system=G, lines=lines)
+    return ModelledPlant(
+        system=G, lines=lines, perturbation=perturbation_of_matrices(model), blocks=tuple(model.structure)
+    )
 
 
 def is_single_set(model: Any) -> bool:
@@ -186,43 +201,82 @@ def is_single_set(model: Any) -> bool:
 
 
 def require_set(name: str, model: Any) -> None:
-    """Refuse a plant without a set of one disc around it, for a worst case."""
-    if is_single_set(model) or is_single(model):
+    """Refuse a plant without a set around it, for a worst case."""
+    if isinstance(model, UncertaintyModel) or is_single(model):
         return
     raise ValueError(
-        f"worst must be False unless every plant is an UncertaintyModel or a Bla of one input and output, got {name} = "
-        f"{short_form(model)}"
+        f"worst must be False unless every plant is an UncertaintyModel, or a Bla of one input and output, got {name} "
+        f"= {short_form(model)}. Make a set of it by uncertainty()"
     )
 
 
-def discs_of(loop: Loop) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Return a and g of the set of a model, as `check` has it: of a continuous set under a clock with every alias."""
+def perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
+    """Return the set of one channel as `check` has it: of a continuous set under a clock with all aliases."""
     row = FORMS[loop.form]
 
-    def at(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(omega: np.ndarray) -> Perturbation:
         omega = np.minimum(np.asarray(omega, dtype=float), loop.omega_max * (1 - 1e-12) if loop.dt else 1e12)
         G = loop.plant_response(omega)
         if loop.aliases is not None:
             radius = loop.aliases.sampled_radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
-            return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, UNBOUNDED_GAIN).astype(complex)
+            return disc_around(np.zeros(omega.size), np.where(np.isfinite(radius), radius, UNBOUNDED_GAIN))
         W = np.ones(omega.size, complex)
         if row.depends_on_units:
             W = response(loop.shaping, omega) * np.exp(1j * omega * loop.plant_delay)
-        return disc_terms(loop.form, response(loop.weight, omega), np.where(np.isfinite(G), G, 1e140), W)
+        return disc_of_form(loop.form, response(loop.weight, omega), np.where(np.isfinite(G), G, 1e140), W)
 
     return at
 
 
-def disc_terms(form: str, w: np.ndarray, G: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a and g of (G + g Delta)/(1 + a Delta)."""
+def disc_of_form(form: str, w: np.ndarray, G: np.ndarray, W: np.ndarray) -> Perturbation:
+    """Return the disc (G + g Delta)/(1 + a Delta) of a form with weight w."""
     row, one = FORMS[form], np.ones_like(G)
     scaled = W * G if row.depends_on_units else G
-    return np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G, W))
+    return disc_around(np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G, W)))
+
+
+def disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
+    """Return the perturbation of (G + g Delta)/(1 + a Delta): it adds -a Delta u to the plant input, g Delta u to y."""
+    return Perturbation(
+        reads=np.ones((a.size, 1, 1), complex), drives=np.stack([-a, g], axis=1)[:, :, None].astype(complex)
+    )
+
+
+def is_bounded(perturbation: Perturbation) -> np.ndarray:
+    """Return (W,) whether the set is bounded: at a pole on the axis it is not, and is looked at beside it."""
+    return np.abs(perturbation.drives).max(axis=(1, 2)) < UNBOUNDED_GAIN
+
+
+def perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray], Perturbation]:
+    """Return the set of a model of several channels, in its own form."""
+    n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
+    elements = model.form == ELEMENTS  # column i of G after the other, as in `UncertaintyModel.open_loop`
+    reads = np.repeat(np.eye(n_u), n_y, axis=0) if elements else np.eye(n_u)
+    acts = np.tile(np.eye(n_y), n_u) if elements else np.eye(len(model.left))
+    left, right = stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt), stacked(model.right, dt)
+    at_input = model.form == INPUT
+    acts = np.vstack([acts, np.zeros((n_y, n_u))] if at_input else [np.zeros((n_u, acts.shape[1])), acts])
+
+    def at(omega: np.ndarray) -> Perturbation:
+        omega = np.minimum(np.asarray(omega, dtype=float), np.pi / dt * (1 - 1e-12) if dt else 1e12)
+        w_l, w_r = (response_by_channel(weights, omega)[:, 0].T for weights in (left, right))
+        return Perturbation(reads=w_r[:, :, None] * reads, drives=w_l[:, None] * acts, reads_before=at_input)
+
+    return at
+
+
+def stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
+    """Return weights above each other, of one input: evaluated together they cost little more than one."""
+    together = block_diagonal(list(weights), dt)
+    ones = np.ones((len(weights), 1))
+    return control.StateSpace(
+        together.A, together.B @ ones, together.C, together.D @ ones, dt, remove_useless_states=False
+    )
 
 
 def see_measured(name: str, model: Any, n_unstable: int, dt: float, delay: float, worst: bool) -> MeasuredPlant:
     """Return an FRF on its lines."""
-    discs = None
+    perturbation = None
     if is_matrix(model):
         data = frd(model)
         omega, G = np.asarray(data.omega, dtype=float), np.asarray(data.frdata)
@@ -239,9 +293,9 @@ def see_measured(name: str, model: Any, n_unstable: int, dt: float, delay: float
     seen = G * hold_and_delay_factor(model, omega, dt, delay)
     if worst:
         ours, measured = seen[0, 0], G[0, 0]
-        a, g_ = disc_terms(form, w, ours, np.asarray(W * measured / ours))
-        discs = (np.asarray(a)[order], np.asarray(g_)[order])
-    return MeasuredPlant(omega=omega[order], G=seen[:, :, order], discs=discs, n_unstable=n_unstable)
+        disc = disc_of_form(form, w, ours, np.asarray(W * measured / ours))
+        perturbation = Perturbation(reads=disc.reads[order], drives=disc.drives[order])
+    return MeasuredPlant(omega=omega[order], G=seen[:, :, order], perturbation=perturbation, n_unstable=n_unstable)
 
 
 def hold_and_delay_factor(model: Any, omega: np.ndarray, dt: float, delay: float) -> np.ndarray:

@@ -248,6 +248,22 @@ class TuningProblem:
                 found.append(scene.raise_norms(loop))
         return found
 
+    @property
+    def has_scalings(self) -> bool:
+        """Return whether a worst case is a bound by scalings, which are found between the rounds of the search."""
+        return any(channel.is_scaled for scene in self.scenes for channel in scene.channels)
+
+    def refit_scalings(self, x: np.ndarray) -> None:
+        """Find the scalings of the worst cases for the design at x."""
+        M = self.controller.matrix(x)
+        for scene in self.scenes:
+            if isinstance(scene, MeasuredLoop):
+                scene.refit_scalings(M)
+                continue
+            loop = scene.close(M)
+            assert loop is not None
+            scene.refit_scalings(loop)
+
     def look_closely(self, x: np.ndarray) -> list[dict[int, CloseLook]]:
         """Of each plant every limit, as it is said in the end."""
         M = self.controller.matrix(x)

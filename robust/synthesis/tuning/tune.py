@@ -31,7 +31,7 @@ from robust.synthesis.tuning.limits import Channel, Limit, require_limits
 from robust.synthesis.tuning.loops import MeasuredLoop, ModelledLoop, true_frequency
 from robust.synthesis.tuning.minimax import SearchResult, find_stable, minimise_from
 from robust.synthesis.tuning.parameters import Controller, controller_of_blocks
-from robust.synthesis.tuning.plants import ModelledPlant, Plants, see_plants, stated_sampling_time
+from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, Plants, see_plants, stated_sampling_time
 from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better
 from robust.synthesis.tuning.wiring import Port, join_by_name
 
@@ -205,12 +205,12 @@ def make_loops(
             more_out = perturbation_names(n_u, n_y)[1] if worst else []
             joined = join_by_name([*parts, G], ports, external=external + more_in, looked_at=looked_at + more_out)
             fixed = state_plant(joined.system, *sizes, dt)
-            channels = channels_of(limits, external, looked_at, worst, n_u)
+            channels = channels_of(limits, external, looked_at, seen, (n_u, n_y))
             scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
             port = Port(reads=plants.inputs, drives=plants.outputs)
             joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
-            channels = channels_of(limits, external, looked_at, worst, n_u)
+            channels = channels_of(limits, external, looked_at, seen, (n_u, n_y))
             scenes.append(
                 MeasuredLoop(
                     k,
@@ -256,10 +256,14 @@ def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> contr
 
 
 def channels_of(
-    limits: list[tuple[Limit, bool]], external: list[str], looked_at: list[str], worst: bool, n_u: int
+    limits: list[tuple[Limit, bool]],
+    external: list[str],
+    looked_at: list[str],
+    plant: ModelledPlant | MeasuredPlant,
+    sizes: tuple[int, int],
 ) -> list[Channel]:
-    """Return which rows and columns of the loop each limit reads."""
-    perturbation = (len(looked_at), len(external), len(external) + n_u) if worst else None
+    """Return which rows and columns of the loop each limit reads, of a plant with so many inputs and outputs."""
+    perturbation = len(looked_at) + np.arange(sizes[0]), len(external) + np.arange(sum(sizes))
     return [
         Channel(
             limit=limit,
@@ -268,6 +272,7 @@ def channels_of(
             rows=np.array([looked_at.index(label) for label in limit.outputs]),
             columns=np.array([external.index(label) for label in limit.inputs]),
             perturbation=perturbation if limit.worst else None,
+            blocks=plant.blocks,
         )
         for k, (limit, is_hard) in enumerate(limits)
     ]

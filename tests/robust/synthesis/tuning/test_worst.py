@@ -1,4 +1,4 @@
-"""The limit of every plant of a set: the disc formula against brute force, and the tuner's number against `check`'s."""
+"""The limit of every plant of a set: gains and slopes against brute force, and the tuner's number against `check`'s."""
 
 import control
 import numpy as np
@@ -7,7 +7,9 @@ import pytest
 import robust
 from robust import tuning
 from robust.models.sets.forms import FORMS, plant_numerator
-from robust.synthesis.tuning.limits import largest_over_discs
+from robust.mu.gain import closed_gain
+from robust.synthesis.tuning.worst import disc_gain, disc_slope, largest_gain, scaled_gain, scaled_slopes
+from tests.support.random_tunings import matrix_set
 
 ERROR = control.summing_junction(["r", "-y"], "e")
 FORCE = control.summing_junction(["u", "d"], "f")
@@ -19,8 +21,7 @@ def test_the_disc_of_a_channel(seed):
     rng = np.random.default_rng(seed)
     N11, N12, N21, N22 = rng.normal(size=4) + 1j * rng.normal(size=4)
     N11 *= rng.uniform(0, 0.95) / abs(N11)
-    one = np.ones((1, 1, 1))
-    found = largest_over_discs(N22 * one, N21 * one[0], N12 * one[0], np.array([N11]))[0]
+    (found,) = disc_gain(np.array([[[N11, N12], [N21, N22]]]))
     Delta = np.exp(1j * np.linspace(0, 2 * np.pi, 20001))
     circle = np.abs(N22 + N21 * Delta * N12 / (1 - N11 * Delta))
     assert circle.max() <= found * (1 + 1e-12)
@@ -37,11 +38,106 @@ def test_the_inverse_form_keeps_its_numerator():
     a, g = row.a(np.array([w]), G, G, G / G), plant_numerator("inverse-multiplicative", np.array([w]), G)
     assert abs(g[0]) < 1e-15
     # d and -a Delta act before the plant, S is seen before that: u' = S (d - a Delta), f = S d + (1 - S) a Delta
-    N11, N12, N21, N22 = -a * S, np.array([[S]]), (a * (1 - S))[None], np.array([[[S]]])
-    found = largest_over_discs(N22 + 0j, N21 + 0j, N12 + 0j, N11 + 0j)[0]
+    N = np.array([[[-a[0] * S, S], [a[0] * (1 - S), S]], [[1.0, S], [a[0] * (1 - S), S]]], complex)
+    found, singular = disc_gain(N)
     assert found == pytest.approx(0.1 * 1.5 / 1.05, rel=1e-12)
-    singular = largest_over_discs(N22 + 0j, N21 + 0j, N12 + 0j, np.array([1.0 + 0j]))[0]
     assert np.isinf(singular)
+
+
+def random_loop(rng, blocks, channel, gain):
+    """N of a loop around blocks of this gain, with a channel of this shape."""
+    n, m = sum(b[0] for b in blocks) + channel[0], sum(b[1] for b in blocks) + channel[1]
+    N = rng.normal(size=(n, m)) + 1j * rng.normal(size=(n, m))
+    return N * gain / np.linalg.norm(N[: n - channel[0], : m - channel[1]], 2)
+
+
+@pytest.mark.parametrize("blocks", [((1, 1),), ((2, 3),), ((1, 1), (1, 1)), ((1, 1), (2, 1), (1, 2))])
+@pytest.mark.parametrize("gain", [0.6, 1.5])
+def test_slopes_of_the_worst_case(blocks, gain):
+    """By differences of N in every direction, inside the set and where a start outside is carried on."""
+    rng = np.random.default_rng(len(blocks))
+    d = rng.uniform(0.5, 2.0, len(blocks))
+    N = random_loop(rng, blocks, (2, 2), gain)
+    ((found, Q), *_) = scaled_slopes(N, blocks, d)
+    assert found == pytest.approx(scaled_gain(N[None], blocks, d[None])[0], rel=1e-12)
+    direction = rng.normal(size=N.shape) + 1j * rng.normal(size=N.shape)
+    step = 1e-5 * np.array([-2, -1, 1, 2])
+    values = scaled_gain(N + step[:, None, None] * direction, blocks, np.tile(d, (4, 1)))
+    difference = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12e-5)
+    assert (Q.conj() * direction).sum().real == pytest.approx(difference, rel=1e-6)
+
+
+@pytest.mark.parametrize("gain", [0.6, 1.5])
+def test_slopes_of_the_disc(gain):
+    rng = np.random.default_rng(3)
+    N = random_loop(rng, ((1, 1),), (1, 1), gain)
+    found, Q = disc_slope(N)
+    assert found == pytest.approx(disc_gain(N[None], smooth=True)[0], rel=1e-12)
+    direction = rng.normal(size=N.shape) + 1j * rng.normal(size=N.shape)
+    values = [disc_gain((N + step * direction)[None], smooth=True)[0] for step in (-1e-6, 1e-6)]
+    assert (Q.conj() * direction).sum().real == pytest.approx((values[1] - values[0]) / 2e-6, rel=1e-6)
+
+
+@pytest.mark.parametrize("blocks", [((1, 1),), ((2, 2),), ((1, 1), (1, 1))])
+def test_the_bound_with_scalings_is_the_largest_gain(blocks):
+    """Up to three full blocks, that of the channel among them, the bound is exact: a perturbation attains it."""
+    rng = np.random.default_rng(5)
+    N = random_loop(rng, blocks, (2, 1), 0.6)
+    (bound,) = largest_gain(N[None], blocks)
+    perturbations = robust.mu.worst_gain_bounds(N, list(blocks))
+    assert perturbations.lower[0] == pytest.approx(bound, rel=1e-5)
+    reached = np.linalg.norm(closed_gain(N[None], np.moveaxis(perturbations.delta, 2, 0))[0], 2)
+    assert reached <= bound * (1 + 1e-9)
+
+
+def test_one_disc_in_a_scalar_channel_needs_no_scalings():
+    """The closed form and the program agree."""
+    N = random_loop(np.random.default_rng(6), ((1, 1),), (1, 1), 0.7)[None]
+    assert disc_gain(N)[0] == pytest.approx(largest_gain(N, ((1, 1),))[0], rel=1e-7)
+
+
+def tuned_at_worst(model, dt=0.0):
+    """Two PI controllers on a plant of two inputs and outputs, |S| <= 1.5 for the whole set: their start misses it."""
+    errors = [control.summing_junction([f"r{k}", f"-y{k}"], f"e{k}") for k in (1, 2)]
+    if dt:
+        errors = [control.ss([], [], [], e.D, dt, inputs=e.input_labels, outputs=e.output_labels) for e in errors]
+    r, e, u, y = (["r1", "r2"], ["e1", "e2"], ["u1", "u2"], ["y1", "y2"])
+    design = robust.tune(
+        errors,
+        tuning.Plants(model, inputs=u, outputs=y),
+        {f"K{k}": tuning.Pid(kp=5.0, ki=7.0, reads=e[k], drives=u[k]) for k in (0, 1)},
+        hard=[tuning.Limit(r, e, 1.5, worst=True), tuning.Limit(r, e, 0.3, band=(0.0, 0.1))],
+        dt=dt,
+        n_starts=1,
+        rng=1,
+    )
+    return design, design.controller(y, u)
+
+
+@pytest.mark.parametrize("form", ["elements", "additive", "input"])
+def test_the_tuner_has_the_number_of_check_for_several_channels(form):
+    """The largest |S| over the set, by mu in both: scaling the demand to the tuner's number makes mu one."""
+    design, K = tuned_at_worst(matrix_set(form, 0.1), 0.1)
+    hard = next(one for one in design.limits if one.limit.worst)
+    assert design.met
+    assert hard.known is tuning.Known.LINES
+    report = robust.check(design.plant.models[0], K, w_P=1 / (1.5 * hard.ratio), certify=False)
+    assert np.nanmax(report.rp) <= 1 + 1e-6
+    assert np.nanmax(report.rp) == pytest.approx(1.0, abs=1e-5)  # its grid may miss the top by so much
+    assert np.max(report.rs) < 1
+
+
+def test_a_continuous_matrix_set_under_a_clock_is_the_sampled_set_of_check():
+    design, K = tuned_at_worst(matrix_set("input", 0.0), 0.1)
+    hard = next(one for one in design.limits if one.limit.worst)
+    assert design.met
+    report = robust.check(design.plant.models[0], K, w_P=1 / (1.5 * hard.ratio), certify=False)
+    assert np.nanmax(report.rp) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_matrix_without_a_set_is_refused():
+    with pytest.raises(ValueError, match=r"worst must be False unless every plant is an UncertaintyModel"):
+        tuned_at_worst(matrix_set("input", 0.0).nominal)
 
 
 def sampled_set(form, *, continuous=False):
