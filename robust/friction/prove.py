@@ -49,6 +49,7 @@ from robust.proofs.search.certificate import Certificate, failed_certificate
 
 __all__ = [
     "NOT_IN_CLASS",
+    "Finding",
     "FrictionCertificate",
     "FrictionProof",
     "Multipliers",
