@@ -7,11 +7,12 @@ TESTS := $(VENV)/.ready-test
 DOCS := $(VENV)/.ready-docs
 RELEASE := $(VENV)/.ready-release
 
-.PHONY: demo test lint docs picture bench release-check clean help
+.PHONY: demo test attack lint docs picture bench release-check clean help
 
 help:
 	@echo "make demo           the main job on the built-in rig: files and pictures in demo/"
 	@echo "make test           format, lint, types and every test"
+	@echo "make attack         the cases of the statistics that make test leaves out"
 	@echo "make docs           examples, guide and reference as pages in build/docs/index.html"
 	@echo "make picture        the picture of the README, from the first example"
 	@echo "make bench          every measured figure again, beside the peers that install: about half an hour"
@@ -47,6 +48,10 @@ lint: $(TESTS)
 # Two processes on two cores: threads of the linear algebra would only wait for one another.
 test: lint
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+
+# The cases that `make test` leaves out, with the same tests: before a release.
+attack: $(TESTS)
+	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest --attack -n 2 --dist worksteal
 
 # The examples run once: what they print and draw lies in build/examples, and the tests look at the same.
 docs: $(DOCS)

@@ -1,5 +1,6 @@
 """Shared by all tests: where measured records lie, axes to draw on."""
 
+import collections
 import os
 import sys
 from pathlib import Path
@@ -11,9 +12,31 @@ settings.register_profile("patient", deadline=None)  # how long a case takes say
 settings.load_profile("patient")
 
 
-def pytest_collection_modifyitems(items):
-    """Build the documentation last: it takes what the tests of the examples have run, each in its own process."""
-    items.sort(key=lambda item: item.path.name == "test_docs.py")
+def pytest_addoption(parser):
+    parser.addoption("--attack", action="store_true", help="run only the cases that `make test` leaves out")
+
+
+def is_left_to_attack(item, number):
+    """Whether the case of this number of its test runs in `make attack` only: all but the first of every so many."""
+    mark = item.get_closest_marker("attack")
+    return mark is not None and (number % mark.kwargs["every"] != 0 if "every" in mark.kwargs else True)
+
+
+def pytest_collection_modifyitems(config, items):
+    """Keep the cases of this run; build the documentation last.
+
+    The documentation takes what the tests of the examples have run, each in its own process.
+    """
+    seen = collections.Counter()
+    chosen, others = [], []
+    for item in items:
+        test = item.nodeid.partition("[")[0]
+        runs = is_left_to_attack(item, seen[test]) == config.getoption("--attack")
+        (chosen if runs else others).append(item)
+        seen[test] += 1
+    if others:
+        config.hook.pytest_deselected(items=others)
+    items[:] = sorted(chosen, key=lambda item: item.path.name == "test_docs.py")
 
 
 @pytest.fixture(scope="session")

@@ -60,6 +60,7 @@ def test_the_bound_of_the_matrix_reaches_further_than_that_of_an_entry():
     plt.close(made[0, 0].figure)
 
 
+@pytest.mark.attack(every=5)
 @pytest.mark.parametrize("name", MATRICES)
 @pytest.mark.parametrize("how", ["own", "beside", "placed"])
 def test_a_matrix_takes_the_place_that_it_is_given(name, how):

@@ -20,7 +20,7 @@ round of the search and found again by their linear program between the rounds.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import control
 import numpy as np
@@ -28,9 +28,9 @@ import numpy as np
 from nlfrf._base.arguments import require_real
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
+from robust.friction.levels import FrictionClass, machines_of
 from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
 from robust.friction.plant import FrictionPlant
-from robust.friction.prove import machines_of
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 
@@ -74,7 +74,7 @@ class FrictionLimit:
     'comes to rest with friction up to 64 kN/m'
     """
 
-    machine: Any
+    machine: FrictionPlant | FrictionClass
     friction: AnyFriction | None = None
     margin: float = 0.01
 
@@ -93,7 +93,7 @@ class FrictionLimit:
     @property
     def machines(self) -> tuple[FrictionPlant, ...]:
         """Return the machines for which it is kept."""
-        return tuple(getattr(self.machine, "machines", ())) or (self.machine,)
+        return tuple(self.machine.machines) if isinstance(self.machine, FrictionClass) else (self.machine,)
 
     def weighting(self, dt: float) -> None:
         """Return no system: its ratio is no gain of one."""

@@ -75,6 +75,7 @@ def test_the_covariance_is_that_of_many_records():
     assert np.all(np.abs(np.log(np.diag(said).real / np.diag(scatter).real)) < 0.05)
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize(("kind", "R", "n_inputs"), [("random-odd", 1, 2), ("special-odd", 2, 2), ("random-odd", 1, 3)])
 def test_entries_and_matrices_hold_what_they_say(kind, R, n_inputs):
     """White noise and static cross terms; windows overlap, so the tolerance is that of a smaller sample."""

@@ -63,6 +63,7 @@ def drift(kind, n, rng):
     return np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * shape, n)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("kind", ["white", "flicker", "walk", "slow"])
 @pytest.mark.parametrize("n_periods", [2, 3, 8, 20])
 def test_of_noise_alone_no_period_is_named(kind, n_periods):

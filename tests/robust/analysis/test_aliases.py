@@ -194,6 +194,7 @@ def test_performance_counts_every_alias():
         assert report.rp.max() == pytest.approx(target, rel=2e-3)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("kind", ["LTI", "operator"])
 @pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])
 def test_a_certificate_holds_for_its_numbers_only(form, kind):

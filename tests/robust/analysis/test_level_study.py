@@ -3,11 +3,13 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from benchmarks.level_of_loop import Outcome, behaves_table, bound_table, judge, state_table, study
 from robust import LevelState
 
 
+@pytest.mark.attack
 def test_a_seed_of_the_study():
     """Loops found at 0.1 N behave there; 10 N of force breaks some, and each of these was called above."""
     runs = study(0, experiments=((0.1,),), noise=(0.1, 10.0), steps=())

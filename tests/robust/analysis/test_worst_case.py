@@ -267,6 +267,7 @@ def set_of_several(form, size):
     return UncertaintyModel(nominal=PLANT_2X2, form=form, left=left, right=right, omega=omega, radius=radius)
 
 
+@pytest.mark.attack(every=5)
 @pytest.mark.parametrize("w_P", [None, performance_weight(1.0, M_S=2.0, A=0.1)])
 @pytest.mark.parametrize(("form", "size"), [("elements", 0.2), ("additive", 0.1), ("input", 0.1)])
 def test_the_worst_plant_of_several_channels_reaches_the_bound(form, size, w_P):

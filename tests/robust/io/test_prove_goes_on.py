@@ -63,6 +63,7 @@ def commands_in(refusal):
     return [line.replace("LOW", "low").replace("MID", "mid").replace("HIGH", "high") for line in found]
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize(
     ("asked", "word"),
     [

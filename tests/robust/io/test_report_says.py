@@ -28,6 +28,7 @@ def plain(path):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", path.read_text(encoding="utf-8")))
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("delay", [0.0, 0.02])
 @pytest.mark.parametrize("w_P", [None, performance_weight(0.5, M_S=3.0, A=0.1)])
 def test_a_report_that_was_made_before_is_told_with_what_it_was_made_with(tmp_path, w_P, delay):

@@ -372,6 +372,7 @@ def told_of_settings(facts, model, K, report):
         holds(facts["settings", "performance weight"], 1 / size[0], 1 / size[1], last / HZ)
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize("name", DESIGNS)
 def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
     monkeypatch.setattr(

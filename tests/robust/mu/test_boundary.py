@@ -37,6 +37,7 @@ def light_mode(seed):
     return [plant], {"d": Block("y", "d", c, kind="real")}
 
 
+@pytest.mark.attack(every=5)
 @pytest.mark.parametrize("make", [slow_pole, light_mode])
 @pytest.mark.parametrize("seeds", [range(10), range(10, 20), range(100, 110)], ids=lambda seeds: f"{seeds[0]}")
 def test_on_the_boundary_nothing_is_robust(make, seeds):

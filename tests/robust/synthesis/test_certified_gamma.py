@@ -35,6 +35,7 @@ def claims_falsely(found, P):
     return sure and lft_norm(P, found.K, 60)[0] > found.gamma * (1 + 1e-6)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("seed", [48, 36, 56])
 def test_a_norm_that_doubles_compute_too_low_is_not_claimed(seed):
     """In doubles 1.57e8 where the loop has 5.5e8, 6 % too low, 1.5 % too low."""

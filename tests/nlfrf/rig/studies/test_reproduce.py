@@ -135,7 +135,6 @@ def short_run(tmp_path_factory):
     return folder, {finding.name: finding for finding in found}, seen
 
 
-@pytest.mark.montecarlo
 def test_short_run_has_every_finding(short_run):
     _, found, _ = short_run
     assert list(found) == ["F1", "F2", "F3", "F4", "F5a", "F5b", "F6", "R1", "S1", "S2", "S3"]
@@ -147,7 +146,6 @@ def test_short_run_has_every_finding(short_run):
     assert found["S2"].ours["multisine and binary, normalised squared difference"] > 3
 
 
-@pytest.mark.montecarlo
 def test_short_run_writes_everything(short_run):
     folder, found, seen = short_run
     figures = ["excitations", "figure3", "figure4", "figure5", "figure6", "figure7", "levels", "random_odd"]

@@ -15,6 +15,7 @@ BOUNDED = any_bounded(1.0)
 STILL = control.StateSpace([], [], [], [[0.0]], T)
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("swings", [2e-3, 2e-2, 0.3, 3.0, 20.0, 32.0])
 def test_a_mode_hunts_as_in_closed_form_whatever_the_clock(swings):
     """coth(pi zeta/(2 sqrt(1 - zeta^2)))/k; it was 1/k at 32 swings a sample, and took long at few swings a sample."""

@@ -42,6 +42,7 @@ def inside(fit, name, truth):
     ]
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("dt", [0, 0.005])
 def test_standard_deviations_are_those_of_many_fits(dt):
     rng = np.random.default_rng(0)
@@ -139,6 +140,7 @@ def test_no_delay_is_tried_where_none_is_asked_for():
     assert not scan.delay.any()
 
 
+@pytest.mark.attack
 def test_poles_that_the_data_do_not_carry_are_not_recommended():
     """A pole far below the band takes a misfit off a few lines; the criterion alone took it."""
     rng = np.random.default_rng(0)

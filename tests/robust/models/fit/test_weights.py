@@ -66,6 +66,7 @@ def assert_covers(fit, omega, radius, dt=0.0):
     assert fit.W.D[0, 0] != 0
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("order", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_nothing_is_left_uncovered(shape, order):
@@ -104,6 +105,7 @@ def test_few_lines_hide_no_dip_below_nyquist(n, order, seed):
     assert np.min(np.abs(response(fit.W, between)) / target) >= 1 - 1e-6
 
 
+@pytest.mark.attack(every=5)
 @pytest.mark.parametrize("omega", [OMEGA, LINES], ids=["log", "lines of a special-odd grid"])
 @pytest.mark.parametrize(
     ("shape", "most_db"), [("resonance", 1.0), ("step up", 2.0), ("step down", 2.0), ("friction", 3.0)]

@@ -69,6 +69,7 @@ def test_closed_form_where_the_scatter_is_known(q, monkeypatch):
     assert bla > (1 - np.exp(-2 * q**2)) ** F.size - 0.02
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize(
     ("case", "n_sets", "least"),
     [

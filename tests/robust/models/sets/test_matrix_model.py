@@ -97,6 +97,7 @@ def test_all_passes_take_any_phase_and_no_gain(dt):
         assert np.all(np.abs(part.poles()) < 1) if dt else np.all(part.poles().real < 0)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("seed", [*range(8), 189, 301])  # the last two break at Nyquist
 def test_no_verdict_is_contradicted_by_brute_force(seed):
     report, worst, n_broken, breaks = trial(seed, 30)

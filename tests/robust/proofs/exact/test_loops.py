@@ -35,6 +35,7 @@ def claim(G, K, w, form, delay=0.0, w_P=None, claims=("robust stability",), **mo
     )
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("seed", range(4))
 def test_random_loops_are_verified_exactly_where_true(seed):
     rng = np.random.default_rng(seed)

@@ -52,6 +52,7 @@ def near(found, wanted):
     return np.max(np.abs(found - wanted) / np.maximum(1, np.abs(wanted)))
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.filterwarnings("ignore::robust.DesignWarning")
 @pytest.mark.parametrize("seed", range(50))
 def test_fifty_designs_agree_with_check(seed, ask):

@@ -12,6 +12,7 @@ MACHINE = friction_plant(0.01, 0.0, position_unit="rad")
 SLIP = any_maxwell_slip(1e3, 3.0, position_unit="rad")
 
 
+@pytest.mark.attack
 def test_each_cure_is_a_proof_of_the_changed_drive():
     cures = friction_cures(MACHINE, SETTINGS, SLIP, Fs=0.1, compensation_error=0.2)
     assert [cure.verdict for cure in cures] == sorted((cure.verdict for cure in cures), key=lambda v: v != "proved")
