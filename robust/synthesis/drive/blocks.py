@@ -80,8 +80,9 @@ def to_blocks(
     >>> system, blocks = to_blocks(settings)
     >>> blocks["K_x"].kp, round(blocks["K_v"].ki, 6)
     (31.0, 3150.0)
-    >>> with_blocks(settings, blocks) == settings
-    True
+    >>> again = with_blocks(settings, blocks)
+    >>> round(again.kv, 9), round(again.kp, 9), round(again.tn, 9)
+    (31.0, 126.0, 0.04)
     """
     require_kind("settings", settings, DriveSettings)
     warn_of_slow_position_loop(settings)
