@@ -231,7 +231,7 @@ def test_a_start_outside_the_set_is_brought_in():
 
 
 def test_one_disc_in_a_channel_of_several_signals_is_exact():
-    """[r, d] to [e, f] over one disc, as a system and on lines: the program of the worst gain, which a plant attains."""
+    """[r, d] to [e, f] over one disc, as a system and on lines: what a plant of the set attains."""
     model = sampled_set("additive")
     z = np.exp(1j * np.geomspace(1.0, 3000.0, 400) * 1e-3)
     frf = control.FrequencyResponseData(model.nominal(z), np.angle(z) * 1e3, dt=1e-3)
