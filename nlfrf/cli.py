@@ -9,7 +9,7 @@ from collections.abc import Callable
 from csv import reader as csv_reader
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, TypedDict
 
 import numpy as np
 import typer
@@ -98,15 +98,25 @@ def design(
     decimal: Decimal = ".",
 ) -> None:
     """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
-    band: dict[str, Any] = {"fs": fs, "n_samples": period, "f_min": f_min, "f_max": f_max}
-    band |= {"rms": rms, "n_log": log_lines, "n_realizations": realizations, "rng": seed, "hold": hold}
-    if inputs > 1:
-        if crest is not None:
-            raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
-        band |= {"n_inputs": inputs, "design": "zippered" if zippered else "orthogonal", "n_draws": draws}
-    elif zippered or draws != 1:
+    if inputs > 1 and crest is not None:
+        raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
+    if inputs <= 1 and (zippered or draws != 1):
         raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
-    ms = nlfrf.multisine(kind, **band)
+    ms: nlfrf.Multisine | nlfrf.OrthogonalMultisine = nlfrf.multisine(
+        kind,
+        fs=fs,
+        n_samples=period,
+        f_min=f_min,
+        f_max=f_max,
+        rms=rms,
+        n_log=log_lines,
+        n_realizations=realizations,
+        rng=seed,
+        hold=hold,
+        n_inputs=inputs,
+        design="zippered" if zippered else "orthogonal",
+        n_draws=draws,
+    )
     first, last = ms.f[[0, -1]].tolist()
     if first > (1 + MAX_BAND_GAP) * f_min or last < (1 - MAX_BAND_GAP) * f_max:
         warnings.warn(
@@ -115,7 +125,7 @@ def design(
             nlfrf.DataWarning,
             stacklevel=2,
         )
-    if crest is not None:
+    if crest is not None and isinstance(ms, nlfrf.Multisine):
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.save_multisine(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
@@ -236,15 +246,22 @@ def identify(
         split_names(output or ["y"]),
         split_names(reference or []),
     )
-    how: dict[str, Any] = {"transient": transient, "level_from": level_from, "n_detection": detection}
-    cut: dict[str, Any] = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
-    cut |= {"design": design, "hold": hold}
+    how: HowToIdentify = {"transient": transient, "level_from": level_from, "n_detection": detection}
+    cut: HowToCut = {
+        "fs": fs,
+        "n_samples": period,
+        "n_discard": discard,
+        "resample": resample,
+        "design": design,
+        "hold": hold,
+    }
     if len(inputs) > 1 or (input is None and holds_multirecord(file[0])):
         if opinion:
             of = ", ".join(inputs) if input else file[0].name
             raise ValueError(f"opinion must be left out for several inputs, got it with {of}")
-        cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
-        identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json, decimal)
+        u, y = inputs if input else None, outputs if input or output else None
+        record = nlfrf.load_multirecord(file, u=u, y=y, r=references, **cut)
+        identify_matrix(record, how, out, csv, json, decimal)
         return
     if design is not None and isinstance(found := nlfrf.load(design), nlfrf.axis.AxisExperiment):
         given = {
@@ -273,12 +290,45 @@ def identify(
     finish_command(dict(zip(outputs, blas, strict=True)), True, json)
 
 
+class HowToCut(TypedDict):
+    """How a file is cut into periods, by the names of the arguments of `nlfrf.load_record`."""
+
+    fs: float | None
+    n_samples: int | None
+    n_discard: int
+    resample: bool
+    design: Path | None
+    hold: str | None
+
+
+class DesignOptions(TypedDict):
+    """What a multisine for a drive is asked for, by the names of the arguments of `nlfrf.axis.design_experiment`."""
+
+    n_samples: int
+    f_min: float
+    f_max: float
+    rms: float | None
+    port: str
+    limits: nlfrf.axis.AxisLimits
+    n_periods: int
+    n_discard: int
+    rng: int | None
+
+
+class HowToIdentify(TypedDict):
+    """How a record is identified, by the names of the arguments of `nlfrf.identify`."""
+
+    transient: str
+    level_from: str
+    n_detection: int
+
+
 def identify_experiment(
     experiment: nlfrf.axis.AxisExperiment,
     files: list[Path],
     names: tuple[str, str],
     fs: float | None,
-    how: dict[str, Any],
+    how: HowToIdentify,
     out: Path,
     csv: bool,
     json: bool,
@@ -326,7 +376,7 @@ def design_for_drive(
     decimal: Decimal = ".",
 ) -> None:
     """Design a multisine for a set point of a running drive: set points to play (.csv), and the design (.npz)."""
-    origin: Any
+    origin: nlfrf.ServoAxis | nlfrf.Record
     if first is None:
         origin = read_axis(source)
     else:
@@ -342,15 +392,25 @@ def design_for_drive(
             k = states.index(level)
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
     limits = nlfrf.axis.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel)
-    options: dict[str, Any] = {"n_samples": period, "f_min": f_min, "f_max": f_max, "rms": rms, "port": port}
-    options |= {"limits": limits, "n_periods": periods, "n_discard": discard, "rng": seed}
+    options: DesignOptions = {
+        "n_samples": period,
+        "f_min": f_min,
+        "f_max": f_max,
+        "rms": rms,
+        "port": port,
+        "limits": limits,
+        "n_periods": periods,
+        "n_discard": discard,
+        "rng": seed,
+    }
     if ramp:
         if velocity or strokes or realizations != 1:
             raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
         experiment = nlfrf.axis.design_ramp(origin, **options, n_levels=ramp)
     else:
-        options |= {"base_velocity": velocity, "strokes": strokes, "n_realizations": realizations}
-        experiment = nlfrf.axis.design_experiment(origin, **options)
+        experiment = nlfrf.axis.design_experiment(
+            origin, **options, base_velocity=velocity, strokes=strokes, n_realizations=realizations
+        )
     nlfrf.save(experiment, out, decimal=decimal)
     print(experiment)
 
@@ -484,7 +544,7 @@ def suggest_lines(ms: nlfrf.Multisine | nlfrf.OrthogonalMultisine, kind: str, f_
     )
 
 
-def identify_matrix(record: nlfrf.Record, how: dict[str, Any], out: Path, csv: bool, json: bool, decimal: str) -> None:
+def identify_matrix(record: nlfrf.Record, how: HowToIdentify, out: Path, csv: bool, json: bool, decimal: str) -> None:
     """Identify a record of several inputs; write the matrix, and a table where `csv` is set."""
     is_table = out.suffix.lower() == ".csv"
     targets = [out, *[table_path(out)] * (csv and not is_table)]

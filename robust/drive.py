@@ -3,6 +3,7 @@
 The public names of `robust.synthesis.drive`, in one place.
 """
 
+from robust.synthesis.drive.blocks import to_blocks, with_blocks
 from robust.synthesis.drive.cascade import cascade
 from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.feedforward import (
@@ -36,4 +37,6 @@ __all__ = [
     "low_pass",
     "notch",
     "structured_text",
+    "to_blocks",
+    "with_blocks",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -209,8 +209,18 @@ def wanted_force(
     """The multisine that is wanted of the force, at an rms of one."""
     require_kind("source", source, ServoAxis, Record)
     fs = source.drive.fs if isinstance(source, ServoAxis) else source.fs
-    band: dict[str, Any] = {"fs": fs, "n_samples": n_samples, "f_min": f_min, "f_max": f_max, "n_log": n_log}
-    return multisine(kind, **band, amplitude=amplitude, n_realizations=n_realizations, rng=rng, hold="zoh")
+    return multisine(
+        kind,
+        fs=fs,
+        n_samples=n_samples,
+        f_min=f_min,
+        f_max=f_max,
+        n_log=n_log,
+        amplitude=amplitude,
+        n_realizations=n_realizations,
+        rng=rng,
+        hold="zoh",
+    )
 
 
 def experiment_within(

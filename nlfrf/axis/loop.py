@@ -7,8 +7,6 @@ C is the drive from position to force, G the plant from force set point to posit
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from nlfrf._base.arguments import short_form
@@ -38,7 +36,7 @@ class DriveLoop:
     position: np.ndarray
 
 
-def drive_loop(source: Any, port: str, f: np.ndarray, plant: Bla | None) -> DriveLoop:
+def drive_loop(source: ServoAxis | Record, port: str, f: np.ndarray, plant: Bla | None) -> DriveLoop:
     """Return the loop on the lines f [Hz], of a drive with a rough plant or as a record measured it.
 
     Raises

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -82,13 +81,19 @@ def play_experiment(
     position, force = axis.units
     units = dict(zip(PORTS, (force, f"{position}/s", position), strict=True))
     played = {port: set_point(file, port, units[port]) for port in PORTS}
-    given: dict[str, Any] = {port: signal for port, signal in played.items() if signal is not None}
+    given = [port for port, signal in played.items() if signal is not None]
     if not given:
         raise ValueError(f"path must hold set points called {', '.join(PORTS)}, got none in {Path(file.path).name!r}")
     fs = file.sampling_frequency(None, tuple(given))
     if abs(fs / axis.drive.fs - 1) > 1e-6:
         raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {fs:g} Hz")
-    trace = run_servo(axis, oversampling=oversampling, **given)
+    trace = run_servo(
+        axis,
+        oversampling=oversampling,
+        force=played["force"],
+        velocity=played["velocity"],
+        position=played["position"],
+    )
     n = stop_sample(trace, AxisLimits() if limits is None else limits)
     if n < 2:
         raise ValueError(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from nlfrf._base.numbers import rfft_at, squared_modulus
 from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_experiment
 from nlfrf.io.records import find_lost_rows
-from nlfrf.records.record import Record
+from nlfrf.records.record import Record, SignalLabels
 from nlfrf.records.reference import design_period
 from nlfrf.records.screening.input import warn_about_channel
 from nlfrf.signals.axis_experiment import AxisExperiment
@@ -174,7 +174,7 @@ class Run(NamedTuple):
     u: np.ndarray
     y: np.ndarray
     fs: float
-    labels: dict[str, Any]
+    labels: SignalLabels
 
 
 class Periods(NamedTuple):

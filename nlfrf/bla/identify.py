@@ -8,13 +8,13 @@ realisation is a set of experiments, from which one matrix is made. Arrays are (
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast, overload
+from typing import overload
 
 import numpy as np
 
 from nlfrf._base.arguments import data_warning, require_choice, require_integer, short_form
 from nlfrf._base.numbers import power, squared_modulus
-from nlfrf.bla.bla import COVARIANCES, Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.bla.channel_mismatch import warn_of_mismatch
 from nlfrf.bla.covariance import psd_difference
 from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frm
@@ -224,6 +224,7 @@ def assemble_bla(
     covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, cov_bound]
     if record.is_single:
         covariances, gamma = [cov * gamma.real for cov in covariances], np.ones(gamma.shape)
+    cov_noise, cov_total, cov_distortion, cov_even, cov_bound = covariances
     levels = output_levels(record, excited, residual)
     return Bla(
         lines=grid,
@@ -239,7 +240,11 @@ def assemble_bla(
         transient=treatment,
         level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
         gamma=gamma,
-        **cast(Any, dict(zip(COVARIANCES, covariances, strict=True))),
+        cov_noise=cov_noise,
+        cov_total=cov_total,
+        cov_distortion=cov_distortion,
+        cov_even=cov_even,
+        cov_bound=cov_bound,
         dof=distortion.dof,
         grid_factor=distortion.grid_factor if R == 1 else np.ones(grid.excited.size),
         levels=levels,

@@ -65,7 +65,7 @@ def index_lines(grid: LineGrid, n_detection: int = 6) -> LineIndex:
     """Return the lines of a grid in one row, with windows of `n_detection` detection lines."""
     detection = np.concatenate([odd_lines_below_band(grid), grid.odd])
     lines = np.sort(np.concatenate([grid.excited, detection, grid.even]))
-    excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
+    excited, odd, even = (np.searchsorted(lines, np.asarray(kind)) for kind in (grid.excited, grid.odd, grid.even))
     near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (detection, grid.even))
     windows = [np.searchsorted(lines, detection)[near_odd]] + bool(even.size) * [even[near_even]]
     near_detection = np.full((len(windows), excited.size, max(one.shape[1] for one in windows)), -1)

@@ -6,10 +6,11 @@ import gzip
 import os
 import tempfile
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from nlfrf.io.readers.clock import (
     unit_in_name,
 )
 from nlfrf.io.readers.layout import make_unique
+from nlfrf.records.record import SignalLabels
 
 __all__ = ["OTHER_WAY", "SUFFIXES", "Channels", "read_channels", "to_paths"]
 
@@ -71,7 +73,7 @@ class Channels:
     arrays: Mapping[str, np.ndarray]
     time: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
-    clocks: Mapping[str, Any] = field(default_factory=dict)
+    clocks: Mapping[str, float | str] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def full_name(self, name: str) -> str:
@@ -124,14 +126,15 @@ class Channels:
             )
         return to_stream(array)
 
-    def labels(self, u: str, y: str) -> dict[str, str]:
+    def labels(self, u: str, y: str) -> SignalLabels:
         """Names of input and output without their units, and the units that the file has in brackets or beside them."""
-        labels = {}
-        for signal, name in (("u", u), ("y", y)):
-            full = self.full_name(name)
-            labels[f"{signal}_name"] = "" if full == signal else UNIT_SUFFIX.sub("", full)
-            labels[f"{signal}_unit"] = self.unit(full)
-        return labels
+        full_u, full_y = self.full_name(u), self.full_name(y)
+        return {
+            "u_name": "" if full_u == "u" else UNIT_SUFFIX.sub("", full_u),
+            "u_unit": self.unit(full_u),
+            "y_name": "" if full_y == "y" else UNIT_SUFFIX.sub("", full_y),
+            "y_unit": self.unit(full_y),
+        }
 
     def unit(self, full: str) -> str:
         """The unit of a channel by its full name, empty where the file tells none."""
@@ -211,7 +214,7 @@ class Channels:
             )
         return {"": scalar}
 
-    def moments_of(self, name: str) -> Any:
+    def moments_of(self, name: str) -> float | np.ndarray | None:
         """The time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
         time, home = self.clocks.get(name), name.rpartition(".")[0]
         if isinstance(time, float):
@@ -229,7 +232,9 @@ class Channels:
             home = full.rpartition(".")[0]
             as_long = [time for time in self.times if self.arrays[time].size == self.arrays[full].size]
             clock = min(as_long, key=lambda time: time.rpartition(".")[0] != home, default=None)
-        second = self.second_of(clock) if isinstance(clock, str) else None
+        if not isinstance(clock, str):
+            return None
+        second = self.second_of(clock)
         return None if second is None else second * np.ravel(self.arrays[clock]).astype(float, copy=False)
 
     @property
@@ -331,17 +336,16 @@ def to_stream(array: np.ndarray) -> np.ndarray:
 
 
 class Reader(NamedTuple):
-    """Who reads a kind of file, whether apart in a process of its own, and with which extra of this package."""
+    """Who reads a kind of file, a module in a process of its own, and with which extra of this package."""
 
-    contents: Any
-    separate: bool = False
+    contents: Callable[[Path], Contents] | ModuleType
     extra: str = ""
 
 
 TEXT_READER = Reader(tables.contents, extra="csv")
-HDF5_READER = Reader(hdf5, separate=True, extra="hdf5")
-MDF_READER = Reader(mdf, separate=True, extra="mdf")
-TWINCAT = Reader(twincat, separate=True, extra="twincat")
+HDF5_READER = Reader(hdf5, extra="hdf5")
+MDF_READER = Reader(mdf, extra="mdf")
+TWINCAT = Reader(twincat, extra="twincat")
 READERS = {
     ".mat": Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
     ".npz": Reader(npz.contents),
@@ -350,18 +354,21 @@ READERS = {
     ".lvm": Reader(lvm.contents, extra="csv"),
     ".h5": HDF5_READER,
     ".hdf5": HDF5_READER,
-    ".tdms": Reader(tdms, separate=True, extra="tdms"),
+    ".tdms": Reader(tdms, extra="tdms"),
     **dict.fromkeys((".mf4", ".mdf"), MDF_READER),
-    **dict.fromkeys((".uff", ".unv"), Reader(uff, separate=True, extra="uff")),
-    **dict.fromkeys((".parquet", ".feather"), Reader(columns, separate=True, extra="parquet")),
-    ".wav": Reader(wav, separate=True),
+    **dict.fromkeys((".uff", ".unv"), Reader(uff, extra="uff")),
+    **dict.fromkeys((".parquet", ".feather"), Reader(columns, extra="parquet")),
+    ".wav": Reader(wav),
 }
 SUFFIXES = ", ".join(READERS).replace(".csv,", ".csv, .csv.gz,")
 
 
-def to_paths(path: Any) -> list[Any]:
+OnePath: TypeAlias = str | os.PathLike[str]
+
+
+def to_paths(path: OnePath | Iterable[OnePath]) -> list[OnePath]:
     """The files of an experiment, one or several."""
-    paths = list(path) if isinstance(path, Iterable) and not isinstance(path, str) else [path]
+    paths = [path] if isinstance(path, str | os.PathLike) or not isinstance(path, Iterable) else list(path)
     if not paths:
         raise ValueError("path must be a file or a list of files, got none")
     return paths
@@ -396,7 +403,9 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
             elif twincat.is_export(start):
                 reader = TWINCAT
         arrays, units, clocks, notes = (
-            read_in_own_process(reader.contents.__file__, path) if reader.separate else reader.contents(path)
+            read_in_own_process(str(reader.contents.__file__), path)
+            if isinstance(reader.contents, ModuleType)
+            else reader.contents(path)
         )
     except MemoryError:
         raise ValueError(f"path must be a readable {suffix} file, got {path.name!r}: too large to read") from None
@@ -449,7 +458,12 @@ def read_compressed(path: Path) -> Channels:
         return replace(read_channels(unpacked), path=str(path))
 
 
-def clean_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Contents:
+def clean_names(
+    arrays: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    clocks: Mapping[str, float | str],
+    notes: Mapping[str, str],
+) -> Contents:
     """The same with names, units and notes that are one line each and command no terminal, whoever reads them."""
     texts = [clock for clock in clocks.values() if isinstance(clock, str)]
     names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
@@ -464,7 +478,9 @@ def clean_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Contents:
     )
 
 
-def split_columns(arrays: Mapping[str, np.ndarray], clocks: Mapping[str, Any]) -> tuple[Any, Any]:
+def split_columns(
+    arrays: Mapping[str, np.ndarray], clocks: Mapping[str, float | str]
+) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
     """The same with the columns of matrices as streams of their own; one that rises evenly in front is their time."""
     more, clocks = dict(arrays), dict(clocks)
     for name, array in arrays.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
 EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
 PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
 EXPERIMENT_SCHEMA = "nlfrf-axis-experiment"
-DESIGNS = {
+DESIGNS: dict[str, Callable[..., Multisine | OrthogonalMultisine | AxisExperiment]] = {
     MULTISINE_SCHEMA: Multisine,
     ORTHOGONAL_SCHEMA: OrthogonalMultisine,
     EXPERIMENT_SCHEMA: AxisExperiment,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -42,7 +41,7 @@ def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: 
         data_warning(f"{message}: G has that delay in it, which is none of the machine")
 
 
-def start_difference(there: Any, here: Any, fs: float) -> float:
+def start_difference(there: float | np.ndarray, here: float | np.ndarray, fs: float) -> float:
     """By how many samples one axis is behind the other; 0 where they cannot be told, or count from other origins."""
     if here is there or np.shape(here) != np.shape(there):
         return 0.0

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, CutOption
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.reference import Design, design_period
-from nlfrf.records.samples import record_from_samples, records_from_streams
+from nlfrf.records.samples import Cutting, record_from_samples, records_from_streams
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
@@ -344,13 +344,24 @@ def load_record(
         u = u[0]
     if isinstance(u, list | tuple):
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
-        cut: dict[str, Any] = {"n_samples": n_samples, "lines": lines, "n_discard": n_discard, "resample": resample}
-        return load_multirecord(path, u=u, y=y, r=r, fs=fs, design=design, hold=hold, **cut)
+        return load_multirecord(
+            path,
+            u=u,
+            y=y,
+            r=r,
+            fs=fs,
+            design=design,
+            hold=hold,
+            n_samples=n_samples,
+            lines=lines,
+            n_discard=n_discard,
+            resample=resample,
+        )
     check_names(u, y, r)
     paths = to_paths(path)
     if isinstance(design, str | os.PathLike):
         design = load_multisine(design)
-    names: dict[str, Any] = {"u": u} | ({} if r is None else {"r": r})
+    names = {"u": str(u)} | ({} if r is None else {"r": str(r)})
     outputs = [y] if isinstance(y, str) else list(y)
     options = CutOptions(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
@@ -369,7 +380,7 @@ def load_record(
     return records[0] if isinstance(y, str) else records
 
 
-def check_names(u: Any, y: Any, r: Any) -> None:
+def check_names(u: object, y: object, r: object) -> None:
     """Refuse what is no name of a channel, and an output that is asked for twice."""
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
@@ -387,35 +398,30 @@ def measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: CutOptions
 ) -> list[Record]:
     """A record for each output, of the streams of all files."""
-    streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
-    streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
+    streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
+    measured = {"y": {name: [file.signal("y", name) for file in files] for name in outputs}}
     requested = (*names.values(), *outputs)
     clocks = [file.sampling_frequency(fs, requested) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    groups = [*(streams[signal] for signal in names), *streams["y"].values()]
+    groups = [*(streams[signal] for signal in names), *measured["y"].values()]
     times = [file.seconds(names["u"]) for file in files]
     options = keep_whole_periods(
         times, groups, streams.get("r", streams["u"])[0], clocks[0], options, [f.path for f in files]
     )
-    trim_missing({signal: streams[signal] for signal in names}, streams["y"])
-    found = {name: [names["u"], name] for name in outputs}
+    trim_missing({signal: streams[signal] for signal in names}, measured["y"])
     for name in outputs:
         if files[0].full_name(name) == files[0].full_name(names["u"]):
             data_warning(f"y names the input itself, {name!r}: G is 1 whatever was measured")
-    labels: dict[str, Any] = {name: files[0].labels(*pair) for name, pair in found.items()}
+    labels = {name: files[0].labels(names["u"], name) for name in outputs}
     files.clear()  # what else they hold is not needed any more
     return records_from_streams(  # which alone holds the streams then, so that it can let go of them
         streams.pop("u"),
-        streams.pop("y"),
+        measured.pop("y"),
         r=streams.pop("r", None),
         fs=clocks[0],
-        n_samples=options.n_samples,
-        lines=options.lines,
-        n_discard=options.n_discard,
-        resample=options.resample,
         design=options.design,
-        hold=options.hold,
+        options=Cutting(options.n_samples, options.lines, options.n_discard, options.resample, options.hold),
         labels=labels,
     )
 
@@ -536,7 +542,7 @@ def load_multirecord(
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
         )
-    signals: dict[str, Any] = {
+    signals = {
         parameter: [stack_channels(parameter, names, file) for file in files]
         for parameter, names in (("u", u), ("y", y), ("r", r))
         if names
@@ -553,7 +559,9 @@ def load_multirecord(
         [file.path for file in files],
     )
     return record_from_samples(
-        **signals,
+        signals["u"],
+        signals["y"],
+        r=signals.get("r"),
         fs=clocks[0],
         n_samples=options.n_samples,
         lines=lines,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+from collections.abc import Callable
 
 import numpy as np
 
@@ -30,7 +31,7 @@ __all__ = ["export_csv", "load", "load_bla", "load_frm", "save", "save_bla", "sa
 
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
-RESULTS = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
+RESULTS: dict[str, Callable[..., Bla]] = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
 StoredValue = Multisine | OrthogonalMultisine | AxisExperiment | Record | Bla
 
 
@@ -245,5 +246,5 @@ def value_in(file: Channels) -> StoredValue:
         raise ValueError(
             f"path must be a multisine, experiment, record, BLA or FRM that this package wrote, got {file.path!r}"
         )
-    content: StoredValue = value_from_file(RESULTS | DESIGNS, file)
-    return content
+    kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
+    return value_from_file(kinds, file)

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from nlfrf._base.values import field_names
 from nlfrf.io.channels import Channels
 from nlfrf.io.stored_values import AXES_ORDER, names_from_json, require_known_version
 from nlfrf.records.record import Record, join_records
-from nlfrf.records.reference import fill_reference, reconstruct_reference
+from nlfrf.records.reference import Design, fill_reference, reconstruct_reference
 from nlfrf.signals.lines import LineGrid
 
 __all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "CutOptions", "save_record", "stored_multirecord", "stored_records"]
@@ -46,7 +46,7 @@ class CutOptions(NamedTuple):
     lines: LineGrid | None = None
     n_discard: int = 0
     resample: bool = False
-    design: Any = None  # a Multisine, or an OrthogonalMultisine of several inputs
+    design: Design | None = None
     hold: str | None = None
 
 
@@ -148,13 +148,23 @@ def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, op
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
     signals = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
-    labels: dict[str, Any] = {name: file.text(name) for name in LABELS}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
-    found = stored_periods(file, signals, options)
-    found |= {name: found[name][0] for name in names}
+    periods, lines, hold = stored_periods(file, signals, options)
+    found = {name: signal[0] for name, signal in periods.items()}
     if options.design is not None:
         found.setdefault("r", reconstruct_reference(options.design, found["u"]))
-    return Record(**found, fs=file.sampling_frequency(fs), **labels)
+    return Record(
+        u=found["u"],
+        y=found["y"],
+        r=found.get("r"),
+        lines=lines,
+        hold=hold,
+        fs=file.sampling_frequency(fs),
+        u_name=file.text("u_name"),
+        y_name=file.text("y_name"),
+        u_unit=file.text("u_unit"),
+        y_unit=file.text("y_unit"),
+    )
 
 
 def stored_multirecord(
@@ -180,20 +190,31 @@ def stored_experiments(
         if name not in outputs:
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
-    found = stored_periods(file, signals, options)
-    units: dict[str, Any] = {
-        name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays
-    }  # 0.1 had none
+    found, lines, hold = stored_periods(file, signals, options)
+    units = {name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays}  # 0.1 had none
     if y is not None:
         chosen = [outputs.index(name) for name in y]
         found["y"], outputs = found["y"][chosen], tuple(y)
         if "output_units" in units:
             units["output_units"] = tuple(units["output_units"][j] for j in chosen)
     fill_reference(found, options.design)
-    return Record(**found, fs=file.sampling_frequency(fs), inputs=inputs, outputs=outputs, **units)
+    return Record(
+        u=found["u"],
+        y=found["y"],
+        r=found.get("r"),
+        lines=lines,
+        hold=hold,
+        fs=file.sampling_frequency(fs),
+        inputs=inputs,
+        outputs=outputs,
+        input_units=units.get("input_units", ()),
+        output_units=units.get("output_units", ()),
+    )
 
 
-def stored_periods(file: Channels, signals: Mapping[str, np.ndarray], options: CutOptions) -> dict[str, Any]:
+def stored_periods(
+    file: Channels, signals: Mapping[str, np.ndarray], options: CutOptions
+) -> tuple[dict[str, np.ndarray], LineGrid, str]:
     """Signals (channels, M, P, N) as they were cut, with their lines and hold: what was asked for goes first."""
     arrays = file.arrays
     try:
@@ -212,8 +233,5 @@ def stored_periods(file: Channels, signals: Mapping[str, np.ndarray], options: C
     design, hold = options.design, file.text("hold") or "unknown"
     if design is not None:
         grid, hold = design.lines, design.hold if hold == "unknown" else hold
-    return {
-        **{name: signal[:, :, n_discard:] for name, signal in periods.items()},
-        "lines": grid if options.lines is None else options.lines,
-        "hold": options.hold or hold,
-    }
+    kept = {name: signal[:, :, n_discard:] for name, signal in periods.items()}
+    return kept, grid if options.lines is None else options.lines, options.hold or hold

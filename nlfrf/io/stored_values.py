@@ -6,8 +6,8 @@ import inspect
 import itertools
 import json
 import os
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -19,18 +19,25 @@ from nlfrf.io.channels import Channels, read_channels
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 __all__ = ["AXES_ORDER", "load_value", "names_from_json", "require_known_version", "save_value", "value_from_file"]
 
 
 #: Values inside a Bla or an experiment; levels of several channels are one an output.
-NESTED_VALUES: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels, "ms": Multisine}
+NESTED_VALUES: dict[str, type[LineGrid] | type[DistortionLevels] | type[Multisine]] = {
+    "lines": LineGrid,
+    "levels": DistortionLevels,
+    "ms": Multisine,
+}
 NAME_FIELDS = ("inputs", "outputs", "input_units", "output_units")
 #: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
 AXES_ORDER = "realization period sample"
 
 
 def save_value(
-    thing: Any, schema: str, path: str | os.PathLike[str], *, role: Role = Role.NAMED, **more: np.ndarray
+    thing: DataclassInstance, schema: str, path: str | os.PathLike[str], *, role: Role = Role.NAMED, **more: np.ndarray
 ) -> None:
     """Write every field of a value, those of the values inside it by dotted names, names of channels as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
@@ -38,7 +45,7 @@ def save_value(
     write_arrays(to_path(path), content, role=role)
 
 
-def value_to_arrays(thing: Any, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
+def value_to_arrays(thing: DataclassInstance, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
     """The fields of a value as arrays, those of the values inside it behind its name and a dot."""
     content: dict[str, np.ndarray] = {}
     for name in names:
@@ -57,12 +64,15 @@ def value_to_arrays(thing: Any, names: tuple[str, ...], prefix: str = "") -> dic
     return content
 
 
-def load_value(kinds: Mapping[str, Any], path: str | os.PathLike[str]) -> Any:
+Kind = TypeVar("Kind")
+
+
+def load_value(kinds: Mapping[str, Callable[..., Kind]], path: str | os.PathLike[str]) -> Kind:
     """The value of one of these kinds, by its schema, that `save_value` wrote."""
     return value_from_file(kinds, read_channels(path))
 
 
-def value_from_file(kinds: Mapping[str, Any], file: Channels) -> Any:
+def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) -> Kind:
     """The same of a file that was read."""
     schema = file.text("schema")
     if schema not in kinds:
@@ -75,7 +85,7 @@ def value_from_file(kinds: Mapping[str, Any], file: Channels) -> Any:
         raise ValueError(f"path must hold a whole {schema}, got {file.path!r} without {missing}") from None
 
 
-def value_from_arrays(kind: Any, content: Mapping[str, np.ndarray], prefix: str = "") -> Any:
+def value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarray], prefix: str = "") -> Kind:
     """A value from its fields as arrays; those that it can do without may be missing."""
     wanted = inspect.signature(kind).parameters
     required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
@@ -88,7 +98,7 @@ def value_from_arrays(kind: Any, content: Mapping[str, np.ndarray], prefix: str 
     )
 
 
-def field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> Any:
+def field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> object:
     """One field of a value from the arrays of its file."""
     key = f"{prefix}{name}"
     if name in NAME_FIELDS:
@@ -114,7 +124,7 @@ def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
     return tuple(map(one_line, names))
 
 
-def to_scalar(array: np.ndarray) -> Any:
+def to_scalar(array: np.ndarray) -> object:
     """A number or a text from an array without axes, any other array as it is."""
     held = array.item() if array.ndim == 0 else array
     return one_line(held) if isinstance(held, str) else held

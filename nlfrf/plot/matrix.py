@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -161,7 +161,7 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> np.ndarray:
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[Any, Any]:
+def entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[np.ndarray, Axes]:
     """Create a matrix of axes with the names of the channels."""
     return matrix_axes(ax, [f"{name}  {up}" for name in frm.outputs], [f"by {name}" for name in frm.inputs])
 

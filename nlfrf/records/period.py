@@ -7,8 +7,6 @@ samples at one end of it everywhere else. What is found so is held against the w
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from nlfrf._base.numbers import TINY, fast_length, iterate_blocks, streams_equal
@@ -144,7 +142,7 @@ def period_of_long_signal(u: np.ndarray) -> float:
     return 0.0
 
 
-def is_as_good(like: Any, best: float) -> Any:
+def is_as_good(like: float | np.ndarray, best: float) -> bool | np.ndarray:
     """Whether a correlation, or each of an array, is as good as the best one: the first lag that is, is the period."""
     return like > best - 0.1 * (1 - best) - 0.02
 

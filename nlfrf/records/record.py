@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -18,20 +18,33 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from nlfrf._base.numbers import is_constant
-from nlfrf._base.values import Sketch, value
+from nlfrf._base.values import ArrayField, Sketch, value
 from nlfrf.signals.lines import LineGrid
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = [
     "SAME_CLOCK",
     "Channels",
     "MultiRecord",
     "Record",
+    "SignalLabels",
     "join_records",
     "require_varying",
 ]
 
 
 SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
+
+
+class SignalLabels(TypedDict, total=False):
+    """Names and units of one input and one output."""
+
+    u_name: str
+    y_name: str
+    u_unit: str
+    y_unit: str
 
 
 class Channels:
@@ -42,7 +55,9 @@ class Channels:
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
 
-    def _name_channels(self, n: tuple[int, int], names: Sequence[Any], units: Sequence[Any]) -> None:
+    def _name_channels(
+        self, n: tuple[int, int], names: Sequence[str | Sequence[str]], units: Sequence[str | Sequence[str]]
+    ) -> None:
         """Set the four fields for (n_u, n_y) channels from what was given, u, y, ... where nothing was."""
         for k, (side, letter) in enumerate((("input", "u"), ("output", "y"))):
             given = channel_names(f"{side}s", names[k], n[k])
@@ -135,11 +150,11 @@ class Record(Channels):
     (2, 2, 2, 1)
     """
 
-    u: Any
-    y: Any
+    u: np.ndarray
+    y: np.ndarray
     fs: float
     lines: LineGrid
-    r: Any
+    r: ArrayField
     hold: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -149,11 +164,11 @@ class Record(Channels):
     def __init__(
         self,
         *,
-        u: Any,
-        y: Any,
+        u: ArrayLike,
+        y: ArrayLike,
         fs: float,
         lines: LineGrid,
-        r: Any = None,
+        r: ArrayLike | None = None,
         hold: str = "unknown",
         inputs: Sequence[str] = (),
         outputs: Sequence[str] = (),
@@ -230,7 +245,7 @@ class Record(Channels):
 MultiRecord = Record
 
 
-def to_one_layout(signals: dict[str, Any]) -> dict[str, np.ndarray]:
+def to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     """Signals as float arrays (M, P, N) of one input and one output, else (channels, M, P, N); or refused."""
     several = any(np.ndim(signal) == 4 for signal in signals.values())
     arrays = {name: require_real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3) for name, one in signals.items()}
@@ -331,8 +346,6 @@ def join_records(records: Sequence[Record]) -> Record:
     if any(with_r) and not all(with_r):
         raise ValueError("records must all have a reference or none of them, got some with and some without")
     n_periods = min(one.n_periods for one in records)
-    signals: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=-3)
-        for name in ("u", "y", *(["r"] if all(with_r) else []))
-    }
-    return replace(first, **signals)
+    u, y = (np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=-3) for name in "uy")
+    r = np.concatenate([one.r[..., :n_periods, :] for one in records], axis=-3) if all(with_r) else first.r
+    return replace(first, u=u, y=y, r=r)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from nlfrf._base.arguments import require_kind, require_positive
@@ -35,14 +33,14 @@ def design_period(design: Design, fs: float) -> int:
     return round(n)
 
 
-def reconstruct_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
+def reconstruct_reference(design: Design, u: np.ndarray) -> np.ndarray:
     """Return (M, P, N) the design as played, aligned with one input; as `reconstruct_references`."""
     require_kind("design", design, Multisine)
     played: np.ndarray = reconstruct_references(design, u[None])[0]
     return played
 
 
-def fill_reference(found: dict[str, Any], design: Design | None) -> None:
+def fill_reference(found: dict[str, np.ndarray], design: Design | None) -> None:
     """Put what was played into the signals of a record as their references, where there are none and they may be.
 
     A zippered record is identified in open loop and takes none; that it shows the design is looked at all the same.

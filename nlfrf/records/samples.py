@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modulus, streams_equal
 from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
 from nlfrf.records.period import detect_period
-from nlfrf.records.record import Record, require_varying
+from nlfrf.records.record import Record, SignalLabels, require_varying
 from nlfrf.records.reference import Design, design_period, fill_reference, reconstruct_reference
 from nlfrf.records.screening.gaps import find_slips
 from nlfrf.records.screening.input import (
@@ -36,7 +36,10 @@ from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["multirecord_from_samples", "record_from_samples", "records_from_streams"]
+if TYPE_CHECKING:
+    pass
+
+__all__ = ["Cutting", "multirecord_from_samples", "record_from_samples", "records_from_streams"]
 
 
 MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
@@ -49,6 +52,8 @@ ACTUATOR_SHARE = 0.1  # of the share of power between the lines of the input: a 
 MIN_LINES = 6  # below which lines are even by chance
 SHARED_SHARE = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
 Streams = dict[str, list[np.ndarray]]
+#: Samples as they are given: one stream, or one for each realisation or experiment.
+Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
 
 
 def record_from_samples(
@@ -130,39 +135,47 @@ def record_from_samples(
     """
     if design is not None:
         require_kind("design", design, OrthogonalMultisine, Multisine)
-    options: dict[str, Any] = {
-        "n_samples": n_samples,
-        "lines": lines,
-        "n_discard": n_discard,
-        "resample": resample,
-        "hold": hold,
-    }
-    signals = {"u": u, "y": y} | ({} if r is None else {"r": r})
+    options = Cutting(n_samples=n_samples, lines=lines, n_discard=n_discard, resample=resample, hold=hold)
+    signals: dict[str, Samples] = {"u": u, "y": y}
+    if r is not None:
+        signals["r"] = r
     if inputs or outputs or isinstance(design, OrthogonalMultisine) or any(map(has_channels, signals.values())):
         return record_of_channels(signals, fs, options, design, inputs, outputs)
-    (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, design=design, **options)
+    (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, design=design, options=options)
     return record
 
 
-def has_channels(signal: Any) -> bool:
+class Cutting(NamedTuple):
+    """How samples are to be cut into periods, as `record_from_samples` was asked."""
+
+    n_samples: int | None = None
+    lines: LineGrid | None = None
+    n_discard: int = 0
+    resample: bool = False
+    hold: str | None = None
+
+
+def has_channels(signal: Samples) -> bool:
     """Whether streams come with an axis of channels: of a list its first one tells."""
     first = signal[0] if isinstance(signal, list | tuple) and signal else signal
     return np.ndim(first) == 2
 
 
 def record_of_channels(
-    signals: dict[str, Any],
+    signals: dict[str, Samples],
     fs: float,
-    options: dict[str, Any],
+    options: Cutting,
     design: Design | None,
     inputs: Sequence[str],
     outputs: Sequence[str],
 ) -> Record:
     """`record_from_samples` for several inputs or outputs, or for channels that have names."""
     if design is not None:
-        options["n_samples"] = design_period(design, fs) if options["n_samples"] is None else options["n_samples"]
-        options["lines"] = design.lines if options["lines"] is None else options["lines"]
-        options["hold"] = design.hold if options["hold"] is None else options["hold"]
+        options = options._replace(
+            n_samples=design_period(design, fs) if options.n_samples is None else options.n_samples,
+            lines=design.lines if options.lines is None else options.lines,
+            hold=design.hold if options.hold is None else options.hold,
+        )
     streams = {name: split_experiments(name, signal) for name, signal in signals.items()}
     for name, signal in streams.items():
         lengths, wanted = ([one.shape[1] for one in some] for some in (signal, streams["u"]))
@@ -174,14 +187,23 @@ def record_of_channels(
     )
     known = "r" if "r" in streams else "u"
     names = {"u": inputs, "y": outputs, "r": inputs}
-    lines, hold = options.pop("lines"), options.pop("hold")
-    found, fs = cut_together(streams, known, names, options | {"fs": fs, "lines": lines})
+    lines = options.lines
+    found, fs = cut_together(streams, known, names, fs, options)
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
     fill_reference(found, design)
-    hold = "unknown" if hold is None else hold
-    return Record(**found, fs=fs, lines=lines, hold=hold, inputs=inputs, outputs=outputs)
+    hold = "unknown" if options.hold is None else options.hold
+    return Record(
+        u=found["u"],
+        y=found["y"],
+        r=found.get("r"),
+        fs=fs,
+        lines=lines,
+        hold=hold,
+        inputs=inputs,
+        outputs=outputs,
+    )
 
 
 #: The name of `record_from_samples` for several channels before one function took any number of them.
@@ -189,8 +211,8 @@ multirecord_from_samples = record_from_samples
 
 
 def cut_together(
-    streams: dict[str, list[np.ndarray]], known: str, names: dict[str, tuple[str, ...]], options: dict[str, Any]
-) -> tuple[dict[str, Any], float]:
+    streams: Streams, known: str, names: dict[str, tuple[str, ...]], fs: float, options: Cutting
+) -> tuple[dict[str, np.ndarray], float]:
     """Every signal (channels, M, P, N) cut where the known ones show that the periods stand, and what fs is by them.
 
     All channels at once: a period that one of them lost is lost to all.
@@ -201,7 +223,8 @@ def cut_together(
         for i in range(len(signal[0]))
     }
     summed = [sum_with_all_lines(one) for one in streams[known]]
-    cut = records_from_streams(summed, channels, r=None, design=None, hold=None, named=True, **options)
+    options = options._replace(hold=None)
+    cut = records_from_streams(summed, channels, r=None, fs=fs, design=None, options=options, named=True)
     rows = iter(cut)
     found = {name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()}
     return found, cut[0].fs
@@ -222,7 +245,7 @@ def sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
     return np.asarray((1 / np.sqrt(size)) @ channels)
 
 
-def split_experiments(name: str, signal: Any) -> list[np.ndarray]:
+def split_experiments(name: str, signal: Samples) -> list[np.ndarray]:
     """The streams (n_channels, n) of each experiment."""
     many = list(signal) if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0) else [signal]
     arrays = [
@@ -239,24 +262,21 @@ def split_experiments(name: str, signal: Any) -> list[np.ndarray]:
 
 
 def records_from_streams(
-    u: Any,
-    outputs: Mapping[str, Any],
+    u: Samples,
+    outputs: Mapping[str, Samples],
     *,
-    r: Any,
+    r: Samples | None,
     fs: float,
-    n_samples: int | None,
-    lines: LineGrid | None,
-    n_discard: int,
-    resample: bool,
-    design: Multisine | None,
-    hold: str | None,
-    labels: Mapping[str, Any] | None = None,
+    design: Design | None,
+    options: Cutting,
+    labels: Mapping[str, SignalLabels] | None = None,
     named: bool = False,
 ) -> list[Record]:
     """`record_from_samples` for several outputs by name: a record each, all with the very same input, and its labels.
 
     Streams that nobody can write go into the record as they are, where there is one realisation.
     """
+    n_samples, lines, n_discard, resample, hold = options
     fs, n_discard = require_positive("fs", fs), require_integer("n_discard", n_discard, least=0)
     for name, given, kind in (("design", design, Multisine), ("lines", lines, LineGrid)):
         if given is not None:
@@ -314,7 +334,7 @@ def records_from_streams(
     u, r = cut.pop("u"), cut.pop("r", None)
     (y, label), *others = zip(cut.values(), labels.values(), strict=True)
     first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **label)
-    return [first, *(replace(first, y=y, **label) for y, label in others)]
+    return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
 
 
 def require_whole_period(n: int, n_samples: int, n_discard: int) -> None:
@@ -394,7 +414,7 @@ def output_label(name: str, m: int, tracks: Sequence[PeriodAlignment | None]) ->
     return name if len(tracks) == 1 else f"{name}, realisation {m}"
 
 
-def output_names(signals: Mapping[str, Any]) -> list[str]:
+def output_names(signals: Iterable[str]) -> list[str]:
     """The names of those that are neither input nor reference."""
     return [name for name in signals if name not in ("u", "r")]
 
@@ -423,7 +443,7 @@ def require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
         )
 
 
-def check_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> Streams:
+def check_streams(u: Samples, outputs: Mapping[str, Samples], r: Samples | None, named: bool) -> Streams:
     """The streams of each signal, one per realisation, once they are known to belong together.
 
     Outputs that are named are called so in messages, others y.
@@ -459,7 +479,7 @@ def warn_of_other_rates(streams: Streams, fs: float) -> None:
             )
 
 
-def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, Any]) -> None:
+def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabels]) -> None:
     """Warn of an output that is the multisine, or repeats to the last digit, where the input is not or does not."""
     if "r" in cut:
         return
@@ -474,7 +494,7 @@ def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, Any]) -> No
 
 
 @contextmanager
-def add_swap_hint(streams: Streams, labels: Mapping[str, Any]) -> Iterator[None]:
+def add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Iterator[None]:
     """Add to a refusal of the input that the multisine is found in an output, where it is."""
     try:
         yield
@@ -498,7 +518,7 @@ def first_periods(streams: Streams) -> dict[str, np.ndarray]:
     return found
 
 
-def describe_swap(periods: Mapping[str, np.ndarray], outputs: Sequence[str], labels: Mapping[str, Any]) -> str:
+def describe_swap(periods: Mapping[str, np.ndarray], outputs: Sequence[str], labels: Mapping[str, SignalLabels]) -> str:
     """That an output is a multisine with even lines and the input is not, in words; else empty.
 
     What a machine makes of a multisine has its resonances in it, and its distortion between the lines.
@@ -562,7 +582,7 @@ def require_period_alignment(where: PeriodAlignment) -> None:
         data_warning(f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place")
 
 
-def to_streams(name: str, signal: Any) -> list[np.ndarray]:
+def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """One-dimensional streams, one per realisation."""
     if isinstance(signal, (list, tuple)) and signal and np.ndim(signal[0]) > 0:
         if len(signal) == 1:

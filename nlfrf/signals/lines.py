@@ -9,11 +9,14 @@ Schoukens, 4.3).
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["KINDS", "LineGrid", "chance_correlation", "grid_lines", "local_mean", "recognise_kind"]
 
@@ -51,9 +54,9 @@ class LineGrid:
     array([5, 7])
     """
 
-    excited: Any
-    odd: Any = None
-    even: Any = None
+    excited: ArrayField
+    odd: ArrayField = None
+    even: ArrayField = None
 
     def __post_init__(self) -> None:
         excited = line_numbers("excited", self.excited)
@@ -86,7 +89,7 @@ def detection_lines(excited: np.ndarray) -> np.ndarray:
     return np.setdiff1d(np.arange(excited[0], excited[-1]), excited, assume_unique=True)
 
 
-def line_numbers(name: str, lines: Any) -> np.ndarray:
+def line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
     """Lines as an increasing int array, or a refusal."""
     array = np.asarray(lines)
     if array.ndim != 1:

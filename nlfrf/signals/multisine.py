@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, overload
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeAlias, overload
 
 import numpy as np
 
@@ -20,9 +20,14 @@ from nlfrf._base.values import value
 from nlfrf.signals.lines import KINDS, LineGrid, grid_lines
 from nlfrf.signals.orthogonal import OrthogonalMultisine, orthogonal_multisine
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 __all__ = ["Multisine", "Rng", "multisine"]
 
 
+#: Relative amplitudes on the excited lines, or a function of their frequencies [Hz].
+Amplitude: TypeAlias = "np.ndarray | Callable[[np.ndarray], np.ndarray]"
 Rng = np.random.Generator | int | None
 
 
@@ -148,7 +153,7 @@ def multisine(
     n_samples: int,
     f_min: float,
     f_max: float,
-    rms: Any = ...,
+    rms: float | Sequence[float] | np.ndarray = ...,
     amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
     lines: LineGrid | np.ndarray | None = ...,
     n_log: int | None = ...,
@@ -156,7 +161,7 @@ def multisine(
     n_inputs: int,
     design: str = ...,
     transform: str = ...,
-    mixing: Any = ...,
+    mixing: ArrayLike | None = ...,
     n_draws: int = ...,
     rng: Rng = ...,
     hold: str = ...,
@@ -170,7 +175,7 @@ def multisine(
     n_samples: int,
     f_min: float,
     f_max: float,
-    rms: Any = 1.0,
+    rms: float | Sequence[float] | np.ndarray = 1.0,
     amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
     lines: LineGrid | np.ndarray | None = None,
     n_log: int | None = None,
@@ -178,7 +183,7 @@ def multisine(
     n_inputs: int = 1,
     design: str = "orthogonal",
     transform: str = "dft",
-    mixing: Any = None,
+    mixing: ArrayLike | None = None,
     n_draws: int = 1,
     rng: Rng = None,
     hold: str = "unknown",
@@ -289,7 +294,9 @@ def multisine(
     )
 
 
-def grid_in_band(kind: str, lines: Any, first: int, last: int, rng: np.random.Generator) -> LineGrid:
+def grid_in_band(
+    kind: str, lines: LineGrid | np.ndarray | None, first: int, last: int, rng: np.random.Generator
+) -> LineGrid:
     """The grid of a kind from the first to the last line of the band, or the one that was given."""
     if kind == "custom":
         if lines is None:
@@ -337,7 +344,7 @@ def band_lines(fs: float, n_samples: int, f_min: float, f_max: float) -> tuple[i
     return first, last
 
 
-def relative_amplitude(amplitude: Any, f: np.ndarray) -> np.ndarray:
+def relative_amplitude(amplitude: Amplitude | None, f: np.ndarray) -> np.ndarray:
     """The (F,) relative amplitudes at the frequencies f."""
     if amplitude is None:
         return np.ones(f.size)
@@ -356,20 +363,20 @@ def relative_amplitude(amplitude: Any, f: np.ndarray) -> np.ndarray:
     return shape
 
 
-def relative_amplitudes(amplitude: Any, f: np.ndarray, n_inputs: int) -> np.ndarray:
+def relative_amplitudes(amplitude: Amplitude | None, f: np.ndarray, n_inputs: int) -> np.ndarray:
     """The (n_u, F) relative amplitudes of several inputs."""
     given = amplitude(f) if callable(amplitude) else amplitude
-    if np.ndim(given) == 2:
+    if given is not None and np.ndim(given) == 2:
         if len(given) != n_inputs:
             raise ValueError(f"amplitude must have one row per input ({n_inputs}), got {len(given)}")
         return np.stack([relative_amplitude(row, f) for row in given])
     return np.tile(relative_amplitude(given, f), (n_inputs, 1))
 
 
-def rms_per_input(rms: Any, n_inputs: int) -> np.ndarray:
+def rms_per_input(rms: float | Sequence[float] | np.ndarray, n_inputs: int) -> np.ndarray:
     """(n_u,) root mean square of each input."""
     if np.ndim(rms) == 0:
         return np.full(n_inputs, require_positive("rms", rms))
     if np.shape(rms) != (n_inputs,):
         raise ValueError(f"rms must be one number, or one per input ({n_inputs}), got shape {np.shape(rms)}")
-    return np.array([require_positive(f"rms[{i}]", float(one)) for i, one in enumerate(rms)])
+    return np.array([require_positive(f"rms[{i}]", float(one)) for i, one in enumerate(np.asarray(rms))])

@@ -9,13 +9,16 @@ them, while U U^H = n_u diag(A_i^2) exactly (Dobrowiecki & Schoukens 2007). Zipp
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.arguments import HOLDS, require_choice, require_integer, require_positive, require_real_array
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
 from nlfrf.signals.lines import LineGrid
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["DESIGNS", "TRANSFORMS", "OrthogonalMultisine", "orthogonal_matrix", "orthogonal_multisine"]
 
@@ -72,7 +75,7 @@ class OrthogonalMultisine:
     design: str
     amplitude: np.ndarray
     phase: np.ndarray
-    mixing: Any = None
+    mixing: ArrayField = None
     hold: str = "unknown"
 
     def __post_init__(self) -> None:
@@ -162,7 +165,7 @@ def orthogonal_multisine(
     n_realizations: int,
     design: str,
     transform: str,
-    mixing: Any,
+    mixing: ArrayLike | None,
     n_draws: int,
     hold: str,
     rng: np.random.Generator,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
@@ -121,9 +121,23 @@ class Curves:
 
     def with_responses(self, part: Callable[[str], np.ndarray], omega: np.ndarray) -> Curves:
         """Return curves at other frequencies, with the response that `part` gives for each name."""
-        names = ("G", "K", "w", "w_P", "S", "a", "b", "W", "folded_rs", "folded_S_worst", "folded_performance_margin")
-        of: dict[str, Any] = {name: part(name) for name in names if getattr(self, name) is not None}
-        return replace(self, omega=omega, **of)
+        return replace(
+            self,
+            omega=omega,
+            G=part("G"),
+            K=part("K"),
+            w=part("w"),
+            w_P=None if self.w_P is None else part("w_P"),
+            S=part("S"),
+            a=part("a"),
+            b=part("b"),
+            W=part("W"),
+            folded_rs=None if self.folded_rs is None else part("folded_rs"),
+            folded_S_worst=None if self.folded_S_worst is None else part("folded_S_worst"),
+            folded_performance_margin=(
+                None if self.folded_performance_margin is None else part("folded_performance_margin")
+            ),
+        )
 
 
 #: A largest value and its frequency [rad/s].

@@ -30,6 +30,7 @@ from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels, is_within_set, require_parametric
 from robust.models.sets.perturbations import perturbed_plant, with_phase, with_phases
+from robust.mu.bounds import worst_gain_bounds
 from robust.mu.gain import worst_gain
 from robust.mu.lower import mu_lower
 from robust.mu.upper import refine_grid
@@ -201,7 +202,6 @@ def perturbation_lead(loop: Loop, delay: float) -> float:
 BAND_EDGE_RATIO = 1e-4  # of the lowest frequency, or of the distance to Nyquist
 N_PEAKS = 3  # frequencies at which the worst perturbation is searched
 MAX_GAIN_FREQUENCIES = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
-N_BISECTIONS = 24  # of log g, from three decades: to 1e-6
 
 
 def worst_case_matrix(model: UncertaintyModel, K: Controller, w_P: Weight | None, delay: float) -> WorstCase:
@@ -218,9 +218,10 @@ def worst_case_matrix(model: UncertaintyModel, K: Controller, w_P: Weight | None
     else:
         dt = timebase(model.nominal)
         found = []
-        for at in np.unique(np.clip(omega[np.argsort(-gain)[:N_PEAKS]], *phase_band(omega, dt))):
-            delta = find_worst_delta(response_by_channel(system.N, np.array([at]))[:, :, 0], system)
-            one = interpolate_perturbation(delta, float(at), dt, full=model.form != ELEMENTS)
+        peaks = np.unique(np.clip(omega[np.argsort(-gain)[:N_PEAKS]], *phase_band(omega, dt)))
+        deltas = worst_gain_bounds(system.N, system.structure, peaks).delta
+        for k, at in enumerate(peaks):
+            one = interpolate_perturbation(deltas[:, :, k], float(at), dt, full=model.form != ELEMENTS)
             found.append((performance_gain(system, one, float(at)), float(at), one))
         _, where, Delta = max(found, key=lambda one: one[0])
         stable = decide_stability(upper_lft(system.N, Delta)).stable
@@ -256,26 +257,6 @@ def gain_grid(system: UncertainSystem, lines: np.ndarray) -> np.ndarray:
     omega = np.union1d(structure_grid(system.N), lines)
     omega = omega[omega > 0]
     return np.union1d(omega[:: max(1, omega.size // MAX_GAIN_FREQUENCIES)], omega[[0, -1]])
-
-
-def find_worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
-    """Find the perturbation (drives, reads) of gain at most one that makes the gain of N (rows, cols) largest.
-
-    Of N with its outputs over g, the smallest perturbation that makes it singular together with a full block between
-    outputs and inputs has size one where g is the gain that the other blocks reach: looked for by bisection of log g.
-    """
-    rows, cols = sum(block[0] for block in system.structure), sum(block[1] for block in system.structure)
-    low = float(np.linalg.norm(N[rows:, cols:], 2)) + np.finfo(float).tiny
-    high, best = 1e3 * low, np.zeros((cols, rows), dtype=complex)
-    for _ in range(N_BISECTIONS):
-        middle = np.sqrt(low * high)
-        scaled_N = np.concatenate([N[:rows], N[rows:] / middle])
-        found = mu_lower(scaled_N[:, :, None], system.with_performance, n_starts=2)
-        if found.value[0] >= 1 and found.delta is not None:
-            low, best = middle, found.delta[:cols, :rows, 0]
-        else:
-            high = middle
-    return best
 
 
 def performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:

@@ -8,6 +8,7 @@ exact                verification of friction proofs in exact arithmetic
 identification       the entry point: machine and friction with intervals, from records at several levels
 in_motion            mass, viscous and Coulomb friction of an axis in motion
 levels               machine and class read from measured levels, and what of it is refused
+load                 where the search for a motor and a load begins
 linear_uncertainty   the class beside an LTI error of the linear part: a test at frequencies, no proof
 multipliers          weights of filters on the friction, by a linear program
 passivity            every passive friction: what damping a loop leaves at its port

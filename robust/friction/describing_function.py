@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.linalg import expm
 
 import nlfrf
+from nlfrf import Bla
 from nlfrf._base.arguments import require_real_array, short_form
 from nlfrf._base.values import value
+from robust._base.types import Controller
 from robust.friction.passivity import MeasuredImpedances, measured_impedances
 from robust.friction.plant import FrictionLoop, FrictionPlant, friction_loop, loop_frequencies, mobility
 from robust.lti.lti import poles
 from robust.lti.realisation import state_space
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 __all__ = ["QuasiLinear", "describing_function", "quasi_linear"]
+
+
+#: A friction law as `nlfrf.drive` takes it.
+Law: TypeAlias = (
+    "nlfrf.friction.Coulomb | nlfrf.friction.LuGre | nlfrf.friction.Leuven | nlfrf.friction.GeneralizedMaxwellSlip"
+    " | nlfrf.friction.Dahl | nlfrf.friction.VaryingSliders | nlfrf.friction.OwnFriction"
+)
 
 
 # ---- A friction law at an amplitude as a spring and a damper: what it answers to a sine.
@@ -24,7 +36,7 @@ POINTS, PERIODS = 256, 3  # of a sine that friction is driven by
 MAX_STEPS_PER_SAMPLE = 4096  # integration steps a point
 
 
-def describing_function(friction: Any, amplitude: float, omega: float) -> complex:
+def describing_function(friction: Law, amplitude: float, omega: float) -> complex:
     """k_eq + j w c_eq [N/m] of a law at an amplitude [m] and a frequency [rad/s].
 
     >>> from nlfrf.friction import VaryingSliders
@@ -136,13 +148,13 @@ class QuasiLinear:
 
 
 def quasi_linear(
-    friction: Any,
+    friction: Law | list[Bla] | tuple[Bla, ...],
     machine: FrictionPlant,
-    K: Any,
+    K: Controller,
     *,
     delay: float = 0.0,
-    burst: Any = None,
-    amplitudes: Any = None,
+    burst: ArrayLike | None = None,
+    amplitudes: ArrayLike | None = None,
 ) -> QuasiLinear:
     """Predict from which amplitude and kick a loop around friction grows, and what becomes of it after a burst.
 
@@ -227,7 +239,7 @@ def quasi_linear(
     )
 
 
-def amplitude_grid(amplitudes: Any, levels: MeasuredImpedances | None) -> np.ndarray:
+def amplitude_grid(amplitudes: ArrayLike | None, levels: MeasuredImpedances | None) -> np.ndarray:
     """Return the amplitudes [m] at which the loop is evaluated."""
     if amplitudes is None:
         if levels is None:
@@ -241,7 +253,7 @@ def amplitude_grid(amplitudes: Any, levels: MeasuredImpedances | None) -> np.nda
 
 
 def equivalent_impedances(
-    loop: FrictionLoop, friction: Any, levels: MeasuredImpedances | None, a: np.ndarray
+    loop: FrictionLoop, friction: Law | list[Bla] | tuple[Bla, ...], levels: MeasuredImpedances | None, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return k_eq, c_eq, the real part of the least damped loop pole and its frequency [rad/s] at each amplitude."""
     if levels is not None:
@@ -249,6 +261,7 @@ def equivalent_impedances(
         both = list(zip(stiffness, damping, strict=True))
         pole = np.array([least_damped_pole(loop, k, c) for k, c in both])
         return stiffness, damping, pole, np.array([oscillation_frequency(loop, k, c) for k, c in both])
+    assert not isinstance(friction, list | tuple)
     N, pole, omega = np.zeros(a.size, complex), np.zeros(a.size, complex), np.zeros(a.size)
     start, slides = oscillation_frequency(loop, 0.0, 0.0), False
     for i in range(a.size):
@@ -305,10 +318,10 @@ def zero_growth_amplitude(a: np.ndarray, growth: np.ndarray, i: int) -> float:
 
 
 def amplitude_after_burst(
-    loop: FrictionLoop, machine: FrictionPlant, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray]
+    loop: FrictionLoop, machine: FrictionPlant, burst: ArrayLike, at: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> float:
     """Return the amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
-    burst = require_real_array("burst", burst, ndim=1)
+    forces = require_real_array("burst", burst, ndim=1)
     if not loop.T:
         raise ValueError("burst must be left out with a continuous controller, got one. Sample it first")
     a, stiffness, damping = at
@@ -316,7 +329,7 @@ def amplitude_after_burst(
     push = np.concatenate([machine.B_force, np.zeros(n - machine.B_force.size)])
     steps: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}
     xi, envelope = np.zeros(n), a[0]
-    for force in burst:
+    for force in forces:
         i = min(int(np.searchsorted(a, envelope)), a.size - 1)
         if i not in steps:
             steps[i] = (

@@ -22,6 +22,7 @@ from robust.friction.balance import (
     derived_numbers,
     deviations,
     extend,
+    format_numbers,
     mode_error,
     mode_term,
     motion_of_record,
@@ -34,15 +35,6 @@ from robust.friction.balance import (
 from robust.friction.levels import require_si, weighted_mean
 
 __all__ = ["SlidingFit", "identify_sliding"]
-
-#: What is printed: label, unit in force F and length L, factor to it.
-REPORTED_IN_MOTION = {
-    "mass": ("m", "F s^2/L", 1.0),
-    "damping": ("c", "F s/L", 1.0),
-    "coulomb": ("Coulomb friction", "F", 1.0),
-    "offset": ("force that does not turn", "F", 1.0),
-    "delay": ("delay with lag", "ms", 1e3),
-}
 
 
 @value
@@ -102,14 +94,9 @@ class SlidingFit:
         return getattr(self, name) - half, getattr(self, name) + half
 
     def __str__(self) -> str:
-        rows = []
-        for name, (label, unit, factor) in REPORTED_IN_MOTION.items():
-            if name in self.stds:
-                half = factor * HALF_WIDTH * self.stds[name]
-                rows.append(f"{label} = {factor * getattr(self, name):.4g} +- {half:.1g} {unit_of(unit, self.units)}")
         speeds = ", ".join(f"{v:.3g}" for v in self.velocities) + " " + unit_of("L/s", self.units)
-        rows.append(f"95 % intervals, in motion at {speeds}; break-away and K0 need levels at rest")
-        return "\n".join(rows)
+        last = f"95 % intervals, in motion at {speeds}; break-away and K0 need levels at rest"
+        return "\n".join([*format_numbers(self), last])
 
 
 def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float]) -> SlidingFit:
@@ -224,7 +211,7 @@ def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:
     candidate = refine([motion], stds, candidate, (1e-9, 1.0))
     covariance = covariance_of([motion], reweight([motion], candidate), candidate)
     x = pack(candidate)
-    found, spread = derived_numbers(x, candidate.terms), deviations(x, candidate.terms, covariance)
+    found, spread = derived_numbers(x, candidate), deviations(x, candidate, covariance)
     lag = candidate.numbers.get("lag_squared", 0.0)
     # a lag in the place of a mode turns the phase a little, which is read as damping
     errors = {

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
 from nlfrf import Bla
 from nlfrf._base.arguments import require_real, short_form
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
 from robust._base.channels import is_single
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.passivity import port_responses, refuse_unknown_amplitude
@@ -26,6 +25,7 @@ __all__ = [
     "LevelFit",
     "fit_level",
     "friction_class",
+    "machines_of",
     "nominal_reaction",
     "one_mass_reaction",
     "require_si",
@@ -389,10 +389,23 @@ class FrictionClass:
     stiffness_std: float
     machines: tuple[FrictionPlant, ...] = ()
     stiffness_low: float = np.nan
-    misfit: Any = None
+    misfit: ArrayField = None
 
     def __str__(self) -> str:
         return self.evidence
+
+
+def machines_of(
+    machine: FrictionPlant | FrictionClass, friction: AnyFriction | None
+) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
+    """The machines to prove, and the class; from a class read from levels both."""
+    if isinstance(machine, FrictionClass) and machine.machines and friction is None:
+        return tuple(machine.machines), machine.friction
+    if not isinstance(machine, FrictionPlant):
+        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {short_form(machine)}")
+    if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
+        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
+    return (machine,), friction
 
 
 @value
@@ -417,7 +430,7 @@ def require_si(name: str, unit: str) -> None:
 
 
 def friction_class(
-    blas: Sequence[Bla], *, nominal: Any = None, stiction: float = 1.5, margin: float = 1.25
+    blas: Sequence[Bla], *, nominal: object = None, stiction: float = 1.5, margin: float = 1.25
 ) -> FrictionClass:
     """Read machine and presliding stiffness from BLAs at three levels or more, for `prove_friction`.
 
@@ -508,7 +521,7 @@ def friction_class(
     )
 
 
-def fit_around(blas: list[Bla], nominal: Any) -> tuple[tuple[FrictionPlant, ...], str, list[LevelFit]]:
+def fit_around(blas: list[Bla], nominal: object) -> tuple[tuple[FrictionPlant, ...], str, list[LevelFit]]:
     """Fit what a nominal leaves of every level: (its machines, their description, the fits)."""
     machines, description = machines_of_nominal(nominal)
 

@@ -11,12 +11,11 @@ contradicts any motion that goes on, as far as frequencies of a grid and the sam
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from nlfrf._base.arguments import require_nonnegative, short_form
 from nlfrf._base.values import value
+from robust._base.types import Controller
 from robust.friction.classes import AnyFriction
 from robust.friction.multipliers import filter_rates
 from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies, mobility
@@ -78,7 +77,7 @@ class FrequencyTest:
 
 def friction_frequency_test(
     machine: FrictionPlant,
-    K: Any,
+    K: Controller,
     friction: AnyFriction,
     *,
     mass: float,

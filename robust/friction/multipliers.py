@@ -10,7 +10,7 @@ that is negative at every frequency contradicts any motion that goes on. Nothing
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.optimize import linprog, minimize_scalar
@@ -18,6 +18,9 @@ from scipy.optimize import linprog, minimize_scalar
 from nlfrf._base.values import value
 from robust.friction.plant import FrictionLoop, loop_frequencies, mobility
 from robust.proofs.search.certificate import solve_program
+
+if TYPE_CHECKING:
+    import cvxpy
 
 __all__ = [
     "BristleMultipliers",
@@ -230,7 +233,11 @@ def largest_share(table: np.ndarray, weights: BristleMultipliers) -> np.ndarray:
     return np.asarray(np.linalg.eigvalsh(parts.sum(axis=1))[:, -1] / np.abs(parts).max(axis=(1, 2, 3)))
 
 
-def block_at_ends(M: Any) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
+#: Entries (v, v), (v, q), (q, q) of a form: numbers, or expressions of a convex program.
+Entries: TypeAlias = "tuple[float | cvxpy.Expression, float | cvxpy.Expression, float | cvxpy.Expression]"
+
+
+def block_at_ends(M: np.ndarray | cvxpy.Variable) -> tuple[Entries, Entries]:
     """Return the form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q), (q, q)."""
     return (M[0], M[1], M[3]), (M[0], M[1] + M[2], M[3] + 2 * M[4] + M[5])
 

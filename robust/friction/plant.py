@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import control
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.linalg import eig, expm, solve_discrete_lyapunov
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
+from robust._base.types import Controller, LinearSystem
 from robust.friction.units import MechanicalUnits, mechanical_units
 from robust.lti.lti import balance_matrix, timebase
 from robust.lti.realisation import multivariable, state_space
@@ -98,11 +98,11 @@ class FrictionPlant:
 
 
 def friction_plant(
-    mass: Any,
+    mass: float | LinearSystem,
     stiffness: float | None = None,
     damping: float = 0.0,
     *,
-    port: Any = None,
+    port: bool | None = None,
     position_unit: str = "m",
 ) -> FrictionPlant:
     """The machine without its friction, from mass, stiffness and damping or from a model.
@@ -174,7 +174,7 @@ def friction_plant(
 SlidingMachine, sliding_machine = FrictionPlant, friction_plant
 
 
-def plant_from_model(model: Any, port: bool, position_unit: str) -> FrictionPlant:
+def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> FrictionPlant:
     """A state space with one force and one position, or with those of its friction port beside them."""
     units = mechanical_units(position_unit)
     G = multivariable("mass", model)
@@ -313,7 +313,7 @@ class FrictionLoop:
         return there, 2 * np.abs(inverse) @ left
 
 
-def friction_loop(machine: FrictionPlant, K: Any, delay: float = 0.0) -> FrictionLoop:
+def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> FrictionLoop:
     """The loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
 
     The delay of the machine itself is added to it.
@@ -367,7 +367,7 @@ def friction_loop(machine: FrictionPlant, K: Any, delay: float = 0.0) -> Frictio
     )
 
 
-def continuous_loop(machine: FrictionPlant, K: Any) -> FrictionLoop:
+def continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionLoop:
     """The loop with a continuous controller: one flow, no jump."""
     n, s = machine.A.shape[0], K.nstates
     F = np.zeros((n + s, n + s))

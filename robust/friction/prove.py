@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import field, replace
+from typing import Any, Protocol
 
 import control
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz, require_positive, short_form
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
+from robust._base.types import Controller
 from robust.friction.classes import AnyFriction
 from robust.friction.dissipation import ROUNDED_UP, bristle_dissipation, maxwell_slip_dissipation
 from robust.friction.exact.claim import FrictionClaim, Settling
@@ -48,8 +49,10 @@ from robust.proofs.search.certificate import Certificate, failed_certificate
 
 __all__ = [
     "NOT_IN_CLASS",
+    "Finding",
     "FrictionCertificate",
     "FrictionProof",
+    "Multipliers",
     "build_claim",
     "certify_friction",
     "certify_maxwell_slip",
@@ -74,6 +77,43 @@ BISECTION_RATIO = 1.02  # ratio of the two ends where a bisection stops
 MAX_RATIO = 64.0  # times what was asked
 
 
+@value(copy=False)
+class Multipliers:
+    """Weights of the filters of a class of friction, and the block that only bristles have.
+
+    Fields
+    ------
+    rates, weights : (J,) ndarray
+        Rates [rad/s] of the filters, the reference first, and their weights mu_j.
+    free : float
+        Weight of f v.
+    block, bounds : (3, 3), (2,) ndarray
+        Of bristles, empty for Maxwell slip; see `FrictionClaim`.
+    """
+
+    rates: np.ndarray
+    weights: np.ndarray
+    free: float
+    block: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+class Storage(Protocol):
+    """A stored energy: its coordinates, its Bernstein coefficients, the intervals of each span."""
+
+    @property
+    def V(self) -> np.ndarray:
+        """(n, n) coordinates."""
+
+    @property
+    def P(self) -> np.ndarray:
+        """(I, 4, n, n) coefficients."""
+
+    @property
+    def counts(self) -> np.ndarray:
+        """(S,) intervals."""
+
+
 @value
 class FrictionCertificate:
     """What was proved, with the weights it was proved with.
@@ -85,7 +125,7 @@ class FrictionCertificate:
         Rates a_j [rad/s] (zero for the weight of f v) and weights mu_j.
     omega, form : (W,) ndarray
         The integrand with these weights over frequency [rad/s], over its largest part.
-    numbers : dict or None
+    numbers : Multipliers or None
         Where it holds: all that a `FrictionClaim` needs besides loop, class and energy.
     energy : Energy or None
     """
@@ -94,7 +134,7 @@ class FrictionCertificate:
     multipliers: np.ndarray
     omega: np.ndarray
     form: np.ndarray
-    numbers: dict[str, Any] | None
+    numbers: Multipliers | None
     energy: JudgedStorage | None
 
 
@@ -135,7 +175,7 @@ def certify_maxwell_slip(
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
         if not reason:
             used = np.append(True, mu[2:] > 0)
-            numbers = {"rates": rates[used], "weights": mu[1:][used], "free": float(mu[0]), **no_bristle_multipliers()}
+            numbers = Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0]))
             return friction_certificate("", found, omega, form, numbers, energy)
     return friction_certificate(reason, found, omega, form)
 
@@ -158,15 +198,11 @@ def certify_bristle(
         reason, energy = certified_dissipation(bristle_dissipation(loop, rates, weights, K0, microdamping), quick)
         if not reason:
             used = weights.nu > 0
-            numbers = {"rates": rates[used], "weights": weights.nu[used], "free": weights.mu}
-            numbers |= {"block": weights.block, "bounds": weights.bounds}
+            numbers = Multipliers(
+                rates=rates[used], weights=weights.nu[used], free=weights.mu, block=weights.block, bounds=weights.bounds
+            )
             return friction_certificate("", found, omega, form, numbers, energy)
     return friction_certificate(reason, found, omega, form)
-
-
-def no_bristle_multipliers() -> dict[str, np.ndarray]:
-    """Return the fields of a certificate that only bristles fill, empty for Maxwell slip."""
-    return {"block": np.zeros((0, 0)), "bounds": np.zeros(0)}
 
 
 def friction_certificate(
@@ -174,7 +210,7 @@ def friction_certificate(
     found: np.ndarray,
     omega: np.ndarray,
     form: np.ndarray,
-    numbers: dict[str, Any] | None = None,
+    numbers: Multipliers | None = None,
     energy: JudgedStorage | None = None,
 ) -> FrictionCertificate:
     """Return the certificate of what was proved, or of the reason why not."""
@@ -222,7 +258,6 @@ CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.SETTLES)
 SETTLING_SUBJECT = "the position settles within a bound"
 SETTLING_METHOD = "semidefinite program, Bernstein, exact arithmetic"
 SETTLING_ROUNDED_UP = 1 + 1e-9
-CLASS_PARAMETERS = ("K0", "stiction", "bristle_time", "microdamping")
 #: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
 ROUNDING = 1e-9
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
@@ -299,13 +334,13 @@ class FrictionProof:
     reason: str
     machine: FrictionPlant
     friction: AnyFriction
-    counterexample: Any
+    counterexample: tuple[float, complex] | None
     K0_max: float
     stiction_max: float
     error_bound: float
     settling_error: float
     kick_sure: float
-    certificate: Any
+    certificate: Certificate | None
     multipliers: np.ndarray
     omega: np.ndarray
     form: np.ndarray
@@ -337,7 +372,7 @@ class FrictionProof:
 
 def prove_friction(
     machine: FrictionPlant,
-    K: Any,
+    K: Controller,
     friction: AnyFriction,
     *,
     delay: float = 0.0,
@@ -399,25 +434,35 @@ def prove_friction(
             )
         Fs = friction.Fs
     spring = destabilizing_stiffness(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
-    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, "settling_error": np.nan, **no_certificate()}
-    found |= describe_bounded(machine, loop, Fs)
+    kick_sure, error_bound = bounds_of_bounded(machine, loop, Fs)
     if spring is not None:
-        found |= {"verdict": FrictionVerdict.REFUTED, "reason": describe_counterexample(spring, loop, friction)}
+        found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, friction))
     elif friction.kind in ("Maxwell slip", "bristle"):
-        found |= certified_verdict(machine, K, delay, loop, friction, limits)
-        if found["verdict"] is FrictionVerdict.NOT_DECIDED and np.isfinite(Fs):
-            found |= settling_verdict(machine, K, delay, loop, friction, Fs, found["error_bound"])
+        found = certified_verdict(machine, K, delay, loop, friction, limits)
+        if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(Fs):
+            found = settling_verdict(machine, K, delay, loop, friction, Fs, error_bound, found)
     elif friction.kind == "bounded":
-        found |= bounded_verdict(loop, found["error_bound"])
+        found = bounded_verdict(loop, error_bound)
     else:
-        found |= dict(zip(("verdict", "reason"), passive_verdict(machine, K, delay, loop), strict=True))
-    found["claim"] = describe_claim(machine, friction, K, delay, found, Fs) if found["verdict"] in CLAIMED else ""
+        verdict, reason = passive_verdict(machine, K, delay, loop)
+        found = Finding(verdict=verdict, reason=reason)
     return FrictionProof(
         machine=machine,
         friction=friction,
         counterexample=spring,
         not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind]),
-        **found,
+        claim=describe_claim(machine, friction, K, delay, found, Fs, error_bound) if found.verdict in CLAIMED else "",
+        kick_sure=kick_sure,
+        error_bound=error_bound,
+        verdict=found.verdict,
+        reason=found.reason,
+        K0_max=found.K0_max,
+        stiction_max=found.stiction_max,
+        settling_error=found.settling_error,
+        certificate=found.certificate,
+        multipliers=found.multipliers,
+        omega=found.omega,
+        form=found.form,
     )
 
 
@@ -429,13 +474,23 @@ def require_same_units(machine: FrictionPlant, friction: AnyFriction) -> None:
         )
 
 
-def no_certificate() -> dict[str, Any]:
-    """The fields of a certificate where none was tried."""
-    return {"certificate": None, "multipliers": np.zeros((2, 0)), "omega": np.zeros(0), "form": np.zeros(0)}
+@value(copy=False)
+class Finding:
+    """What was found of a loop and a class, by the names of the fields of `FrictionProof`."""
+
+    verdict: FrictionVerdict
+    reason: str
+    K0_max: float = np.nan
+    stiction_max: float = np.nan
+    settling_error: float = np.nan
+    certificate: Certificate | None = None
+    multipliers: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
+    omega: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    form: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-def describe_bounded(machine: FrictionPlant, loop: FrictionLoop, Fs: float) -> dict[str, float]:
-    """Return the steady error bound and the divergence velocity, whichever exist, as text."""
+def bounds_of_bounded(machine: FrictionPlant, loop: FrictionLoop, Fs: float) -> tuple[float, float]:
+    """Return the divergence velocity and the steady error bound, nan where there is none."""
     stable, kick = loop.growth() < 0, np.nan
     if np.isfinite(Fs) and not stable and machine.velocity @ machine.B_port > 0:
         hit = np.zeros(loop.F.shape[0])
@@ -443,65 +498,73 @@ def describe_bounded(machine: FrictionPlant, loop: FrictionLoop, Fs: float) -> d
         least = divergence_velocity(loop, hit, Fs)
         kick = least if np.isfinite(least) else np.nan
     bound = Fs * steady_error_bound(loop) if np.isfinite(Fs) and stable else np.nan
-    return {"kick_sure": kick, "error_bound": bound if np.isfinite(bound) else np.nan}
+    return kick, bound if np.isfinite(bound) else np.nan
 
 
-def bounded_verdict(loop: FrictionLoop, error_bound: float) -> dict[str, Any]:
+def bounded_verdict(loop: FrictionLoop, error_bound: float) -> Finding:
     """Proved where there is a bound; nothing is said at the stability boundary, or where it takes too long."""
     if np.isfinite(error_bound):
-        return {"verdict": FrictionVerdict.PROVED, "reason": ""}
+        return Finding(verdict=FrictionVerdict.PROVED, reason="")
     growth = loop.growth() + 0.0
     size = f"|z| = {format_pole_modulus(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
     what = (
         "is on the stability boundary" if growth >= -ROUNDING else "takes too long to follow, as far as its modes lie"
     )
-    return {
-        "verdict": FrictionVerdict.NOT_DECIDED,
-        "reason": f"no bound was found: the sliding loop, with all states of its controller, {what} (without friction "
+    return Finding(
+        verdict=FrictionVerdict.NOT_DECIDED,
+        reason=f"no bound was found: the sliding loop, with all states of its controller, {what} (without friction "
         f"it has a pole of {size})",
-    }
+    )
 
 
 def certified_verdict(
     machine: FrictionPlant,
-    K: Any,
+    K: control.StateSpace,
     delay: float,
     loop: FrictionLoop,
     friction: AnyFriction,
     limits: bool,
-) -> dict[str, Any]:
+) -> Finding:
     """Return the verdict on a loop that no spring of the class makes unstable."""
     reference = reference_rate(machine, loop)
     try:
         proof = certify_friction(loop, friction, reference)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
-        return {"verdict": FrictionVerdict.NOT_DECIDED, "reason": f"numerical failure: {error}"}
+        return Finding(verdict=FrictionVerdict.NOT_DECIDED, reason=f"numerical failure: {error}")
     holds = proof.certificate.holds
     verdict = FrictionVerdict.PROVED if holds else FrictionVerdict.NOT_DECIDED
-    found: dict[str, Any] = {"verdict": verdict, "reason": proof.certificate.reason}
-    found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
+    certificate, K0_max, stiction_max = proof.certificate, np.nan, np.nan
     if proof.numbers is not None and proof.energy is not None:
-        energy = {name: getattr(proof.energy, name) for name in ("V", "P", "counts")}
-        exact = build_claim(machine, K, delay, friction, proof.numbers | energy)
-        found["certificate"] = replace(proof.certificate, claim=exact, again=verify_friction)
+        exact = build_claim(machine, K, delay, friction, proof.numbers, proof.energy)
+        certificate = replace(proof.certificate, claim=exact, again=verify_friction)
     if holds and limits:
-        found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)
-    return found
+        K0_max, stiction_max = proved_limits(loop, friction, reference)
+    return Finding(
+        verdict=verdict,
+        reason=proof.certificate.reason,
+        K0_max=K0_max,
+        stiction_max=stiction_max,
+        certificate=certificate,
+        multipliers=proof.multipliers,
+        omega=proof.omega,
+        form=proof.form,
+    )
 
 
 def settling_verdict(
     machine: FrictionPlant,
-    K: Any,
+    K: control.StateSpace,
     delay: float,
     loop: FrictionLoop,
     friction: AnyFriction,
     Fs: float,
     error_bound: float,
-) -> dict[str, Any]:
-    """Return what changes where the position has a bound: over the rationals, else that of any friction up to Fs."""
-    any_friction: dict[str, Any] = {}
+    undecided: Finding,
+) -> Finding:
+    """Return the finding where the position has a bound: over the rationals, else that of any friction up to Fs."""
+    any_friction = undecided
     if np.isfinite(error_bound):
-        any_friction = {"verdict": FrictionVerdict.SETTLES, "settling_error": error_bound}
+        any_friction = replace(undecided, verdict=FrictionVerdict.SETTLES, settling_error=error_bound)
     if friction.kind != "Maxwell slip" or friction.bristle_time or not loop.growth() < 0:
         return any_friction
     try:
@@ -513,9 +576,9 @@ def settling_verdict(
     for one in proposed:
         # a bound of zero is no claim, and a rest of zero with a stiction of one
         error = max((one.reach * largest_rest(Fs, friction.stiction) + held) * SETTLING_ROUNDED_UP, 1e-300)
-        numbers = {"rates": one.rates, "weights": one.weights, "free": 0.0, **no_bristle_multipliers()}
+        numbers = Multipliers(rates=one.rates, weights=one.weights, free=0.0)
         exact = replace(
-            build_claim(machine, K, delay, friction, numbers | {"V": one.V, "P": one.P, "counts": one.counts}),
+            build_claim(machine, K, delay, friction, numbers, one),
             settling=Settling(decay=one.decay, Fs=Fs, error=error),
         )
         if verify_friction(exact).verified:
@@ -529,24 +592,38 @@ def settling_verdict(
                 claim=exact,
                 again=verify_friction,
             )
-            found = {"verdict": FrictionVerdict.SETTLES, "settling_error": error, "certificate": certificate}
-            return found if not error_bound < error else found | any_friction
+            smaller = error_bound if error_bound < error else error
+            return replace(undecided, verdict=FrictionVerdict.SETTLES, settling_error=smaller, certificate=certificate)
     return any_friction
 
 
 def build_claim(
-    machine: FrictionPlant, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
+    machine: FrictionPlant,
+    K: control.StateSpace,
+    delay: float,
+    friction: AnyFriction,
+    numbers: Multipliers,
+    stored: Storage,
 ) -> FrictionClaim:
     """Return the claim of the certificate, with every number as given."""
-    known = {name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS_PARAMETERS}
-    if friction.kind == "Maxwell slip":
-        known["stiction"] = max(known["stiction"], ROUNDED_UP)
+    stiction = float(np.nan_to_num(friction.stiction))
     return FrictionClaim(
         machine=plant_matrices(machine),
         controller=to_matrices(K),
         delay=float(delay),
         kind=friction.kind,
-        **(known | numbers),
+        K0=float(np.nan_to_num(friction.K0)),
+        stiction=max(stiction, ROUNDED_UP) if friction.kind == "Maxwell slip" else stiction,
+        bristle_time=float(np.nan_to_num(friction.bristle_time)),
+        microdamping=float(np.nan_to_num(friction.microdamping)),
+        rates=numbers.rates,
+        weights=numbers.weights,
+        free=numbers.free,
+        block=numbers.block,
+        bounds=numbers.bounds,
+        V=stored.V,
+        P=stored.P,
+        counts=stored.counts,
     )
 
 
@@ -587,22 +664,28 @@ def format_pole_modulus(size: float) -> str:
 
 
 def describe_claim(
-    machine: FrictionPlant, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any], Fs: float
+    machine: FrictionPlant,
+    friction: AnyFriction,
+    K: control.StateSpace,
+    delay: float,
+    found: Finding,
+    Fs: float,
+    error_bound: float,
 ) -> str:
     """State what is proved in one sentence."""
-    if found["verdict"] is FrictionVerdict.SETTLES:
-        bound = f"{found['settling_error']:.3g} {machine.units.position}"
+    if found.verdict is FrictionVerdict.SETTLES:
+        bound = f"{found.settling_error:.3g} {machine.units.position}"
         most = f"of at most {Fs:g} {machine.units.force}"
         return f"Settles within {bound} of rest from every state {describe_scope(machine, friction, K, delay)}, {most}."
     rest = (
-        f"Stays within {found['error_bound']:.3g} {machine.units.position} of rest in the end"
+        f"Stays within {error_bound:.3g} {machine.units.position} of rest in the end"
         if friction.kind == "bounded"
         else "Comes to rest from every state"
     )
     return f"{rest} {describe_scope(machine, friction, K, delay)}."
 
 
-def describe_scope(machine: FrictionPlant, friction: AnyFriction, K: Any, delay: float) -> str:
+def describe_scope(machine: FrictionPlant, friction: AnyFriction, K: control.StateSpace, delay: float) -> str:
     """State for which friction, machine and sampling time a claim holds."""
     dt = timebase(K)
     clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
@@ -620,7 +703,7 @@ def describe_scope(machine: FrictionPlant, friction: AnyFriction, K: Any, delay:
 OSCILLATORY_TOLERANCE = 1e-9
 
 
-def machines_of_nominal(nominal: Any) -> tuple[tuple[FrictionPlant, ...], str]:
+def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str]:
     """(machines, description): the nominal as a machine without and with its damping, each with its delay.
 
     `nominal` is a fit or a model from force to position with at least two poles more than zeros, or a `friction_plant`
@@ -635,7 +718,7 @@ def machines_of_nominal(nominal: Any) -> tuple[tuple[FrictionPlant, ...], str]:
     return tuple(replace(machine, delay=delay) for machine in (undamped(G), friction_plant(G))), description
 
 
-def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:
+def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:  # a fit comes from above this package
     """(W,) standard deviation of a fitted nominal at frequencies, relative to its response; zero of one that was given.
 
     The lines scatter, and a fit of p real parameters to n lines takes p/(2 n) of their variance on, on average.

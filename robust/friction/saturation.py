@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
+from robust._base.types import Controller
 from robust.friction.classes import AnyFriction
 from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.exact.claim import Actuator, FrictionClaim
@@ -25,6 +26,7 @@ from robust.friction.plant import (
 )
 from robust.friction.prove import (
     NOT_IN_CLASS,
+    Multipliers,
     build_claim,
     certify_friction,
     describe_scope,
@@ -34,6 +36,9 @@ from robust.friction.prove import (
 from robust.friction.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import Certificate
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = [
     "LureLoop",
@@ -121,7 +126,9 @@ class LureLoop:
         return with_zero_input(self).growth()
 
 
-def open_at_actuator(machine: FrictionPlant, K: Any, delay: float, forgets: np.ndarray | None = None) -> LureLoop:
+def open_at_actuator(
+    machine: FrictionPlant, K: Controller, delay: float, forgets: np.ndarray | None = None
+) -> LureLoop:
     """Open the loop u = -K y at its actuator, with filters that forget at the given rates.
 
     >>> from robust.friction.plant import friction_plant
@@ -338,8 +345,9 @@ class RegionOfAttraction:
     sector : float
     forgets, weights : (J,) ndarray
         Filters of the actuator.
-    numbers : dict
-        Weights of the friction, and the energy.
+    numbers : Multipliers
+        Weights of the friction.
+    energy : JudgedStorage
     """
 
     kick: float
@@ -347,11 +355,12 @@ class RegionOfAttraction:
     sector: float
     forgets: np.ndarray
     weights: np.ndarray
-    numbers: dict[str, Any]
+    numbers: Multipliers
+    energy: JudgedStorage
 
 
 def largest_region(
-    machine: FrictionPlant, K: Any, friction: AnyFriction, delay: float, left: float
+    machine: FrictionPlant, K: control.StateSpace, friction: AnyFriction, delay: float, left: float
 ) -> RegionOfAttraction | None:
     """Return the largest region of attraction that was found. left : limit less friction [N]."""
     cut = open_at_actuator(machine, K, delay)
@@ -371,7 +380,13 @@ def largest_region(
 
 
 def region_for_sector(
-    machine: FrictionPlant, K: Any, friction: AnyFriction, delay: float, cut: LureLoop, share: float, reach: float
+    machine: FrictionPlant,
+    K: control.StateSpace,
+    friction: AnyFriction,
+    delay: float,
+    cut: LureLoop,
+    share: float,
+    reach: float,
 ) -> RegionOfAttraction | None:
     """Return the region that is proved with one sector gain, or None."""
     omega, reference = loop_frequencies(cut.loop, N_POINTS), reference_rate(machine, cut.loop)
@@ -389,18 +404,22 @@ def region_for_sector(
         failed, energy = certified_dissipation(form)
         if energy is not None and not failed:
             kick = largest_velocity(machine, wider, energy, reach) if np.isfinite(reach) else np.inf
-            numbers = claim_numbers(rates, weights, energy)
-            filters = {"forgets": forgets[own], "weights": weights.given[own]}
-            return RegionOfAttraction(kick=kick, share=share, sector=weights.sector, numbers=numbers, **filters)
+            return RegionOfAttraction(
+                kick=kick,
+                share=share,
+                sector=weights.sector,
+                forgets=forgets[own],
+                weights=weights.given[own],
+                numbers=used_multipliers(rates, weights),
+                energy=energy,
+            )
     return None
 
 
-def claim_numbers(rates: np.ndarray, weights: SaturationMultipliers, energy: JudgedStorage) -> dict[str, Any]:
-    """Return what a claim keeps of the multipliers and the storage."""
+def used_multipliers(rates: np.ndarray, weights: SaturationMultipliers) -> Multipliers:
+    """Return what a claim keeps of the multipliers."""
     used = np.append(True, weights.mu[2:] > 0)
-    found = {"rates": rates[used], "weights": weights.mu[1:][used], "free": float(weights.mu[0])}
-    nothing = {"block": np.zeros((0, 0)), "bounds": np.zeros(0)}  # of bristles
-    return found | nothing | {name: getattr(energy, name) for name in ("V", "P", "counts")}
+    return Multipliers(rates=rates[used], weights=weights.mu[1:][used], free=float(weights.mu[0]))
 
 
 def largest_velocity(machine: FrictionPlant, cut: LureLoop, energy: JudgedStorage, reach: float) -> float:
@@ -478,7 +497,7 @@ class SaturatedProof:
 
 
 def prove_saturated(
-    machine: FrictionPlant, K: Any, friction: AnyFriction, *, Fs: float, limit: float, delay: float = 0.0
+    machine: FrictionPlant, K: Controller, friction: AnyFriction, *, Fs: float, limit: float, delay: float = 0.0
 ) -> SaturatedProof:
     """Prove that a loop comes to rest with every friction of a class though its actuator saturates, or up to a kick.
 
@@ -531,7 +550,7 @@ def prove_saturated(
     machine, delay = separate_delay(machine, delay)
     if friction.kind not in ("Maxwell slip", "bristle"):
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.description}")
-    known: dict[str, Any] = {"friction": friction, "Fs": Fs, "limit": limit}
+    known = ForceLimits(friction=friction, Fs=Fs, limit=limit)
     if plain.verdict is not FrictionVerdict.PROVED:
         return no_saturated_proof(plain.verdict, f"without saturation: {plain.reason}", known)
     K = state_space("K", K)
@@ -553,7 +572,7 @@ def prove_saturated(
     everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
     certificate, kick, share = plain.certificate, kick_linear, 0.0
     if reach is not None and reach.kick > kick_linear:
-        exact = build_claim(machine, K, delay, friction, reach.numbers)
+        exact = build_claim(machine, K, delay, friction, reach.numbers, reach.energy)
         certificate, kick, share = saturation_certificate(exact, reach, known), reach.kick, reach.share
     return SaturatedProof(
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
@@ -566,21 +585,49 @@ def prove_saturated(
         kick_linear=kick_linear,
         share=share,
         certificate=certificate,
-        **known,
+        friction=friction,
+        Fs=Fs,
+        limit=limit,
     )
 
 
-def no_saturated_proof(verdict: FrictionVerdict, reason: str, known: dict[str, Any]) -> SaturatedProof:
+class ForceLimits(NamedTuple):
+    """The class of friction, its largest force and that of the actuator."""
+
+    friction: AnyFriction
+    Fs: float
+    limit: float
+
+
+def no_saturated_proof(verdict: FrictionVerdict, reason: str, known: ForceLimits) -> SaturatedProof:
     """Return the result where nothing is proved with the actuator."""
-    numbers: dict[str, Any] = {"kick": 0.0, "kick_linear": 0.0, "share": 0.0, "certificate": None}
-    return SaturatedProof(verdict=verdict, claim="", not_claimed=NO_ACTUATOR_CLAIM, reason=reason, **numbers, **known)
+    return SaturatedProof(
+        verdict=verdict,
+        claim="",
+        not_claimed=NO_ACTUATOR_CLAIM,
+        reason=reason,
+        friction=known.friction,
+        Fs=known.Fs,
+        limit=known.limit,
+        kick=0.0,
+        kick_linear=0.0,
+        share=0.0,
+        certificate=None,
+    )
 
 
-def saturation_certificate(claim: FrictionClaim, reach: RegionOfAttraction, known: dict[str, Any]) -> Certificate:
+def saturation_certificate(claim: FrictionClaim, reach: RegionOfAttraction, known: ForceLimits) -> Certificate:
     """Return the certificate of what was decided, with the actuator in it."""
     kick = reach.kick if np.isfinite(reach.kick) else 0.0
-    limits: dict[str, float] = {"limit": known["limit"], "Fs": known["Fs"], "kick": kick, "share": reach.share}
-    actuator = Actuator(sector=reach.sector, forgets=reach.forgets, weights=reach.weights, **limits)
+    actuator = Actuator(
+        limit=known.limit,
+        Fs=known.Fs,
+        kick=kick,
+        share=reach.share,
+        sector=reach.sector,
+        forgets=reach.forgets,
+        weights=reach.weights,
+    )
     return Certificate(
         subject=SUBJECT,
         outcome=Outcome.HOLDS,
@@ -593,18 +640,18 @@ def saturation_certificate(claim: FrictionClaim, reach: RegionOfAttraction, know
     )
 
 
-def describe_claim(kick: float, scope: str, known: dict[str, Any]) -> str:
+def describe_claim(kick: float, scope: str, known: ForceLimits) -> str:
     """State what is proved in one sentence: from every state where the velocity is infinite.
 
     Else up to that velocity.
     """
-    rest, units = "Comes to rest from every state", known["friction"].units
+    rest, units = "Comes to rest from every state", known.friction.units
     if np.isfinite(kick):
         hit = f"a kick of at most {1e3 * kick:.3g} m{units.velocity} at the friction port"
         rest = f"At rest and relaxed, comes to rest again after {hit}"
     return (
-        f"{rest} {scope}, with an actuator of {known['limit']:g} {units.force} and friction of at most "
-        f"{known['Fs']:g} {units.force}."
+        f"{rest} {scope}, with an actuator of {known.limit:g} {units.force} and friction of at most "
+        f"{known.Fs:g} {units.force}."
     )
 
 

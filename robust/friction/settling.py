@@ -13,7 +13,7 @@ The solver only proposes: `verify_settling` judges what it found over the ration
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from nlfrf._base.values import value
 from robust.friction.plant import FrictionLoop
 from robust.friction.storage import Dissipation, balancing_coordinates
 from robust.proofs.search.certificate import solve_program
+
+if TYPE_CHECKING:
+    import cvxpy
 
 __all__ = ["SettlingNumbers", "largest_rest", "settling_numbers"]
 
@@ -125,13 +128,13 @@ def settle_at_rate(loop: FrictionLoop, K0: float, rates: np.ndarray, decay: floa
     last[-1, -1] = 1.0
     constraints = [mu[j] == 0 for j in range(rates.size) if not allowed[j]]
 
-    def flow(P: Any, slope: Any) -> Any:
+    def flow(P: cvxpy.Expression, slope: cvxpy.Expression | np.ndarray) -> cvxpy.Constraint:
         across = P @ A
         side = P @ B
         total = cp.bmat([[slope + across + across.T, side], [side.T, np.zeros((2, 2))]])
         return weigh @ (total + wide @ supply @ wide.T - last) @ weigh << -STRICT * np.eye(n + 2)
 
-    def within(P: Any) -> Any:
+    def within(P: cvxpy.Expression) -> cvxpy.Constraint:
         energy = np.eye(n + 1, n) @ P @ np.eye(n, n + 1) + stored
         return cp.bmat([[energy, position], [position.T, cp.reshape(reach, (1, 1), order="F")]]) >> 0
 

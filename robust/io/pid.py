@@ -69,7 +69,8 @@ class PidGains:
     def has_ideal_form(self) -> bool:
         """Return whether blocks take Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)): times that are no shorter than a sample.
 
-        They are positive where all gains have the sign of kp; "TI >= CYCLE, TD >= CYCLE" stands in the manual of CONT_C.
+        They are positive where all gains have the sign of kp. The manual of CONT_C asks for TI and TD of at least a
+        cycle.
         """
         return self.kp != 0 and not self._unusable_times
 

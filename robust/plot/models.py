@@ -141,7 +141,7 @@ def plot_bode(
     tuple of two matplotlib Axes, or (n_y, n_u) ndarray of them
     """
     require_kind("model", model, UncertaintyModel)
-    blas = [] if bla is None else [bla] if isinstance(bla, Bla) else list(bla)
+    blas = [] if bla is None else list(bla) if isinstance(bla, Sequence) else [bla]
     for one in blas:
         (require_single if model.is_single else require_matrix)("bla", one)
     if not model.measured_only:

@@ -8,10 +8,9 @@ r -->(+)--[K_outer]-->(+)--[K_inner]-- u -->[ G ]---+--> y        K = K_inner (i
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 
+from robust._base.types import Controller, Weight
 from robust.lti.connections import in_parallel, in_series
 from robust.lti.lti import is_constant, timebase
 from robust.lti.realisation import state_space
@@ -19,7 +18,9 @@ from robust.lti.realisation import state_space
 __all__ = ["cascade"]
 
 
-def cascade(K_outer: Any, K_inner: Any, *, outer: Any = 1.0, inner: Any = 1.0) -> control.StateSpace:
+def cascade(
+    K_outer: Controller, K_inner: Controller, *, outer: Weight = 1.0, inner: Weight = 1.0
+) -> control.StateSpace:
     """Put an outer and an inner controller together into the one that their plant sees: for `check` and all the rest.
 
     A margin of each loop by itself says little: the inner one is closed through the outer one too. What is broken in

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import control
 import numpy as np
@@ -13,13 +12,16 @@ from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuo
 from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.channels import is_single
+from robust._base.types import Controller, Weight
 from robust.analysis.loop import assemble_loop
+from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.lti.connections import closed_loop
 from robust.lti.lti import Matrices, response, response_by_channel, timebase, with_names
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable, state_space
-from robust.models.sets.model import has_several_channels
+from robust.models.sets.measured import FrfSource
+from robust.models.sets.model import UncertaintyModel, has_several_channels
 
 __all__ = [
     "Reduction",
@@ -174,14 +176,20 @@ class Reduction:
     order: int
     method: str
     kept: bool
-    report: Any
-    before: Any
+    report: RobustnessReport
+    before: RobustnessReport
     reason: str
     n_tried: int
 
 
 def reduce_controller(
-    K: Any, model: Any, w_P: Any = None, *, order: int | None = None, delay: float = 0.0, time_cap: float = 30.0
+    K: Controller,
+    model: FrfSource,
+    w_P: Weight | None = None,
+    *,
+    order: int | None = None,
+    delay: float = 0.0,
+    time_cap: float = 30.0,
 ) -> Reduction:
     """Find the controller of lowest order that keeps what the check of a controller proves.
 
@@ -249,9 +257,15 @@ def reduce_controller(
             report = check(model, small, w_P=w_P, delay=delay)
             kept, lost = compare_reports(report, before, change_of_T(model, K, small, before))
             if kept or order is not None:
-                common: dict[str, Any] = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
                 return Reduction(
-                    K=with_names(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **common
+                    K=with_names(small, K.input_labels, K.output_labels),
+                    order=n,
+                    method=method,
+                    kept=kept,
+                    report=report,
+                    before=before,
+                    reason=lost,
+                    n_tried=n_tried,
                 )
     return Reduction(
         K=K,
@@ -266,7 +280,7 @@ def reduce_controller(
 
 
 def candidates(
-    K: control.StateSpace, model: Any, w_P: Any, delay: float
+    K: control.StateSpace, model: FrfSource, w_P: Weight | None, delay: float
 ) -> Iterator[tuple[str, int, control.StateSpace]]:
     """(method, order, controller) by every way that works on this controller."""
     if not K.nstates:
@@ -281,6 +295,7 @@ def candidates(
                 control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs
             ]
         else:
+            assert isinstance(model, UncertaintyModel)
             loop = assemble_loop(model, K, w_P, delay)
             closed_loops = [loop.closed_loop(*pair) for pair in pairs]
         before, behind = map(continuous_image, closed_loops)
@@ -295,7 +310,7 @@ def candidates(
             continue
 
 
-def is_measured(model: Any) -> bool:
+def is_measured(model: FrfSource) -> bool:
     """Whether the plant is known on its lines only."""
     return (
         is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False)
@@ -304,11 +319,11 @@ def is_measured(model: Any) -> bool:
 
 def rank_candidates(
     small: list[tuple[str, control.StateSpace]],
-    model: Any,
-    w_P: Any,
+    model: FrfSource,
+    w_P: Weight | None,
     delay: float,
     whole: control.StateSpace,
-    before: Any,
+    before: RobustnessReport,
     *,
     every: bool,
 ) -> list[tuple[str, control.StateSpace]]:
@@ -327,7 +342,7 @@ def rank_candidates(
     return [(method, K) for _, _, method, K in sorted(found, key=lambda one: one[:2], reverse=True)]
 
 
-def compare_reports(report: Any, before: Any, change: float) -> tuple[bool, str]:
+def compare_reports(report: RobustnessReport, before: RobustnessReport, change: float) -> tuple[bool, str]:
     """Whether everything that was proved before is proved again, and what is not."""
     if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
@@ -338,7 +353,7 @@ def compare_reports(report: Any, before: Any, change: float) -> tuple[bool, str]
     return True, ""
 
 
-def change_of_T(model: Any, K: control.StateSpace, small: control.StateSpace, before: Any) -> float:
+def change_of_T(model: FrfSource, K: control.StateSpace, small: control.StateSpace, before: RobustnessReport) -> float:
     """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
     if has_several_channels(model):
         G, one = response_by_channel(model.nominal, before.omega), np.eye(model.n_outputs)

@@ -11,14 +11,13 @@ skewed mu (SP 8.10.3).
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
+from robust._base.types import Controller, LinearSystem, Weight
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.analysis.worst_plant import gain_grid, performance_loop
@@ -160,7 +159,9 @@ def prefilter(
     )
 
 
-def prefilter_matrix(model: UncertaintyModel, K: Any, reference: Any, effort: float, delay: float) -> Prefilter:
+def prefilter_matrix(
+    model: UncertaintyModel, K: Controller, reference: Weight, effort: float, delay: float
+) -> Prefilter:
     """Return the prefilter of several channels, its error over the set bounded by `worst_gain`.
 
     With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]. F makes [N11 N12 F; N21 E] of
@@ -201,7 +202,7 @@ def synthesise_matching(
     return found
 
 
-def reference_loop(model: Any, K: Any, delay: float) -> Loop:
+def reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop:
     """The loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
@@ -212,7 +213,7 @@ def reference_loop(model: Any, K: Any, delay: float) -> Loop:
     return loop
 
 
-def on_time_base(reference: Any, dt: float, n: int = 1) -> control.StateSpace:
+def on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpace:
     """The reference model of n channels, stable, on the time base of the loop."""
     T_ref = stable_weight("reference", reference, dt, n)
     return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
@@ -324,7 +325,9 @@ class Feedforward:
     error_without: np.ndarray
 
 
-def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, delay: float = 0.0) -> Feedforward:
+def feedforward(
+    model: UncertaintyModel, K: Controller, reference: LinearSystem, *, effort: float = 1e-3, delay: float = 0.0
+) -> Feedforward:
     """Find what is to be added to u so that a loop follows a reference model, and what the set makes of the result.
 
     Parameters

@@ -145,7 +145,7 @@ def true_loop(design, plant, inputs, outputs):
     """The loop of one plant by python-control's own interconnection, from the controllers as systems."""
     parts = [*design.system]
     for block in design.blocks.values():
-        parts.append(robust.synthesis.tuning.blocks.block_system(block, design.dt))
+        parts.append(block.system(design.dt))
     model = design.plant.models[plant]
     G = control.ss(getattr(model, "nominal", model))
     if design.dt and not G.dt:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
 
@@ -102,6 +102,10 @@ def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
         raise ValueError(f"its {place[:60]!r} {why}: other files are never read, copy the numbers into it")
 
 
+#: Attributes of a dataset by name: h5py gives whatever numpy or Python type a file has.
+Attributes: TypeAlias = dict[str, Any]
+
+
 class LazyStream:
     """A stream in a dataset: all of it, a field of a table, or a column; read where it is cut, and then scaled."""
 
@@ -121,7 +125,7 @@ class LazyStream:
         self.shape = node.shape + kind.shape if column is None else (node.shape[1 - axis],)
         self.rows = 1 if node.chunks is None else node.chunks[0 if column is None else 1 - axis]
 
-    def __getitem__(self, where: Any) -> np.ndarray:
+    def __getitem__(self, where: object) -> np.ndarray:
         if self.column is not None:
             where = (where, self.column) if self.axis else (self.column, where)
         part = np.asarray(self.source[where])
@@ -132,9 +136,7 @@ class LazyStream:
         return scaled if missing is None else np.where(part == missing, np.nan, scaled)
 
 
-def find_scaling(
-    node: h5py.Dataset | h5py.Group, attributes: dict[str, Any]
-) -> tuple[float, float, float | None] | None:
+def find_scaling(node: h5py.Dataset | h5py.Group, attributes: Attributes) -> tuple[float, float, float | None] | None:
     """Find scale, offset and missing value of a dataset; None where its numbers stay as they are."""
     scale, offset = 1.0, 0.0
     for scale_key, offset_key in reversed(SCALING_ATTRIBUTES if node.dtype.kind in "iu" else SCALING_ATTRIBUTES[:1]):
@@ -147,7 +149,7 @@ def find_scaling(
     return None if (scale, offset, missing) == (1.0, 0.0, None) else (scale, offset, missing)
 
 
-def dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: dict[str, Any]) -> dict[str, Any]:
+def dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Attributes) -> dict[str, Any]:
     """Return a dataset as streams: fields of a table, columns by names of an attribute, or the array as it is."""
     if node.shape is None:  # of HDF5's null space
         return {}
@@ -167,9 +169,9 @@ def dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: dict
     return {name: LazyStream(node, scaling=scaling)}
 
 
-def plain_attributes(node: h5py.Dataset | h5py.Group) -> dict[str, Any]:
+def plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
     """Return the attributes that are a text, a number or a list of texts, as Python types."""
-    found: dict[str, Any] = {}
+    found: Attributes = {}
     for key in node.attrs:
         try:
             held = node.attrs[key]

@@ -291,9 +291,7 @@ def initial_axes(initial: ArrayLike, n: int) -> np.ndarray:
     return require_real_array("initial", initial, ndim=2)
 
 
-#: Fields of `LoopRuns` that have no row a run.
 Result = TypeVar("Result")
-SHARED_FIELDS = ("rig", "fs", "saturation", "resolution", "steps")
 
 
 @value(copy=False)
@@ -332,9 +330,19 @@ class LoopRuns:
 
     def select_runs(self, rows: np.ndarray, steps: int) -> LoopRuns:
         """Return some of the runs, with other steps."""
-        names = [field.name for field in fields(self) if field.name not in SHARED_FIELDS]
-        arrays: dict[str, Any] = {name: select_rows(getattr(self, name), rows) for name in names}
-        return replace(self, steps=steps, **arrays)
+        return replace(
+            self,
+            steps=steps,
+            A=select_rows(self.A, rows),
+            B=select_rows(self.B, rows),
+            C=select_rows(self.C, rows),
+            D=select_rows(self.D, rows),
+            r=select_rows(self.r, rows),
+            disturbance=select_rows(self.disturbance, rows),
+            noise=select_rows(self.noise, rows),
+            delays=select_rows(self.delays, rows),
+            initial=select_rows(self.initial, rows),
+        )
 
     def __reduce__(self) -> tuple[Callable[..., LoopRuns], tuple[object, ...]]:
         """Pickle rows that all runs share once."""
@@ -364,7 +372,7 @@ class RunBatches(Sequence[LoopRuns]):
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __getitem__(self, i: Any) -> Any:  # as of Sequence, with slices that nobody uses
+    def __getitem__(self, i: int) -> LoopRuns:  # type: ignore[override]  # nobody asks for slices
         return self.runs.select_runs(self.rows[i], self.runs.steps)
 
 

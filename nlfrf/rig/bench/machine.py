@@ -5,7 +5,7 @@ M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force,    y = se
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ FIELDS = ("mass", "stiffness", "damping", "friction", "cubic", "actuators", "sen
 SYMMETRY_TOLERANCE = 1e-9
 
 
-def check_axes(given: dict[str, Any]) -> dict[str, Any]:
+def check_axes(given: Mapping[str, Any]) -> dict[str, object]:
     """Check the fields of a machine of several axes; return them as read-only arrays."""
     mass = require_real_array("mass", given["mass"], ndim=2)
     n = len(mass)

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -162,7 +162,7 @@ class Rig:
 
     def __post_init__(self) -> None:
         if self.several:
-            checked = axes.check_axes({name: getattr(self, name) for name in axes.FIELDS})
+            checked: Mapping[str, object] = axes.check_axes({name: getattr(self, name) for name in axes.FIELDS})
         else:
             checked = axes.check_single_axis({name: getattr(self, name) for name in axes.FIELDS})
             require_positive("mass", self.mass)

@@ -17,7 +17,6 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property
 from os import PathLike
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +32,7 @@ from nlfrf._base.arguments import (
     require_real_array,
 )
 from nlfrf._base.values import ArrayField, freeze_array, value
-from nlfrf.records.record import Record
+from nlfrf.records.record import Record, SignalLabels
 from nlfrf.rig.bench import machine as axes
 from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, samples_or_zeros, steps_per_sample
 from nlfrf.rig.bench.rig import Rig, initial_memory
@@ -241,10 +240,9 @@ class ServoAxis:
     def rig(self) -> Rig:
         """The machine without its drive: the force of the motor in, the encoder's position out."""
         k, c = self.stiffness, self.damping
-        names: dict[str, Any] = {"inputs": ("force",), "outputs": ("position",)}
         if not self.two:
             mass, laws = [[self.motor_inertia]], [self.motor_friction]
-            return Rig(mass, [[self.spring]], laws, [[self.motor_damping]], **names)
+            return Rig(mass, [[self.spring]], laws, [[self.motor_damping]], inputs=("force",), outputs=("position",))
         return Rig(
             mass=np.diag([self.motor_inertia, self.load_inertia]),
             stiffness=[[k, -k], [-k, k + self.spring]],
@@ -252,7 +250,8 @@ class ServoAxis:
             damping=[[self.motor_damping + c, -c], [-c, self.load_damping + c]],
             actuators=[[1.0], [0.0]],
             sensors=[[1.0, 0.0] if self.encoder == "motor" else [0.0, 1.0]],
-            **names,
+            inputs=("force",),
+            outputs=("position",),
         )
 
 
@@ -575,8 +574,8 @@ def simulate_servo(
     warn_of(experiment, {name: max(float(one[name]) for one in found) for name in ("limited", "turned", "change")})
     u, y, r = (np.stack([one[name] for one in found]) for name in ("u", "y", "r"))
     position, force = axis.units
-    names: dict[str, Any] = {"u_name": "force", "y_name": "position", "u_unit": force, "y_unit": position}
-    return Record(u=u, y=y, r=r, fs=ms.fs, lines=ms.lines, hold="zoh", **names)
+    labels: SignalLabels = {"u_name": "force", "y_name": "position", "u_unit": force, "y_unit": position}
+    return Record(u=u, y=y, r=r, fs=ms.fs, lines=ms.lines, hold="zoh", **labels)
 
 
 def run_experiment(experiment: ServoExperiment) -> Arrays:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -181,7 +180,7 @@ def systematic_over_detection(e: Ensemble, rig: Rig) -> np.ndarray:
     G, _ = frf(e)
     f = e.lines.excited * e.f0
     s = 2j * np.pi * f
-    law: Any = rig.friction
+    law = rig.friction
     damping = rig.damping + law.sigma1 + law.sigma2
     G0 = 1 / (rig.mass * s**2 + damping * s + rig.stiffness + law.curve.K0)
     u = e.U[:, e.lines.excited]

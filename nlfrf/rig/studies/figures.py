@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from nlfrf.rig.studies.findings import SIGNALS
 from nlfrf.rig.studies.level_study import LevelStudy
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["draw_figures"]
@@ -46,12 +48,14 @@ def draw_figures(
     ]
 
 
-def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, Any]:
+def new_figure(
+    width: float, height: float, rows: int = 1, columns: int = 1, *, sharex: bool = False
+) -> tuple[Figure, np.ndarray]:
     """Create a figure that belongs to no window, and its axes as an array."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **options).ravel()
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel()
 
 
 def figure_levels(ensembles: Ensembles) -> Figure:
@@ -150,7 +154,7 @@ def figure_study(study: LevelStudy) -> Figure:
     return figure
 
 
-def plot_level_study(study: LevelStudy, *, axes: Any = None) -> Any:
+def plot_level_study(study: LevelStudy, *, axes: np.ndarray | None = None) -> np.ndarray:
     """Draw a level study on three axes: the BLAs, the distortion, and its growth per 20 dB of level."""
     if axes is None:
         _, axes = new_figure(8, 10, 3, sharex=True)
@@ -171,7 +175,7 @@ def plot_level_study(study: LevelStudy, *, axes: Any = None) -> Any:
     return axes
 
 
-def add_grids(figure: Figure, axes: Any) -> Figure:
+def add_grids(figure: Figure, axes: Iterable[Axes]) -> Figure:
     """Add grids and legends to a figure."""
     for ax in axes:
         finish_axes(ax)

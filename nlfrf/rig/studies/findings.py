@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -296,17 +298,39 @@ def simulate_held(held: HeldSignal) -> Arrays:
     return {"u": force, "y": out[:, 0]}
 
 
+class RunOptions(TypedDict, total=False):
+    """Where runs are computed, and where they are kept: arguments of `run_all`."""
+
+    executor: Executor | None
+    resume: str | os.PathLike[str] | None
+
+
 def simulate_held_ensemble(
-    rig: Rig, signal: str, n_realizations: int, rng: np.random.Generator, **options: Any
+    rig: Rig,
+    signal: str,
+    n_realizations: int,
+    rng: np.random.Generator,
+    *,
+    progress: Callable[[int, int], object] | None,
+    **options: Unpack[RunOptions],
 ) -> Ensemble:
     """Simulate the ensemble of one held signal."""
     values = draw_held_values(signal, n_realizations, rng)
-    results = run_all(simulate_held, [HeldSignal(rig=rig, force=row, n_discard=2) for row in values], **options)
+    results = run_all(
+        simulate_held, [HeldSignal(rig=rig, force=row, n_discard=2) for row in values], progress=progress, **options
+    )
     u, y = (np.stack([result[name] for result in results])[:, np.newaxis, :] for name in ("u", "y"))
     return ensemble_spectra(Record(u=u, y=y, fs=FS, lines=LineGrid(excited=COMPARED_LINES)))
 
 
-def simulate_random_amplitudes(rig: Rig, n_realizations: int, rng: np.random.Generator, **options: Any) -> Ensemble:
+def simulate_random_amplitudes(
+    rig: Rig,
+    n_realizations: int,
+    rng: np.random.Generator,
+    *,
+    progress: Callable[[int, int], object] | None,
+    **options: Unpack[RunOptions],
+) -> Ensemble:
     """Simulate the odd multisine at level 1 with random amplitudes too, uniform on 0 to sqrt(3) times theirs."""
     ms = paper_multisine("odd", 1, n_realizations=n_realizations, rng=rng)
     amplitude = ms.amplitude * np.sqrt(3) * rng.uniform(size=ms.phase.shape)
@@ -321,7 +345,7 @@ def simulate_random_amplitudes(rig: Rig, n_realizations: int, rng: np.random.Gen
         )
         for m in range(n_realizations)
     ]
-    results = run_all(run_experiment, experiments, **options)
+    results = run_all(run_experiment, experiments, progress=progress, **options)
     y = np.stack([result["y"] for result in results])
     u = np.stack([experiment.ms.u for experiment in experiments])
     return ensemble_spectra(Record(u=u, y=y, fs=ms.fs, lines=ms.lines))
@@ -333,7 +357,7 @@ def judge_side_remarks(
     *,
     rng: np.random.Generator,
     progress: Callable[[int, int], object] | None = None,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> tuple[list[Finding], dict[str, Ensemble]]:
     """Judge S1 to S3; return the findings and their ensembles. `odd` is the odd multisine at level 1."""
     m = odd.n_realizations

@@ -6,9 +6,10 @@ a stable minimum-phase weight over it (SP 7.4, 8.2.3). The misfit excludes the s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TypedDict
 
 import control
 import numpy as np
@@ -44,6 +45,7 @@ from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import (
     Extrapolation,
     RadiusSpec,
+    Scaling,
     block_radius,
     checked_slope,
     disc_parts,
@@ -148,10 +150,20 @@ def uncertainty(
     if several and form == DEFAULT_FORM:
         form = ELEMENTS
     if several and form == AUTO:  # the price of looking at both: what may go wrong is shared between them
-        shared: dict[str, Any] = {"order": order, "confidence": (1 + require_probability("confidence", confidence)) / 2}
-        shared |= {"simultaneous": simultaneous, "even": even, "systematic": systematic, "perturbation": perturbation}
-        both = [uncertainty(bla, nominal, form=one, below=below, above=above, **shared) for one in (ELEMENTS, ADDITIVE)]
-        return replace(both[0], alternative_form=both[1])
+        in_form = partial(
+            uncertainty,
+            bla,
+            nominal,
+            order=order,
+            confidence=(1 + require_probability("confidence", confidence)) / 2,
+            simultaneous=simultaneous,
+            even=even,
+            systematic=systematic,
+            below=below,
+            above=above,
+            perturbation=perturbation,
+        )
+        return replace(in_form(form=ELEMENTS), alternative_form=in_form(form=ADDITIVE))
     require_choice("form", form, (*MATRIX_FORMS, AUTO) if several else tuple(FORMS))
     spec = RadiusSpec(
         p=require_probability("confidence", confidence),
@@ -165,17 +177,15 @@ def uncertainty(
         Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above)),
         require_integer("order", order, least=0),
     )
-    made: dict[str, Any] = {"nominal": nominal, "form": form, "delay": delay, "perturbation": perturbation}
+    make = partial(UncertaintyModel, nominal=nominal, form=form, delay=delay, perturbation=perturbation)
     if not several:
         if own := set_of_user(bla, nominal, FORMS[form], rules, dt, order, spec):
-            return UncertaintyModel(**made, **own)
+            return make(**own)
         recorded = list(bla) if isinstance(bla, Sequence) else [bla]
     is_frf = isinstance(nominal, control.FrequencyResponseData)
     many = recorded if is_frf else [bla_behind_hold(one, dt) for one in recorded]
-    scaling: dict[str, Any] = {"W1": W1, "W2": W2}
-    model = UncertaintyModel(
-        **made,
-        **(block_set if several else disc_set)(many, nominal, form, rules, order, spec, scaling),
+    model = make(
+        **(block_set if several else disc_set)(many, nominal, form, rules, order, spec, (W1, W2)),
         confidence=spec.p,
         simultaneous=spec.simultaneous,
         source="; ".join(map(describe_record, many)),
@@ -188,6 +198,48 @@ def uncertainty(
     return attach_records(model, many, recorded)
 
 
+class RadiusFields(TypedDict, total=False):
+    """Parts of a radius, by the names of the fields of a set."""
+
+    radius_noise: np.ndarray
+    radius_odd: np.ndarray
+    radius_even: np.ndarray
+    radius_misfit: np.ndarray
+    radius_level: np.ndarray
+    radius_systematic: np.ndarray
+
+
+class SetFields(RadiusFields, total=False):
+    """Radius and weights of a set, by the names of its fields."""
+
+    omega: np.ndarray
+    radius: np.ndarray
+    weight: control.StateSpace
+    left: tuple[control.StateSpace, ...]
+    right: tuple[control.StateSpace, ...]
+    W1: Weight | None
+    W2: Weight | None
+    extrapolation: str
+
+
+class FieldsOfUser(SetFields, total=False):
+    """The same with the source of a radius that a user gave."""
+
+    source: str
+
+
+def radius_fields(parts: Mapping[str, np.ndarray]) -> RadiusFields:
+    """Return the parts of a radius by the names of the fields of a set."""
+    return {
+        "radius_noise": parts["noise"],
+        "radius_odd": parts["odd"],
+        "radius_even": parts["even"],
+        "radius_misfit": parts["misfit"],
+        "radius_level": parts["level"],
+        "radius_systematic": parts["systematic"],
+    }
+
+
 def disc_set(
     many: list[Bla],
     nominal: control.StateSpace | control.FrequencyResponseData,
@@ -195,8 +247,8 @@ def disc_set(
     rules: Extrapolation,
     order: int,
     spec: RadiusSpec,
-    scaling: dict[str, Any],
-) -> dict[str, Any]:
+    scaling: Scaling,
+) -> SetFields:
     """Return radius, its parts and weight of a set of one channel, in the unit of its form."""
     row, dt = FORMS[form], sampling_time_of(nominal)
     omega, parts, _ = disc_parts(many, [nominal] * len(many), spec)
@@ -204,7 +256,7 @@ def disc_set(
         inside = omega * dt < np.pi * (1 - 1e-9)
         omega, parts = omega[inside], {name: part[inside] for name, part in parts.items()}
     absolute = sum_of_parts(parts)
-    W1, W2, rules = resolve_scaling(row, nominal, omega, (scaling["W1"], scaling["W2"]), rules)
+    W1, W2, rules = resolve_scaling(row, nominal, omega, scaling, rules)
     factor, *covered = radius_in_form(row, omega, absolute, nominal, (W1, W2), rules, dt)
     return {
         "weight": checked_weight(fit_extrapolated(covered, rules, order, dt), omega, absolute * factor),
@@ -213,7 +265,7 @@ def disc_set(
         "extrapolation": str(rules),
         "W1": W1,
         "W2": W2,
-        **{f"radius_{name}": part * factor for name, part in parts.items()},
+        **radius_fields({name: part * factor for name, part in parts.items()}),
     }
 
 
@@ -224,13 +276,13 @@ def block_set(
     rules: Extrapolation,
     order: int,
     spec: RadiusSpec,
-    scaling: dict[str, Any],
-) -> dict[str, Any]:
+    scaling: Scaling,
+) -> SetFields:
     """Return radii and weights of a set of several channels; the assumption outside the band applies to W_l only."""
     models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
     if form == ELEMENTS:
         omega, parts, radius = element_parts(frms, models, spec)
-        known = {f"radius_{name}": part for name, part in parts.items()}
+        known = radius_fields(parts)
     else:
         if spec.systematic is not None:
             raise ValueError(f"systematic must be left out but for elements, got {spec.systematic:g} with {form}")
@@ -241,8 +293,16 @@ def block_set(
         fit_covering_weight(omega, row, order, rule, sampling_time_of(nominal))
         for row, rule in zip(radius, each, strict=True)
     )
-    sides = {"left": weights[:n], "right": weights[n:]}
-    return {"omega": omega, "radius": radius, "extrapolation": str(rules), **sides, **known, **scaling}
+    return {
+        "omega": omega,
+        "radius": radius,
+        "extrapolation": str(rules),
+        "left": weights[:n],
+        "right": weights[n:],
+        "W1": scaling[0],
+        "W2": scaling[1],
+        **known,
+    }
 
 
 def fit_covering_weight(
@@ -389,7 +449,7 @@ def set_of_user(
     dt: float,
     order: int,
     spec: RadiusSpec,
-) -> dict[str, Any]:
+) -> FieldsOfUser:
     """Return the fields of a set with a radius of the user and its weight, without a confidence; none for Blas."""
     found = radius_of_user(given, nominal, form)
     if found is None:

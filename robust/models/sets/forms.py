@@ -15,7 +15,6 @@ form: whatever differs between forms is a field of its row.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import control
 import numpy as np
@@ -254,7 +253,7 @@ DEFAULT_FORM = "multiplicative"
 
 def reduce_to_one_channel(
     form: str, left: Sequence[control.StateSpace], right: Sequence[control.StateSpace], radius: Array
-) -> dict[str, Any]:
+) -> dict[str, str | control.StateSpace | Array]:
     """Return form, weight and radius of one channel for a set in a form of several around a plant of one channel."""
     if form not in MATRIX_FORMS or len(right) != 1 or len(left) != (form != ELEMENTS) or radius.ndim != 2:
         return {}

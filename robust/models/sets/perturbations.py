@@ -90,6 +90,7 @@ def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) 
     A section (s + p)(s + p*)/((s - p)(s - p*)) with p = -h + j c, h << c turns once around c and is nearly one
     elsewhere: at omega it has the phase 2 acot((omega - c)/h), so c sets it. What it leaves the others is taken off.
 
+    >>> from robust.lti.lti import response
     >>> delta = with_phases(np.array([1.0, 5.0]), np.array([0.5, -2.0]))
     >>> np.angle(response(delta, np.array([1.0, 5.0]))).round(3).tolist()
     [0.5, -2.0]

@@ -27,6 +27,7 @@ __all__ = [
     "PARTS",
     "Extrapolation",
     "RadiusSpec",
+    "Scaling",
     "block_radii_of_record",
     "block_radius",
     "checked_slope",

@@ -1,5 +1,6 @@
 """The language of a drive: position P and velocity PI with their filters, both ways.
 
+blocks           the gains of a drive as blocks of `tune`, and back
 cascade          the gains of a drive as one controller
 cures            what a change of the drive does to a friction verdict
 feedforward      mass, friction and jerk as gains of the drive, and what they leave

@@ -13,13 +13,14 @@ order in T,
 from __future__ import annotations
 
 from itertools import product
-from typing import Any
+from typing import TypeAlias
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind, require_nonnegative, require_positive, require_real, short_form
 from nlfrf._base.values import value
+from robust._base.types import LinearSystem
 from robust.friction.classes import AnyFriction, any_bounded
 from robust.friction.levels import SIGMAS, FrictionClass
 from robust.friction.plant import FrictionPlant
@@ -35,6 +36,10 @@ __all__ = ["FeedforwardError", "FeedforwardGains", "compensated", "feedforward",
 MISFIT = 1e-6
 #: Velocities, relative to vs, on which the error of the friction is looked for.
 VELOCITIES = np.geomspace(1e-3, 1e2, 301)
+
+
+#: A number that is known, or between what and what it lies.
+Interval: TypeAlias = "float | tuple[float, float] | np.ndarray"
 
 
 @value
@@ -71,13 +76,13 @@ class FeedforwardGains:
     lead: float
     settings: DriveSettings | None
 
-    def force(self, v: Any, a: Any, j: Any = 0.0) -> np.ndarray:
+    def force(self, v: float | np.ndarray, a: float | np.ndarray, j: float | np.ndarray = 0.0) -> np.ndarray:
         """Return the force [N] or [Nm] to add for a velocity, acceleration and jerk of the set point."""
         m, c = self.mass.mean(), self.viscous.mean()
         middle = friction_force(np.abs(v), self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
         return np.asarray((m + c * self.lead) * a + c * v + m * self.lead * j + middle * np.sign(v))
 
-    def error(self, v: Any, a: Any) -> np.ndarray:
+    def error(self, v: float | np.ndarray, a: float | np.ndarray) -> np.ndarray:
         """Return the largest force [N] or [Nm] that is missing or too much, for every machine within the intervals.
 
         It is that of an axis that moves in the direction of its set point, and without what the lead leaves.
@@ -157,13 +162,13 @@ class FeedforwardError:
 
 
 def feedforward(
-    plant: Any = None,
+    plant: LinearSystem | UncertaintyModel | FrictionPlant | FrictionClass | None = None,
     *,
-    mass: Any = None,
-    viscous: Any = None,
-    coulomb: Any = 0.0,
-    stiction: Any = None,
-    stribeck_velocity: Any = None,
+    mass: Interval | None = None,
+    viscous: Interval | None = None,
+    coulomb: Interval = 0.0,
+    stiction: Interval | None = None,
+    stribeck_velocity: Interval | None = None,
     settings: DriveSettings | None = None,
 ) -> FeedforwardGains:
     """Return the feedforward gains of an axis without a spring: what `robust.feedforward` has no filter for.
@@ -239,7 +244,12 @@ def feedforward(
 
 
 def feedforward_error(
-    gains: FeedforwardGains, model: Any, K: Any, reference: Any, *, delay: float = 0.0
+    gains: FeedforwardGains,
+    model: UncertaintyModel,
+    K: control.StateSpace,
+    reference: LinearSystem,
+    *,
+    delay: float = 0.0,
 ) -> FeedforwardError:
     """Return how far a loop with this feedforward is from a reference model, nominally and over the whole set.
 
@@ -342,7 +352,7 @@ def friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velo
     return np.asarray(coulomb + (stiction - coulomb) * np.exp(-((v / stribeck_velocity) ** 2)))
 
 
-def interval(name: str, given: Any) -> np.ndarray:
+def interval(name: str, given: Interval) -> np.ndarray:
     """(2,) least and largest value of a number or a pair, or a refusal."""
     if isinstance(given, tuple | list | np.ndarray) and np.size(given) == 2:
         low, high = (require_nonnegative(name, float(end)) for end in given)
@@ -352,7 +362,9 @@ def interval(name: str, given: Any) -> np.ndarray:
     return np.full(2, require_nonnegative(name, require_real(name, given)))
 
 
-def rigid_body(plant: Any) -> tuple[Any, Any]:
+def rigid_body(
+    plant: LinearSystem | UncertaintyModel | FrictionPlant | FrictionClass,
+) -> tuple[Interval, Interval | None]:
     """Mass and viscous friction of a plant, the mass with its interval where it is known; none where nothing is."""
     if isinstance(plant, FrictionClass):
         mass, spread = float(plant.mass.mean()), SIGMAS * float(plant.mass_std)

@@ -16,13 +16,13 @@ need (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd). Which zero is which is free: either ch
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
+from robust._base.types import LinearSystem
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import discretize
@@ -77,7 +77,7 @@ class DriveReading:
         return f"{self.settings}{more}\nerror at most {self.misfit:.1e} of K"
 
 
-def gains(K: Any, *, like: DriveSettings, output_unit: str = "") -> DriveReading:
+def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> DriveReading:
     """Read a controller as the gains kv, kp, tn and the velocity low-pass of a drive, or refuse it with its misfit.
 
     A PID with filtered derivative is a cascade where its two zeros are real, and slow against its filter.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 
 from nlfrf._base.arguments import short_form
+from nlfrf._base.types import Json, JsonObject
 from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.drive.units import parse_quantity
@@ -25,7 +25,7 @@ NUMBERS = {
 }
 #: Entries that are texts or whole numbers, as `DriveSettings` takes them.
 PLAIN = ("position_every", "encoder", "velocity_from", "position_unit", "load_unit", "unit_factor", "load_factor")
-FILTERS: dict[str, Any] = {"notch": notch, "low_pass": low_pass, "biquad": biquad}
+FILTERS: dict[str, Callable[..., FilterSlot]] = {"notch": notch, "low_pass": low_pass, "biquad": biquad}
 FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
     "numerator_frequency": "frequency",
     "numerator_zeta": "share",
@@ -86,7 +86,7 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
         raise ValueError(f"{path} must have no entry {others[0]}; it may have {', '.join(sorted(known))}")
     if missing := [name for name in ("fs", "kv", "kp") if name not in content]:
         raise ValueError(f"{path} must have an entry {missing[0]}, got none")
-    found: dict[str, Any] = {name: content[name] for name in PLAIN if name in content}
+    found: JsonObject = {name: content[name] for name in PLAIN if name in content}
     for name, kind in NUMBERS.items():
         if name in content:
             found[name] = parse_quantity(name, kind, content[name])
@@ -104,7 +104,7 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
     return DriveSettings(**found, filters=tuple(map(read_slot, slots)))
 
 
-def read_slot(given: Any) -> FilterSlot:
+def read_slot(given: Json) -> FilterSlot:
     """One filter of the file."""
     kinds = [kind for kind in FILTERS if isinstance(given, Mapping) and kind in given]
     if len(kinds) != 1:

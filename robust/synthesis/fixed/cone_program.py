@@ -13,12 +13,15 @@ Automatica 85 (2017), eq. 22 to 26).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.values import value
 from robust.proofs.search.certificate import solve_program
+
+if TYPE_CHECKING:
+    import cvxpy
 
 __all__ = ["Rows", "Step", "solve_step"]
 
@@ -79,19 +82,19 @@ def solve_step(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
         cp.norm(eta) <= MAX_STEP_RATIO * np.linalg.norm(step.eta)
     ]  # a step, where there is no end to improvement
     constraints += [step.linear @ eta >= 0] if step.linear.size else []
-    sizes: list[Any] = []
+    sizes: list[cvxpy.Variable] = []
     for part in (step.Y, step.X):
         if lines.size:
             size = cp.Variable(lines.size)
             constraints.append(cp.SOC(size, cp.vstack([part[lines].real @ eta, part[lines].imag @ eta]), axis=0))
             sizes.append(size)
 
-    def small(rows: Rows, pick: np.ndarray) -> Any:
+    def small(rows: Rows, pick: np.ndarray) -> cvxpy.Expression:
         return cp.multiply(rows.a[pick], sizes[0][place[rows.line[pick]]]) + cp.multiply(
             rows.b[pick], sizes[1][place[rows.line[pick]]]
         )
 
-    def alone(rows: Rows, pick: np.ndarray) -> list[Any]:
+    def alone(rows: Rows, pick: np.ndarray) -> list[cvxpy.Expression]:
         part = np.where(
             rows.a[pick, None] > 0,
             rows.a[pick, None] * step.Y[rows.line[pick]],
@@ -118,7 +121,7 @@ def solve_step(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
                     parts += [third.real @ eta, third.imag @ eta]
                 wide = level * np.ones(int(pick.sum()))
                 constraints.append(cp.SOC(wide + square, cp.vstack([2 * p for p in parts] + [wide - square]), axis=0))
-        goal: Any = cp.Minimize(level)
+        goal: cvxpy.Minimize | cvxpy.Maximize = cp.Minimize(level)
     else:
         constraints.append(step.scale @ eta == 1)
         goal = cp.Maximize(step.gain @ eta)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -213,7 +212,7 @@ def iterate(
     starts: list[np.ndarray],
     n_iterations: int,
     deadline: float,
-    progress: Callable[[int, float], Any] | None,
+    progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """The best of what the iteration makes of each start: parameters, history and why it ended."""
     found = [improve_start(task, theta, n_iterations, deadline, progress) for theta in starts]
@@ -225,7 +224,7 @@ def improve_start(
     theta: np.ndarray,
     n_iterations: int,
     deadline: float,
-    progress: Callable[[int, float], Any] | None,
+    progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Convex steps from one start until nothing improves: parameters, history and why it ended."""
     mask = working_lines(task, theta)

@@ -14,18 +14,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import TypeAlias
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import format_hertz, require_real
 from nlfrf._base.values import value
+from robust._base.types import LinearSystem, Weight
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
 from robust.synthesis.fixed.plants import PlantOnLines
 
-__all__ = ["Demand", "end_row", "limit_rows", "objective_row", "weight_rows"]
+__all__ = ["Bound", "Demand", "end_row", "limit_rows", "objective_row", "weight_rows"]
+
+
+#: What a peak may reach: a number, or the magnitude of a system over frequency.
+Bound: TypeAlias = "float | LinearSystem"
 
 
 #: The set must stay this far inside stability, so that a check can prove it between the lines too.
@@ -70,7 +75,7 @@ class Demand:
         return np.where(np.isnan(ratio), np.inf, ratio)
 
 
-def limit_on_lines(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
+def limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:
     """(W,) a limit given as a number, or as the magnitude of a system."""
     if isinstance(bound, (control.StateSpace, control.TransferFunction)):
         out = np.abs(response(state_space(name, bound), omega))
@@ -81,7 +86,7 @@ def limit_on_lines(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
     return out
 
 
-def objective_row(at: PlantOnLines, w_P: Any, w_T: Any, w_u: Any) -> Demand | None:
+def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> Demand | None:
     """[worst-case performance; w_T T; w_u K S] stacked, whose largest value over the lines is gamma."""
     if w_P is None and w_T is None and w_u is None:
         return None
@@ -97,7 +102,7 @@ def objective_row(at: PlantOnLines, w_P: Any, w_T: Any, w_u: Any) -> Demand | No
     return demand_row("gamma", at, a, b, c)
 
 
-def weight_rows(at: PlantOnLines, *, w_P: Any, w_T: Any, w_u: Any) -> list[Demand]:
+def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> list[Demand]:
     """The weights as demands of their own."""
     rows = []
     for name, w, text in (
@@ -119,12 +124,12 @@ def worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.nd
 def demand_row(
     name: str,
     at: PlantOnLines,
-    a: Any,
-    b: Any,
-    c: Any = 0.0,
+    a: float | np.ndarray,
+    b: float | np.ndarray,
+    c: float | np.ndarray = 0.0,
     *,
-    y: Any = 1.0,
-    x: Any = None,
+    y: float | np.ndarray = 1.0,
+    x: float | np.ndarray | None = None,
     index: np.ndarray | None = None,
 ) -> Demand:
     """A row on all lines (or some), with the centre of the disc on its right side unless told otherwise."""
@@ -150,7 +155,15 @@ def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[D
     return [demand_row(name, at, 0.0, (np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
 
 
-def limit_rows(at: PlantOnLines, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: Any) -> list[Demand]:
+def limit_rows(
+    at: PlantOnLines,
+    *,
+    M_S: Bound | None,
+    M_T: Bound | None,
+    M_u: Bound | None,
+    omega_c: float | tuple[float, float] | None,
+    gain: tuple[float, float] | None,
+) -> list[Demand]:
     """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them."""
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
@@ -166,12 +179,12 @@ def limit_rows(at: PlantOnLines, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, 
         most = limit_on_lines("M_u", M_u, at.omega)
         rows.append(demand_row(f"|K S| <= {describe_bound(M_u)}", at, at.outside, at.radius + (1 + at.outside) / most))
     if omega_c is not None:
-        least, most = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
+        least, highest = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
         rows.append(gain_row(at, "omega_c", least, 1.0))
-        if most is not None:
-            where = nearest_lines(at, "omega_c", most)
+        if highest is not None:
+            where = nearest_lines(at, "omega_c", highest)
             rows.append(
-                demand_row(f"|L| <= 1 at {format_hertz(most)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where)
+                demand_row(f"|L| <= 1 at {format_hertz(highest)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where)
             )
     if gain is not None:
         rows.append(gain_row(at, "gain", *gain))
@@ -192,7 +205,7 @@ def peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
     return demand_row(name, at, a, b, x=x)
 
 
-def gain_row(at: PlantOnLines, name: str, omega: Any, least: Any) -> Demand:
+def gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
     """|L| of the nominal at least so large at a frequency."""
     least = require_real(name, least)
     if least <= 0:
@@ -201,7 +214,7 @@ def gain_row(at: PlantOnLines, name: str, omega: Any, least: Any) -> Demand:
     return demand_row(f"|L| >= {least:g} at {format_hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
 
 
-def nearest_lines(at: PlantOnLines, name: str, omega: Any) -> np.ndarray:
+def nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
     """The lines nearest to a frequency, one for each plant, or a refusal outside the band."""
     omega = require_real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
@@ -218,6 +231,6 @@ def nearest_lines(at: PlantOnLines, name: str, omega: Any) -> np.ndarray:
     return np.array(found)
 
 
-def describe_bound(bound: Any) -> str:
+def describe_bound(bound: Bound) -> str:
     """A limit in words."""
     return f"{bound:g}" if isinstance(bound, (int, float)) else "its limit"

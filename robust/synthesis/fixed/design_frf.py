@@ -2,47 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import cast
 
 from nlfrf._base.arguments import require_kind
 from robust._base.channels import is_matrix
+from robust._base.types import Controller, Weight
 from robust.models.sets.model import has_several_channels
-from robust.synthesis.fixed.one_loop import design_loop
+from robust.synthesis.fixed.demands import Bound
+from robust.synthesis.fixed.one_loop import LoopOptions, design_loop
+from robust.synthesis.fixed.plants import DesignPlant
+from robust.synthesis.fixed.proved import Proved
 from robust.synthesis.fixed.sequential import close_in_turn
+from robust.synthesis.fixed.structures import ControllerStructure
 from robust.synthesis.hinf.design import Design
 
 __all__ = ["design_frf"]
 
 
 def design_frf(
-    plant: Any,
-    structure: Any,
+    plant: DesignPlant | Sequence[DesignPlant],
+    structure: str | int | ControllerStructure | list[str | int | ControllerStructure],
     *,
-    w_P: Any = None,
-    w_T: Any = None,
-    w_u: Any = None,
-    M_S: Any = None,
-    M_T: Any = None,
-    M_u: Any = None,
-    omega_c: Any = None,
+    w_P: Weight | list[Weight | None] | None = None,
+    w_T: Weight | list[Weight | None] | None = None,
+    w_u: Weight | list[Weight | None] | None = None,
+    M_S: Bound | list[Bound | None] | None = None,
+    M_T: Bound | list[Bound | None] | None = None,
+    M_u: Bound | list[Bound | None] | None = None,
+    omega_c: float | tuple[float, float] | list[float | tuple[float, float] | None] | None = None,
     gain: tuple[float, float] | None = None,
     aim: str = "auto",
     dt: float = 0.0,
     delay: float = 0.0,
-    fixed: Any = 1,
+    fixed: Controller | list[Controller] = 1,
     end_gain: float = 0.5,
     integrators: int = 0,
     filter_time: float | None = None,
     stable: bool = True,
     positive: bool = False,
-    start: Any = None,
+    start: Controller | list[Controller | None] | None = None,
     n_starts: int = 1,
     n_unstable: int = 0,
-    prove: Any = None,
+    prove: Proved | None = None,
     n_iterations: int = 60,
     time_cap: float = 20.0,
-    progress: Callable[[int, float], Any] | None = None,
+    progress: Callable[[int, float], object] | None = None,
 ) -> Design:
     """Design a controller of fixed structure straight from a measured FRF, no parametric model needed.
 
@@ -135,7 +140,7 @@ def design_frf(
     (2, True)
     """
     require_kind("positive", positive, bool)
-    options: dict[str, Any] = {
+    asked = {
         "w_P": w_P,
         "w_T": w_T,
         "w_u": w_u,
@@ -162,10 +167,10 @@ def design_frf(
         "progress": progress,
     }
     if has_several_channels(plant) or is_matrix(plant):
-        return close_in_turn(plant, structure, options)
+        return close_in_turn(plant, structure, cast("LoopOptions", asked))
     if isinstance(plant, list | tuple) and any(has_several_channels(one) or is_matrix(one) for one in plant):
         raise ValueError(
             "plant must be one Bla of several channels (or MatrixUncertainty) or a list of single loops, got a list "
             "of matrices"
         )
-    return design_loop(plant, structure, **options)
+    return design_loop(plant, cast("str", structure), **cast("LoopOptions", asked))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import TypedDict, Unpack
 
 import control
 import numpy as np
@@ -22,14 +22,16 @@ from nlfrf._base.arguments import (
 )
 from robust._base.channels import is_single
 from robust._base.states import Stability
+from robust._base.types import Controller, Weight
+from robust.friction.levels import machines_of
 from robust.lti.lti import is_clockless, is_constant, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
-from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
-from robust.synthesis.fixed.plants import DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
-from robust.synthesis.fixed.proved import largest_proved_gain, machines_of
+from robust.synthesis.fixed.demands import Bound, Demand, end_row, limit_rows, objective_row, weight_rows
+from robust.synthesis.fixed.plants import DesignPlant, DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
+from robust.synthesis.fixed.proved import Proved, largest_proved_gain
 from robust.synthesis.fixed.starts import find_start, loops_stable, start_from_controller
 from robust.synthesis.fixed.structures import (
     FASTEST,
@@ -41,7 +43,7 @@ from robust.synthesis.fixed.structures import (
 )
 from robust.synthesis.hinf.design import Design
 
-__all__ = ["design_loop"]
+__all__ = ["LoopOptions", "design_loop"]
 
 #: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
 #: be missed by for that to be done from where it is.
@@ -52,88 +54,103 @@ N_REFINED = 8  # more of them, around the best
 LIMIT_TOLERANCE = 1e-3
 
 
+class LoopOptions(TypedDict):
+    """What `design_frf` was asked of one loop, by the names of its arguments."""
+
+    w_P: Weight | None
+    w_T: Weight | None
+    w_u: Weight | None
+    M_S: Bound | None
+    M_T: Bound | None
+    M_u: Bound | None
+    omega_c: float | tuple[float, float] | None
+    gain: tuple[float, float] | None
+    aim: str
+    dt: float
+    delay: float
+    fixed: Controller
+    end_gain: float
+    integrators: int
+    filter_time: float | None
+    stable: bool
+    positive_gains: bool
+    start: Controller | None
+    n_starts: int
+    n_unstable: int
+    prove: Proved | None
+    n_iterations: int
+    time_cap: float
+    progress: Callable[[int, float], object] | None
+
+
 def design_loop(
-    plant: Any,
+    plant: DesignPlant | Sequence[DesignPlant],
     structure: str | int | ControllerStructure,
-    *,
-    w_P: Any,
-    w_T: Any,
-    w_u: Any,
-    M_S: Any,
-    M_T: Any,
-    M_u: Any,
-    omega_c: Any,
-    gain: Any,
-    aim: str,
-    dt: float,
-    delay: float,
-    fixed: Any,
-    end_gain: float,
-    integrators: int,
-    filter_time: float | None,
-    stable: bool,
-    positive_gains: bool,
-    start: Any,
-    n_starts: int,
-    n_unstable: int,
-    prove: Any,
-    n_iterations: int,
-    time_cap: float,
-    progress: Callable[[int, float], Any] | None,
+    **options: Unpack[LoopOptions],
 ) -> Design:
     """`design_frf` of a plant of one input and output."""
-    given = {name: what for name, what in locals().items() if name not in ("plant", "structure")}
     began = time.perf_counter()
-    require_choice("aim", aim, ("auto", "gamma", "gain"))
-    dt, delay = require_nonnegative("dt", dt), require_nonnegative("delay", delay)
-    n_unstable = require_integer("n_unstable", n_unstable, least=0)
-    n_iterations = require_integer("n_iterations", n_iterations, least=0)
-    time_cap = require_positive("time_cap", time_cap)
-    shape = structure_of(structure, require_integer("integrators", integrators, least=0), filter_time)
+    aim = require_choice("aim", options["aim"], ("auto", "gamma", "gain"))
+    dt, delay = require_nonnegative("dt", options["dt"]), require_nonnegative("delay", options["delay"])
+    n_unstable = require_integer("n_unstable", options["n_unstable"], least=0)
+    n_iterations = require_integer("n_iterations", options["n_iterations"], least=0)
+    time_cap = require_positive("time_cap", options["time_cap"])
+    integrators = require_integer("integrators", options["integrators"], least=0)
+    shape = structure_of(structure, integrators, options["filter_time"])
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
     dt = loop_sampling_time(plants, dt)
-    named = [*per_demand_list("omega_c", omega_c), *(per_demand_list("gain", gain)[:1] if gain is not None else [])]
+    named = [*per_demand_list("omega_c", options["omega_c"]), *per_demand_list("gain", options["gain"])[:1]]
     wanted = tuple(require_real("omega_c", w) for w in named)
-    look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=(w_P, w_T, w_u, M_S, M_T, M_u))
-    weights = {"w_P": w_P, "w_T": w_T, "w_u": w_u}
-    limits = {"M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
-    ask = partial(
-        split_demands, aim=aim, weights=weights, limits=limits, end_gain=require_positive("end_gain", end_gain)
-    )
+    sizes = (options["w_P"], options["w_T"], options["w_u"], options["M_S"], options["M_T"], options["M_u"])
+    look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=sizes)
+    end_gain, positive_gains = require_positive("end_gain", options["end_gain"]), options["positive_gains"]
     family = [look(p) for p in plants]
-    basis = structure_basis(shape, stacked_plants(family), dt, fixed)
+    basis = structure_basis(shape, stacked_plants(family), dt, options["fixed"])
     if positive_gains and shape.name not in PID_PARTS:
         raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
     if positive_gains and not is_constant(basis.fixed):
         raise ValueError("positive must be left out with a factor that is fixed: the whole is no PID then")
     if positive_gains and shape.free:
-        return best_filter(plant, structure, basis, given)
+        return best_filter(plant, structure, basis, options)
 
     def closer(K: list[control.StateSpace]) -> DesignTask:
         """The task on the lines too that controllers, or their loops, have features on."""
         own = [look(p, K=K) for p in plants]
         at = stacked_plants(own)
-        of_lines = {"at": at, **ask(own, at), **basis.on_lines(at.omega)}
+        Y, X = basis.columns(at.omega)
+        task_aim, gamma, rows = split_demands(own, at, aim, options, end_gain)
         return DesignTask(
             basis=basis,
             family=family,
-            stable=bool(stable),
+            at=at,
+            aim=task_aim,
+            gamma=gamma,
+            rows=rows,
+            stable=bool(options["stable"]),
             positive=bool(positive_gains),
             n_unstable=n_unstable,
-            **of_lines,
+            Y=Y,
+            X=X,
         )
 
     task = closer([basis.known_modes()])
-    starts = [check_start(task, start)] if start is not None else search_starts(task, n_starts)
-    theta, history, why = iterate_on_loop_lines(task, starts, closer, n_iterations, began + time_cap, progress)
-    if prove is not None:
-        theta, why = proved_parameters(task, theta, prove, delay, why)
+    start = options["start"]
+    starts = [check_start(task, start)] if start is not None else search_starts(task, options["n_starts"])
+    deadline = began + time_cap
+    theta, history, why = iterate_on_loop_lines(task, starts, closer, n_iterations, deadline, options["progress"])
+    if options["prove"] is not None:
+        theta, why = proved_parameters(task, theta, options["prove"], delay, why)
     return evaluate_design(closer([basis.controller(theta)]), theta, history, why)
 
 
-def best_filter(plant: Any, structure: Any, basis: Basis, given: dict[str, Any]) -> Design:
+def best_filter(
+    plant: DesignPlant | Sequence[DesignPlant],
+    structure: str | int | ControllerStructure,
+    basis: Basis,
+    options: LoopOptions,
+) -> Design:
     """A design that has positive gains of itself, else the best over the time constants of the derivative filter.
 
     With the time constant given the gains are linear in the parameters, so that they are kept positive by the convex
@@ -141,17 +158,22 @@ def best_filter(plant: Any, structure: Any, basis: Basis, given: dict[str, Any])
     """
     found: list[tuple[tuple[bool, float], Design]] = []
     refused: ValueError | None = None
-    freely = design_loop(plant, structure, **{**given, "positive_gains": False})
+    free: LoopOptions = {**options, "positive_gains": False}
+    freely = design_loop(plant, structure, **free)
     if has_positive_gains(freely.K, basis.dt):
         return freely
-    given |= {"time_cap": given["time_cap"] / (N_FILTER_TIMES + N_REFINED)}
     omega = np.array([1e-3 * basis.omega_mid])
 
     def merit(log_pole: float) -> float:
-        """Return gamma, or minus the gain at low frequency; no filter without a start, or with a missed limit, is best."""
+        """Return gamma, or minus the gain at low frequency; inf without a start or with a missed limit."""
         nonlocal refused
+        with_filter: LoopOptions = {
+            **options,
+            "time_cap": options["time_cap"] / (N_FILTER_TIMES + N_REFINED),
+            "filter_time": float(np.exp(-log_pole)),
+        }
         try:
-            design = design_loop(plant, structure, **{**given, "filter_time": float(np.exp(-log_pole))})
+            design = design_loop(plant, structure, **with_filter)
         except ValueError as error:  # no start, with this filter
             refused = error
             return np.inf
@@ -190,7 +212,7 @@ def iterate_on_loop_lines(
     closer: Callable[[list[control.StateSpace]], DesignTask],
     n_iterations: int,
     deadline: float,
-    progress: Callable[[int, float], Any] | None,
+    progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Parameters, history and why it ended, begun again where the lines of the loop found show it worse than it was.
 
@@ -212,7 +234,7 @@ def iterate_on_loop_lines(
 
 
 def proved_parameters(
-    task: DesignTask, theta: np.ndarray, prove: Any, delay: float, why: str
+    task: DesignTask, theta: np.ndarray, prove: Proved, delay: float, why: str
 ) -> tuple[np.ndarray, str]:
     """The parameters with the largest gain, at most the one found, that is proved for a class of friction."""
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
@@ -228,28 +250,30 @@ def proved_parameters(
 
 
 def split_demands(
-    family: list[PlantOnLines],
-    at: PlantOnLines,
-    *,
-    aim: str,
-    weights: dict[str, Any],
-    limits: dict[str, Any],
-    end_gain: float,
-) -> dict[str, Any]:
+    family: list[PlantOnLines], at: PlantOnLines, aim: str, options: LoopOptions, end_gain: float
+) -> tuple[str, Demand | None, list[Demand]]:
     """What is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
-    weighted = any(w is not None for w in weights.values())
+    w_P, w_T, w_u = options["w_P"], options["w_T"], options["w_u"]
+    weighted = not (w_P is None and w_T is None and w_u is None)
     aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
     if aim == "gamma" and not weighted:
         raise ValueError('aim must be "gain" where no weight w_P, w_T or w_u is given, got "gamma"')
-    rows = limit_rows(at, **limits)
+    rows = limit_rows(
+        at,
+        M_S=options["M_S"],
+        M_T=options["M_T"],
+        M_u=options["M_u"],
+        omega_c=options["omega_c"],
+        gain=options["gain"],
+    )
     if aim == "gain":
-        rows += weight_rows(at, **weights)
+        rows += weight_rows(at, w_P=w_P, w_T=w_T, w_u=w_u)
         if not rows:
             raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
-    return {"aim": aim, "gamma": objective_row(at, **weights), "rows": rows + end_row(family, at, end_gain)}
+    return aim, objective_row(at, w_P, w_T, w_u), rows + end_row(family, at, end_gain)
 
 
-def check_start(task: DesignTask, start: Any) -> np.ndarray:
+def check_start(task: DesignTask, start: Controller) -> np.ndarray:
     """The parameters of a controller that was given to start from, or a refusal."""
     theta = start_from_controller(task.basis, start, task.at)
     K = task.basis.controller(theta)
@@ -263,7 +287,7 @@ def check_start(task: DesignTask, start: Any) -> np.ndarray:
     return theta
 
 
-def search_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
+def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
     """The best n_starts simple controllers that stabilise, or a refusal where there is none."""
     n_starts = require_integer("n_starts", n_starts, least=1)
     starts = find_start(
@@ -308,7 +332,7 @@ def describe_phase_gap(at: PlantOnLines) -> str:
     )
 
 
-def per_demand_list(name: str, given: Any) -> list[Any]:
+def per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list[float]:
     """What was given as one number or two, as a list; the gain always has two."""
     if given is None:
         return []
@@ -319,7 +343,7 @@ def per_demand_list(name: str, given: Any) -> list[Any]:
     return many
 
 
-def loop_sampling_time(plants: list[Any], dt: float) -> float:
+def loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
     """Sampling time of the loop: that of the controller, or of plants that are sampled already."""
     steps = set()
     for p in plants:
@@ -336,7 +360,7 @@ def loop_sampling_time(plants: list[Any], dt: float) -> float:
     return steps.pop() if steps else dt
 
 
-def structure_basis(shape: Any, at: PlantOnLines, dt: float, fixed: Any) -> Basis:
+def structure_basis(shape: ControllerStructure, at: PlantOnLines, dt: float, fixed: Controller) -> Basis:
     """The structure on the band of the lines."""
     F = state_space("fixed", fixed)
     if not is_clockless(F) and timebase(F) != dt:

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeAlias
 
 import control
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.channels import is_single
+from robust._base.types import AnySystem
 from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
 from robust.lti.lti import response, timebase
@@ -22,7 +24,7 @@ from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_rad
 from robust.models.sets.measured import add_hold_and_delay, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 
-__all__ = ["DiscsOnLines", "PlantOnLines", "plant_on_lines", "stacked_plants"]
+__all__ = ["DesignPlant", "DiscsOnLines", "PlantOnLines", "plant_on_lines", "stacked_plants"]
 
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
@@ -90,25 +92,36 @@ class PlantOnLines:
     highest: float
 
 
+#: What a controller is designed for.
+DesignPlant: TypeAlias = "DiscsOnLines | Bla | UncertaintyModel | AnySystem"
+
+
 def plant_on_lines(
-    plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any] = ()
+    plant: DesignPlant,
+    dt: float,
+    delay: float,
+    extra: tuple[float, ...],
+    weights: tuple[object, ...],
+    K: Sequence[control.StateSpace] = (),
 ) -> PlantOnLines:
     """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
 
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
     """
-    given = isinstance(plant, DiscsOnLines)
     if (
-        given
+        isinstance(plant, DiscsOnLines)
         or is_single(plant)
         or isinstance(plant, control.FrequencyResponseData)
         or getattr(plant, "measured_only", False)
     ):
-        omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else parts_on_lines(plant)
+        if isinstance(plant, DiscsOnLines):
+            omega, G, form, w = plant.omega, plant.G, ADDITIVE, plant.radius
+        else:
+            omega, G, form, w, *_ = parts_on_lines(plant)
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:
             raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
-        G = G if given else add_hold_and_delay(plant, omega, G, dt, delay)
+        G = G if isinstance(plant, DiscsOnLines) else add_hold_and_delay(plant, omega, G, dt, delay)
         loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
         n = omega.size
         omega, G = extend_below(omega, G, n_integrators, decades=3.0, points=60)
@@ -121,18 +134,19 @@ def plant_on_lines(
         G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
         omega, G, w, known = add_mode_lines(K, omega, G, w, known)
     else:
+        source: Any = plant  # a set, or what has as much of one as a loop without uncertainty reads
         if not isinstance(plant, UncertaintyModel):
             G_ss = state_space("plant", plant)
             nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
-            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity)
-            plant.perturbation = "LTI"
-        step = timebase(plant.nominal)
+            source = SimpleNamespace(nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity)
+            source.perturbation = "LTI"
+        step = timebase(source.nominal)
         if step and dt and abs(step / dt - 1) > 1e-9:
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
         if dt and isinstance(plant, UncertaintyModel):
             warn_of_unknown_hold(plant, dt)
-        loop = assemble_loop(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
-        lines, form = plant.omega, plant.form
+        loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
+        lines, form = source.omega, source.form
         omega = design_grid(loop, lines, extra, weights, K)
         lowest, highest = float(omega[0]), float(omega[-1])
         above = np.geomspace(1, FAR, N_FAR)[1:] * highest
@@ -165,7 +179,7 @@ def plant_on_lines(
 
 
 def add_mode_lines(
-    K: Sequence[Any], omega: np.ndarray, G: np.ndarray, w: np.ndarray, known: np.ndarray
+    K: Sequence[control.StateSpace], omega: np.ndarray, G: np.ndarray, w: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Lines, FRF, weight and what is known of it, with the lines that controllers have modes on."""
     modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
@@ -176,7 +190,11 @@ def add_mode_lines(
 
 
 def design_grid(
-    loop: Loop, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any]
+    loop: Loop,
+    lines: np.ndarray,
+    extra: tuple[float, ...],
+    weights: tuple[object, ...],
+    K: Sequence[control.StateSpace],
 ) -> np.ndarray:
     """Frequencies [rad/s] to look at a parametric plant: where it, its weight, demands or controllers have features."""
     lines = lines if lines.size else plant_features(loop.G, loop.dt, extra)
@@ -193,9 +211,16 @@ def design_grid(
 
 def stacked_plants(plants: list[PlantOnLines]) -> PlantOnLines:
     """The plants of a family as one, line after line, so that a demand is asked of all of them."""
-    parts: dict[str, Any] = {
-        name: np.concatenate([getattr(s, name) for s in plants])
-        for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
-    }
-    lowest, highest = max(s.lowest for s in plants), max(s.highest for s in plants)
-    return PlantOnLines(**parts, loop=None, n_integrators=0, lowest=lowest, highest=highest)
+    return PlantOnLines(
+        omega=np.concatenate([s.omega for s in plants]),
+        G=np.concatenate([s.G for s in plants]),
+        centre=np.concatenate([s.centre for s in plants]),
+        radius=np.concatenate([s.radius for s in plants]),
+        outside=np.concatenate([s.outside for s in plants]),
+        inverse=np.concatenate([s.inverse for s in plants]),
+        known=np.concatenate([s.known for s in plants]),
+        loop=None,
+        n_integrators=0,
+        lowest=max(s.lowest for s in plants),
+        highest=max(s.highest for s in plants),
+    )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias, TypeVar
 
 import control
 import numpy as np
@@ -18,6 +20,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
+from robust.friction.levels import FrictionClass, machines_of
 from robust.friction.plant import FrictionPlant
 from robust.friction.prove import FrictionProof, prove_friction
 from robust.lti.connections import in_series
@@ -25,12 +28,16 @@ from robust.lti.lti import response
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import discretize, sampled
 
-__all__ = ["ProvedDesign", "design_proved", "largest_proved_gain", "machines_of"]
+__all__ = ["Proved", "ProvedDesign", "design_proved", "largest_proved_gain"]
 
 BISECTION_RATIO = 1.03  # ratio of the two gains where a bisection stops
 MAX_GAIN_RATIO = 256.0  # times the gain that was given, up and down
 GAIN_STEP = 2.0
 N_FREQUENCIES = 400  # of the frequencies at which |S| is looked at
+
+
+#: What a controller is proved for: a class of friction with its machines, or one machine and a class.
+Proved: TypeAlias = FrictionClass | tuple[FrictionPlant, AnyFriction]
 
 
 @value
@@ -82,7 +89,7 @@ class ProvedDesign:
 
 
 def design_proved(
-    machine: Any,
+    machine: FrictionPlant | FrictionClass,
     friction: AnyFriction | None = None,
     *,
     dt: float,
@@ -151,7 +158,7 @@ def design_proved(
         shape[1] = 0.0
     if np.any(shape < 0) or not shape[2] > 0:
         raise ValueError(f"start must hold Kp, Ki >= 0 and Kd > 0, got {short_form(tuple(shape))}")
-    tried: dict[str, Any] = {"n": 0, "best": None}
+    tried = Tried()
     free = [i for i in (0, 1) if shape[i] > 0]
 
     def missed(theta: np.ndarray) -> float:
@@ -160,13 +167,22 @@ def design_proved(
         return task.negative_log_bandwidth(candidate, tried)
 
     missed(np.zeros(len(free)))
-    if tried["best"] is None:
+    if tried.best is None:
         raise ValueError(f"start must have a gain that is proved, got none for {short_form(tuple(shape))}. Damp more")
     if require_integer("n_iterations", n_iterations, least=0):
         simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])
         options = {"maxfev": n_iterations, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01}
         minimize(missed, np.zeros(len(free)), method="Nelder-Mead", options=options)
-    return ProvedDesign(n_proofs=tried["n"], **tried["best"])
+    return replace(tried.best, n_proofs=tried.n)
+
+
+@dataclass
+class Tried:
+    """What a search has seen so far: how many proofs, the last gain that was proved, the best controller."""
+
+    n: int = 0
+    gain: float = 1.0
+    best: ProvedDesign | None = None
 
 
 @value(copy=False)
@@ -180,31 +196,26 @@ class ProofSearch:
     M_S: float
     factor: control.StateSpace
 
-    def negative_log_bandwidth(self, shape: np.ndarray, tried: dict[str, Any]) -> float:
+    def negative_log_bandwidth(self, shape: np.ndarray, tried: Tried) -> float:
         """Minus the log bandwidth of the largest proved gain of a shape; the best one is kept."""
         K = in_series(sampled_pid(shape, self.dt), self.factor)
 
         def allowed(g: float) -> tuple[FrictionProof, ...] | None:
             if self.evaluate(g * K)[1] > self.M_S:
                 return None
-            tried["n"] += 1
+            tried.n += 1
             return all_proved(g * K, self.machines, self.friction, self.delay)
 
-        g, proofs = largest_allowed_gain(allowed, tried.get("gain", 1.0))
+        g, proofs = largest_allowed_gain(allowed, tried.gain)
         if proofs is None:
             return 50.0
-        tried["gain"] = g
+        tried.gain = g
         bandwidth, peak = self.evaluate(g * K)
-        best = tried["best"]
-        if best is None or bandwidth > best["bandwidth"]:
-            parameters = tuple(float(g * part) for part in shape)
-            tried["best"] = {
-                "K": g * K,
-                "parameters": parameters,
-                "bandwidth": bandwidth,
-                "peak": peak,
-                "proofs": proofs,
-            }
+        if tried.best is None or bandwidth > tried.best.bandwidth:
+            Kp, Ki, Kd = (float(g * part) for part in shape)
+            tried.best = ProvedDesign(
+                K=g * K, parameters=(Kp, Ki, Kd), bandwidth=bandwidth, peak=peak, proofs=proofs, n_proofs=tried.n
+            )
         return -float(np.log(max(bandwidth, 1e-6)))
 
     def evaluate(self, K: control.StateSpace) -> tuple[float, float]:
@@ -262,7 +273,10 @@ def all_proved(
     return tuple(proofs)
 
 
-def largest_allowed_gain(allowed: Any, gain: float) -> tuple[float, Any]:
+Found = TypeVar("Found")
+
+
+def largest_allowed_gain(allowed: Callable[[float], Found | None], gain: float) -> tuple[float, Found | None]:
     """The largest gain that is allowed around a first one: doubled or halved to the limit, then bisected."""
     found = allowed(gain)
     if found is not None:
@@ -283,18 +297,6 @@ def largest_allowed_gain(allowed: Any, gain: float) -> tuple[float, Any]:
         else:
             low, found = middle, more
     return low, found
-
-
-def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
-    """The machines to prove, and the class; from a class read from levels both."""
-    own = getattr(machine, "machines", ())
-    if own and friction is None:
-        return tuple(own), machine.friction
-    if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {short_form(machine)}")
-    if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
-        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
-    return (machine,), friction
 
 
 def initial_gains(machine: FrictionPlant, K0: float) -> np.ndarray:

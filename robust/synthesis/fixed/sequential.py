@@ -12,7 +12,7 @@ loops see the same dG) is left to the check of the whole: where it fails, the di
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
 
@@ -28,22 +28,30 @@ from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
 from robust.models.sets.measured import add_hold_and_delay
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import RadiusSpec, block_radii_of_record
-from robust.synthesis.fixed.one_loop import design_loop
+from robust.synthesis.fixed.one_loop import LoopOptions, design_loop
 from robust.synthesis.fixed.plants import DiscsOnLines
+from robust.synthesis.fixed.structures import ControllerStructure
 from robust.synthesis.hinf.design import Design
+
+if TYPE_CHECKING:
+    import control
 
 __all__ = ["close_in_turn"]
 
 
 SWEEPS = 6  # times each loop is designed with the others closed, at most
 TIGHTENING = 0.97  # of what is allowed a peak, from one sweep to the next
-PEAKS = ("M_S", "M_T", "M_u")
 WIDENINGS = 3  # times the discs are made wider for the sake of the whole
 N_LINES = 300  # of a parametric plant, beside those of its modes
 BAND_EXTENSION = 100.0  # of its fastest mode and of the last line measured, where a continuous one is looked at last
 CONFIDENCE = 0.95  # of the set around an FRM
 PER_LOOP_OPTIONS = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain",
             "integrators", "filter_time", "stable", "start", "n_starts")  # fmt: skip
+
+
+Structure: TypeAlias = str | int | ControllerStructure
+#: Structure and demands of one loop.
+LoopTask: TypeAlias = tuple[Structure, LoopOptions]
 
 
 @value
@@ -68,7 +76,7 @@ class MatrixOnLines:
     right: np.ndarray
     radius: np.ndarray
 
-    def seen_from(self, k: int, K: list[Any], wider: float) -> DiscsOnLines:
+    def seen_from(self, k: int, K: list[control.StateSpace | None], wider: float) -> DiscsOnLines:
         """What loop k sees with the loops closed that have a controller."""
         G, row, column = self.G, *(np.zeros(self.G.shape[:2], dtype=complex) for _ in range(2))
         row[:, k] = column[:, k] = 1.0
@@ -82,7 +90,7 @@ class MatrixOnLines:
             inner = inner + np.einsum("wj,wj->w", row[:, C], G[:, C, k])
         return DiscsOnLines(omega=self.omega, G=inner, radius=wider * self.spread(row, column))
 
-    def with_modes(self, K: list[Any]) -> MatrixOnLines:
+    def with_modes(self, K: list[control.StateSpace | None]) -> MatrixOnLines:
         """The same on the lines too that controllers have modes on, where it is interpolated."""
         modes = [controller_mode_lines(one, (self.omega[0], self.omega[-1])) for one in K]
         omega = np.unique(np.concatenate([self.omega, *modes]))
@@ -103,15 +111,18 @@ class MatrixOnLines:
         return np.asarray(entries + block)
 
 
-def close_in_turn(plant: Bla | UncertaintyModel, structure: Any, options: dict[str, Any]) -> Design:
+def close_in_turn(
+    plant: Bla | UncertaintyModel, structure: Structure | list[Structure], options: LoopOptions
+) -> Design:
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
     dt = require_plant(plant, options)
     n = plant.n_inputs
-    each = [loop_demands(k, n, structure, {**options, "dt": dt, "delay": 0.0}) for k in range(n)]
+    of_loops: LoopOptions = {**options, "dt": dt, "delay": 0.0}
+    each = [loop_demands(k, n, structure, of_loops) for k in range(n)]
     deadline = time.perf_counter() + require_positive("time_cap", options["time_cap"])
     on_lines = matrix_on_lines(plant, dt, options["delay"])
     order = sorted(range(n), key=lambda k: -crossover_of(each[k][1]["omega_c"]))
-    K: list[Any] = [None] * n
+    K: list[control.StateSpace | None] = [None] * n
     wider, history = 1.0, list[float]()
     for _ in range(WIDENINGS):
         for sweep in range(SWEEPS):
@@ -144,7 +155,7 @@ def close_in_turn(plant: Bla | UncertaintyModel, structure: Any, options: dict[s
     )
 
 
-def require_plant(plant: Bla | UncertaintyModel, options: dict[str, Any]) -> float:
+def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
     """The sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
@@ -176,10 +187,10 @@ def require_plant(plant: Bla | UncertaintyModel, options: dict[str, Any]) -> flo
     return step
 
 
-def loop_demands(k: int, n: int, structure: Any, options: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+def loop_demands(k: int, n: int, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
     """Structure and demands of one loop: of a list the one that is its own."""
 
-    def own(name: str, given: Any) -> Any:
+    def own(name: str, given: object) -> object:
         if not isinstance(given, list):
             return given
         if len(given) != n:
@@ -187,7 +198,7 @@ def loop_demands(k: int, n: int, structure: Any, options: dict[str, Any]) -> tup
         return given[k]
 
     rest = {name: own(name, given) if name in PER_LOOP_OPTIONS else given for name, given in options.items()}
-    return own("structure", structure), rest
+    return cast("Structure", own("structure", structure)), cast("LoopOptions", rest)
 
 
 def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
@@ -226,7 +237,7 @@ def diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
     return np.asarray(sizes.T[:, :, None] * np.eye(len(sizes)))
 
 
-def crossover_of(given: Any) -> float:
+def crossover_of(given: float | tuple[float, float] | None) -> float:
     """What a loop is ordered by: the fastest is closed first."""
     return float(np.min(given)) if given is not None else 0.0
 
@@ -240,15 +251,17 @@ def design_loop_k(
     plant: Bla | UncertaintyModel,
     on_lines: MatrixOnLines,
     k: int,
-    K: list[Any],
-    own: tuple[Any, dict[str, Any]],
+    K: list[control.StateSpace | None],
+    own: LoopTask,
     wider: float,
 ) -> Design:
     """The controller of loop k, begun from the one it has, with the others as they are."""
     structure, options = own
     discs = on_lines.seen_from(k, K, wider)
     try:
-        return design_loop(discs, structure, **(options if K[k] is None else {**options, "start": K[k]}))
+        if K[k] is not None:
+            options = {**options, "start": K[k]}
+        return design_loop(discs, structure, **options)
     except ValueError as error:
         closed = ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
         raise ValueError(
@@ -256,29 +269,36 @@ def design_loop_k(
         ) from None
 
 
-def tighten_demands(own: tuple[Any, dict[str, Any]], share: float) -> tuple[Any, dict[str, Any]]:
+def tighten_demands(own: LoopTask, share: float) -> LoopTask:
     """The demands with a share of the peaks and crossovers allowed: room for what the other loops change afterwards."""
     structure, options = own
-    peaks = {name: share * options[name] for name in PEAKS if options[name] is not None}
+    M_S, M_T, M_u = (
+        None if bound is None else share * bound for bound in (options["M_S"], options["M_T"], options["M_u"])
+    )
     omega_c, gain = options["omega_c"], options["gain"]
     if omega_c is not None:
         low, high = omega_c if isinstance(omega_c, tuple) else (omega_c, None)
         omega_c = low / share if high is None else (min(low / share, high), max(high * share, low))
     if gain is not None:
         gain = (gain[0], gain[1] / share)
-    return structure, {**options, **peaks, "omega_c": omega_c, "gain": gain}
+    return structure, {**options, "M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
 
 
 def evaluate_loop(
-    on_lines: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, Any]], wider: float
+    on_lines: MatrixOnLines, k: int, K: list[control.StateSpace | None], own: LoopTask, wider: float
 ) -> Design:
     """Loop k as it is, with all others closed."""
     structure, options = own
-    return design_loop(on_lines.seen_from(k, K, wider), structure, **{**options, "start": K[k], "n_iterations": 0})
+    as_it_is: LoopOptions = {**options, "start": K[k], "n_iterations": 0}
+    return design_loop(on_lines.seen_from(k, K, wider), structure, **as_it_is)
 
 
 def check_whole_set(
-    plant: Bla | UncertaintyModel, on_lines: MatrixOnLines, K: list[Any], order: list[int], dt: float
+    plant: Bla | UncertaintyModel,
+    on_lines: MatrixOnLines,
+    K: list[control.StateSpace | None],
+    order: list[int],
+    dt: float,
 ) -> tuple[str, float]:
     """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
     if isinstance(plant, UncertaintyModel):
@@ -301,9 +321,11 @@ def check_whole_set(
     return "" if margin > 1 else f"the whole set is not stable at {format_hertz(on_lines.omega[worst])}", margin
 
 
-def check_sequential_stability(plant: Bla, on_lines: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
+def check_sequential_stability(
+    plant: Bla, on_lines: MatrixOnLines, K: list[control.StateSpace | None], order: list[int], dt: float
+) -> str:
     """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
-    closed: list[Any] = [None] * len(K)
+    closed: list[control.StateSpace | None] = [None] * len(K)
     for k in order:
         loop = on_lines.seen_from(k, closed, 1.0)
         turns, clear = winding_number(loop.omega, loop.G, K[k], dt)

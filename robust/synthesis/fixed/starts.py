@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import control
 import numpy as np
 
 from robust._base.states import Stability
+from robust._base.types import Controller
 from robust.analysis.loop import Loop, decide_nominal_stability
 from robust.lti.connections import closed_loop
 from robust.lti.lti import response, timebase
@@ -180,7 +180,7 @@ def winding_is_right(basis: Basis, theta: np.ndarray, family: list[PlantOnLines]
     return out
 
 
-def start_from_controller(basis: Basis, start: Any, at: PlantOnLines) -> np.ndarray:
+def start_from_controller(basis: Basis, start: Controller, at: PlantOnLines) -> np.ndarray:
     """Parameters of a controller the user gave, or a refusal when it does not have the structure."""
     K0 = state_space("start", start)
     if K0.nstates and timebase(K0) != basis.dt:

@@ -6,8 +6,6 @@ factor. Sampled controllers are the same in the plane of the bilinear map, s = 2
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 
@@ -113,7 +111,9 @@ class ControllerStructure:
         return self.n_poles > 0 and not self.poles
 
 
-def structure_of(name: Any, integrators: int, filter_time: float | None) -> ControllerStructure:
+def structure_of(
+    name: str | int | ControllerStructure, integrators: int, filter_time: float | None
+) -> ControllerStructure:
     """The structure asked for by a word or an order, or one that was given; or a refusal."""
     if isinstance(name, ControllerStructure):
         if integrators or filter_time is not None:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import require_integer, require_positive
 from nlfrf._base.values import value
+from robust._base.types import Blocks, LinearSystem, Weight
 from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
@@ -26,9 +27,13 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
+from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 from robust.synthesis.hinf.hinfsyn import synthesise
 from robust.synthesis.hinf.mixsyn import weight_on_time_base
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["DkDesign", "dk_iteration"]
 
@@ -83,7 +88,7 @@ class DkDesign:
     omega: np.ndarray
     curve: np.ndarray
     history: tuple[tuple[float, float, int], ...]
-    certificate: Any
+    certificate: Certificate | None
     reason: str
     CL: control.StateSpace | None = None
 
@@ -92,17 +97,21 @@ class DkDesign:
         return iter((self.K, self.CL, self.mu, self))
 
 
+#: A function that scales a block, and its inverse where it has states.
+Scaling: TypeAlias = control.StateSpace | tuple[control.StateSpace, control.StateSpace]
+
+
 def dk_iteration(
-    P: Any,
-    blocks: Any = None,
+    P: UncertaintyModel | LinearSystem,
+    blocks: Blocks | None = None,
     n_y: int = 0,
     n_u: int = 0,
     *,
-    w_P: Any = None,
-    w_u: Any = None,
+    w_P: Weight | None = None,
+    w_u: Weight | None = None,
     order: int = 4,
     n_rounds: int = 6,
-    omega: Any = None,
+    omega: ArrayLike | None = None,
     time_cap: float = 60.0,
 ) -> DkDesign:
     """Synthesise a controller that keeps mu small.
@@ -163,13 +172,14 @@ def dk_iteration(
     n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
     order, n_rounds = require_integer("order", order, least=0), require_integer("n_rounds", n_rounds, least=1)
     deadline = time.monotonic() + require_positive("time_cap", time_cap)
+    blocks = () if blocks is None else blocks
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     dt = timebase(P)
     best, reason = empty_design(P, n_y, n_u), f"{n_rounds} rounds were made"
     scaling, used, history, stretch = [identity_scaling(dt)] * len(s.kinds), 0, [], 1.0
     found, failed, idle = None, "", 0
     for _ in range(n_rounds):
-        tried: list[tuple[DkDesign, float, Any, int, float]] = []
+        tried: list[tuple[DkDesign, float, list[Scaling], int, float]] = []
         for share, highest in scaling_attempts(found is None, stretch, order):
             if any(each[0].mu < best.mu for each in tried) and share < 1:
                 break
@@ -205,8 +215,8 @@ def scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[f
 
 
 def performance_plant(
-    model: UncertaintyModel, w_P: Any, w_u: Any, blocks: Any
-) -> tuple[control.StateSpace, list[Any], int, int]:
+    model: UncertaintyModel, w_P: Weight | None, w_u: Weight | None, blocks: Blocks | None
+) -> tuple[control.StateSpace, Blocks, int, int]:
     """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
     if w_P is None or blocks is not None:
         raise ValueError("w_P must be given for a MatrixUncertainty, and no blocks: they are its own")
@@ -232,7 +242,7 @@ def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
 
 
 def synthesise_scaled(
-    P: control.StateSpace, scaling: list[Any], s: BlockStructure, sizes: tuple[int, int], time_cap: float
+    P: control.StateSpace, scaling: list[Scaling], s: BlockStructure, sizes: tuple[int, int], time_cap: float
 ) -> tuple[control.StateSpace, float, str]:
     """The controller of the scaled plant, the norm it reaches there, and why it is none."""
     n_y, n_u = sizes
@@ -251,7 +261,7 @@ def synthesise_scaled(
     return found.K, found.gamma, "" if plain.stable else f"the loop without its scalings is {plain}"
 
 
-def judge_by_mu(P: control.StateSpace, K: control.StateSpace, blocks: Any, omega: Any) -> DkDesign:
+def judge_by_mu(P: control.StateSpace, K: control.StateSpace, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
     """The loop with a controller, by the upper bound of mu with the structure as it is."""
     N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
@@ -264,7 +274,9 @@ def identity_scaling(dt: float) -> control.StateSpace:
     return control.StateSpace([], [], [], [[1.0]], dt)
 
 
-def scaling_systems(scaling: list[Any], s: BlockStructure, dt: float) -> tuple[control.StateSpace, control.StateSpace]:
+def scaling_systems(
+    scaling: list[Scaling], s: BlockStructure, dt: float
+) -> tuple[control.StateSpace, control.StateSpace]:
     """D_L and D_R^-1 from one function per block (given with its inverse where it has states)."""
     pairs = [d if isinstance(d, tuple) else (d, d) for d in scaling]
     left = [d for (d, _), row in zip(pairs, s.rows, strict=True) for _ in range(row.stop - row.start)]
@@ -278,8 +290,8 @@ def append_passthrough(system: control.StateSpace, n: int, dt: float) -> control
 
 
 def fit_scalings(
-    found: DkDesign, P: control.StateSpace, s: BlockStructure, scaling: list[Any], stretch: float, order: int
-) -> tuple[list[Any], int]:
+    found: DkDesign, P: control.StateSpace, s: BlockStructure, scaling: list[Scaling], stretch: float, order: int
+) -> tuple[list[Scaling], int]:
     """Functions for the scalings that a loop wants, the last block unscaled, and their order: the lowest that does.
 
     From the scalings that it was made with (`scaling`) to its own the logarithms are moved `stretch` times the way:
@@ -295,7 +307,7 @@ def fit_scalings(
     d = before * (d / d[-1] / before) ** stretch
     goal = scaled_gains(response_, d, s)
     at, wanted = resample_scalings(omega, d)
-    best: tuple[float, list[Any], int] = (np.inf, [], 0)
+    best: tuple[float, list[Scaling], int] = (np.inf, [], 0)
     for k in range(min(order, 12) + 1):
         fits = [minimum_phase(at, each, dt, k) for each in wanted[:-1]] + [(identity_scaling(dt), identity_scaling(dt))]
         misfit = float(np.linalg.norm(np.log(scaling_sizes(fits, at) / wanted)))
@@ -317,7 +329,7 @@ def resample_scalings(omega: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.
     return np.exp(at), np.exp([np.interp(at, np.log(omega), np.log(each)) for each in d])
 
 
-def scaling_sizes(scaling: list[Any], omega: np.ndarray) -> np.ndarray:
+def scaling_sizes(scaling: list[Scaling], omega: np.ndarray) -> np.ndarray:
     """(blocks, W) moduli of one function per block."""
     return np.array([np.abs(response(d[0] if isinstance(d, tuple) else d, omega)) for d in scaling])
 

@@ -6,12 +6,11 @@ Continuous time, numbers near one, no path from u to y without dynamics, D12 = [
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
 from robust.lti.lti import Matrices, evaluate_transfer, scale_states, timebase
 from robust.lti.norms import from_half_plane, modal_coordinates, to_continuous, to_discrete, to_half_plane
 
@@ -71,7 +70,7 @@ class Plant:
     out_of_y: np.ndarray
     dt: float
     region: tuple[float, ...] = ()
-    D22_region: Any = None
+    D22_region: ArrayField = None
     added: bool = False
 
 

@@ -17,6 +17,7 @@ from scipy.linalg import cholesky
 
 from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive, require_real
 from nlfrf._base.values import value
+from robust._base.types import LinearSystem
 from robust.lti.connections import lower_lft
 from robust.lti.lti import Matrices, axis_points, evaluate_transfer, response_by_channel, timebase, to_s_plane
 from robust.lti.norms import hinf_norm, stabilising_riccati
@@ -156,7 +157,12 @@ def central_controller(plant: Plant, at: Solution, *, rolled_off: bool = False) 
 
 
 def bisect_level(
-    holds: Callable[[float], Any], ends: tuple[float, float], tolerance: float, deadline: float, *, enough: float = 0.0
+    holds: Callable[[float], object],
+    ends: tuple[float, float],
+    tolerance: float,
+    deadline: float,
+    *,
+    enough: float = 0.0,
 ) -> tuple[float, float, int]:
     """Largest level seen to fail, smallest seen to hold (inf: none), and how many were tried; from what is known."""
     low, high = ends
@@ -467,7 +473,7 @@ class Synthesis:
 
 
 def hinfsyn(
-    P: Any,
+    P: LinearSystem,
     n_y: int,
     n_u: int,
     *,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeGuard
 
 import control
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
+from robust._base.types import Controller, Weight
 from robust.lti.connections import weighted_plant
 from robust.lti.lti import is_constant, timebase, with_names
 from robust.lti.realisation import multivariable, stable_weight
@@ -24,10 +25,10 @@ WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
 
 
 def mixsyn(
-    model: Any,
-    w_P: Any,
-    w_u: Any = None,
-    w_T: Any = None,
+    model: UncertaintyModel | Controller,
+    w_P: Weight,
+    w_u: Weight | None = None,
+    w_T: Weight | None = None,
     *,
     dt: float = 0.0,
     delay: float = 0.0,
@@ -128,7 +129,7 @@ def mixsyn(
     )
 
 
-def is_unstructured_model(model: Any) -> bool:
+def is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
     """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
     if has_several_channels(model):
         raise ValueError(
@@ -140,7 +141,7 @@ def is_unstructured_model(model: Any) -> bool:
     return isinstance(model, UncertaintyModel)
 
 
-def weight_on_time_base(name: str, w: Any, dt: float, n: int) -> control.StateSpace:
+def weight_on_time_base(name: str, w: Weight, dt: float, n: int) -> control.StateSpace:
     """A stable weight on n signals, on the time base of the loop."""
     w = stable_weight(name, w, dt, n)
     if dt and not timebase(w) and not is_constant(w):

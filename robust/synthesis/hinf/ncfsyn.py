@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import require_positive, require_real
+from robust._base.types import Controller, LinearSystem, Weight
 from robust.lti.connections import block_diagonal, closed_loop, in_series
 from robust.lti.lti import is_clockless, response, response_by_channel, timebase, with_names
 from robust.lti.norms import hinf_norm, to_continuous, to_discrete
@@ -22,7 +21,7 @@ __all__ = ["crossover_weight", "ncfsyn"]
 TIME_CAP = 10.0  # seconds for the proof of gamma
 
 
-def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
+def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1) -> Design:
     """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime factors.
 
     Shape the loop first: choose W1 (usually gain and integral action) so that |W2 G W1| is high where errors must
@@ -123,7 +122,7 @@ def riccati_solutions(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
     return X, Z
 
 
-def shaping_system(name: str, given: Any, n: int, dt: float) -> control.StateSpace:
+def shaping_system(name: str, given: Weight, n: int, dt: float) -> control.StateSpace:
     """A shaping function beside n channels of the plant, at its input W1 or its output W2."""
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
@@ -138,7 +137,7 @@ def shaping_system(name: str, given: Any, n: int, dt: float) -> control.StateSpa
     return W
 
 
-def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
+def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
     """A first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
 
     Of several channels a diagonal of such weights, each by the diagonal entry of the plant at its input.

@@ -3,6 +3,7 @@
 blocks      what can be tuned: gains, PID, notch, lead, filter, state space
 closing     the closed loop and how it moves with the blocks
 design      the result
+friction    a limit that keeps the proof with friction
 limits      what is asked: gains of closed-loop channels, of the nominal or of the whole set
 loops       the loop of one plant with its limits: peaks of each over frequency
 minimax     the minimax search: stability first, then the smallest largest limit, at exact peaks

@@ -41,7 +41,6 @@ __all__ = [
     "Pid",
     "StateSpace",
     "TunableBlock",
-    "block_system",
     "parameter_values",
     "require_blocks",
     "signal_names",
@@ -198,6 +197,18 @@ class TunableBlock:
         """Return A, B, C, D in s for these numbers, which may be complex; complex analytic in them."""
         raise NotImplementedError
 
+    def system(self, dt: float = 0.0) -> control.StateSpace:
+        """Return the block as a system with its signal names, sampled by Tustin where dt [s] is given.
+
+        It is a start for `design_frf`, and `pid_gains` reads it.
+        """
+        A, B, C, D = (np.asarray(part, dtype=float) for part in self.state_space(parameter_values(self)))
+        if dt:
+            root = np.sqrt(dt / 2)  # s in units of 2/T
+            A, B, C, D = to_discrete(A * dt / 2, B * root, C * root, D)
+        names = {"inputs": list(self.reads), "outputs": list(self.drives)}
+        return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
+
     @property
     def order(self) -> int:
         """Return the number of states."""
@@ -223,16 +234,6 @@ def with_parameters(block: Any, parameters: list[Parameter], numbers: np.ndarray
     for parameter, number in zip(parameters, numbers, strict=True):
         new[parameter.name][parameter.index] = number
     return replace(block, **{name: array if array.ndim else float(array) for name, array in new.items()})
-
-
-def block_system(block: TunableBlock, dt: float) -> control.StateSpace:
-    """Return the block as a system with its signal names, sampled by Tustin where dt [s] is not zero."""
-    A, B, C, D = (np.asarray(part, dtype=float) for part in block.state_space(parameter_values(block)))
-    if dt:
-        root = np.sqrt(dt / 2)  # s in units of 2/T
-        A, B, C, D = to_discrete(A * dt / 2, B * root, C * root, D)
-    names = {"inputs": list(block.reads), "outputs": list(block.drives)}
-    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
 
 
 @value
@@ -348,6 +349,17 @@ class Pid(TunableBlock):
 
     NUMBERS = ("kp", "ki", "kd", "filter_time")
     SIGNED = ("kp", "ki", "kd", "filter_time")
+
+    @classmethod
+    def from_gains(cls, gains: Any, *, reads: str, drives: str) -> Pid:
+        """Return the block of a `PidGains`, the same PID: `pid_gains` reads those of a design of `design_frf`.
+
+        >>> from robust import PidGains
+        >>> Pid.from_gains(PidGains(kp=2.0, ki=10.0), reads="e", drives="u").ki
+        10.0
+        """
+        numbers = {name: getattr(gains, name) or None for name in cls.NUMBERS}
+        return cls(reads=reads, drives=drives, **numbers)
 
     def check_numbers(self) -> None:
         """Check the gains, and that each part is whole."""

@@ -10,7 +10,8 @@ import numpy as np
 
 from nlfrf._base.arguments import format_hertz, format_small_count, join_names, require_integer
 from nlfrf._base.values import value
-from robust.synthesis.tuning.blocks import TunableBlock, block_system, parameter_values, signal_names
+from robust.synthesis.tuning.blocks import TunableBlock, parameter_values, signal_names
+from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Limit
 from robust.synthesis.tuning.plants import MeasuredPlant, Plants, see_plants
 from robust.synthesis.tuning.wiring import join_by_name
@@ -62,7 +63,7 @@ class LimitValue:
 
     Fields
     ------
-    limit : Limit
+    limit : Limit or FrictionLimit
     hard : bool
     plant : int
         Number of the plant, from 0.
@@ -88,7 +89,7 @@ class LimitValue:
     (True, 'hard  d -> y on plant 0: 0.5 of its bound at 0.4775 Hz, norm')
     """
 
-    limit: Limit
+    limit: Limit | FrictionLimit
     hard: bool
     plant: int
     ratio: float
@@ -228,7 +229,7 @@ class TunedDesign:
         self, more: Sequence[control.StateSpace], inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> control.StateSpace:
         """Return fixed parts, blocks and whatever else joined by name."""
-        parts = [*self.system, *(block_system(block, self.dt) for block in self.blocks.values()), *more]
+        parts = [*self.system, *(block.system(self.dt) for block in self.blocks.values()), *more]
         system = join_by_name(parts, [], external=inputs, looked_at=outputs).system
         names = {"inputs": list(inputs), "outputs": list(outputs)}
         return control.StateSpace(system.A, system.B, system.C, system.D, self.dt, remove_useless_states=False, **names)

@@ -140,10 +140,10 @@ def evaluate_magnitude(name: str, given: Any, omega: np.ndarray) -> np.ndarray:
     return found
 
 
-def require_limits(name: str, given: Any) -> list[Limit]:
+def require_limits(name: str, given: Any, kinds: tuple[type, ...] = (Limit,)) -> list[Any]:
     """Check limits as a list, or a refusal."""
-    limits = [given] if isinstance(given, Limit) else given
-    if not isinstance(limits, tuple | list) or not all(isinstance(one, Limit) for one in limits):
+    limits = [given] if isinstance(given, kinds) else given
+    if not isinstance(limits, tuple | list) or not all(isinstance(one, kinds) for one in limits):
         raise ValueError(f"{name} must hold robust.tuning.Limit values, as a list, got {short_form(given)}")
     return list(limits)
 

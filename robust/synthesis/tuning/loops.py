@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import control
@@ -14,6 +14,7 @@ from robust.lti.lti import evaluate_transfer
 from robust.lti.norms import crossings, to_discrete, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
+from robust.synthesis.tuning.friction import FrictionChannel, Multipliers
 from robust.synthesis.tuning.limits import Channel
 from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_bounded
 from robust.synthesis.tuning.wiring import continuous_matrices, is_well_posed
@@ -31,6 +32,7 @@ NORM_TOLERANCE = 1e-8
 #: Steps above a value at which the exact norm is looked for, the first ones for a value close to a singular value of D.
 DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
 MAX_KEPT = 24
+AnyChannel = Channel | FrictionChannel
 #: Of the scalings of a worst case: how often lines are put between others, and the level above the best from which on.
 N_SCALING_ROUNDS, SCALING_TOLERANCE = 3, 1e-3
 #: Frequencies of which the best scalings are found together.
@@ -98,13 +100,15 @@ class ModelledLoop:
     """Evaluate the loop of a plant that is known at every frequency."""
 
     def __init__(
-        self, index: int, fixed: StatePlant, plant: ModelledPlant, channels: Sequence[Channel], dt: float
+        self, index: int, fixed: StatePlant, plant: ModelledPlant, channels: Sequence[AnyChannel], dt: float
     ) -> None:
         self.index, self.fixed, self.plant, self.channels, self.dt = index, fixed, plant, channels, dt
         #: Frequencies at which a limit was found above its value on the grid, kept for good: by limit.
         self.added: dict[int, list[float]] = {channel.index: [] for channel in channels}
-        #: Scalings of worst cases, by limit.
+        #: Scalings of worst cases and multipliers of friction limits, by limit.
         self.scalings: dict[int, Scalings] = {}
+        self.multipliers: dict[int, Multipliers] = {}
+        self.has_friction = any(isinstance(channel, FrictionChannel) for channel in channels)
         lines = plant.lines[(plant.lines > 0)]
         self.lines = bilinear_frequency(lines[lines * dt < np.pi] if dt else lines, dt)
 
@@ -112,16 +116,18 @@ class ModelledLoop:
         """Return the loop with the blocks M."""
         return self.fixed.close(M)
 
-    def band(self, channel: Channel) -> tuple[float, float]:
+    def band(self, channel: AnyChannel) -> tuple[float, float]:
         """Return the band of a limit in the plane of the bilinear map [rad/s]."""
         if channel.limit.band is None:
             return 0.0, np.inf
         low, high = bilinear_frequency(np.array(channel.limit.band), self.dt)
         return float(low), float(high)
 
-    def levels(self, channel: Channel, omega: np.ndarray, H: np.ndarray, *, exact: bool = False) -> np.ndarray:
+    def levels(self, channel: AnyChannel, omega: np.ndarray, H: np.ndarray, *, exact: bool = False) -> np.ndarray:
         """Return (W,) gain times weight over bound at frequencies of the plane: as the search has it, or exact."""
         true = true_frequency(omega, self.dt)
+        if isinstance(channel, FrictionChannel):
+            return channel.levels(true, H, self.multipliers[channel.index])
         factor = channel.limit.factor(np.minimum(true, 1e12))
         if channel.perturbation is None:
             return channel.exact_gain(H, None) * factor
@@ -140,13 +146,18 @@ class ModelledLoop:
         assert self.plant.perturbation is not None
         return self.plant.perturbation(true)
 
-    def scalings_at(self, channel: Channel, omega: np.ndarray) -> np.ndarray | None:
+    def scalings_at(self, channel: AnyChannel, omega: np.ndarray) -> np.ndarray | None:
         """Return the scalings (W, K) that the search has kept; None where the limit has none."""
         return self.scalings[channel.index].at(omega) if channel.is_scaled else None
 
     def refit_scalings(self, loop: ClosedLoop) -> None:
         """Find the scalings of the worst cases again for a loop, closer together where lines are too few for them."""
         for channel in self.channels:
+            if isinstance(channel, FrictionChannel):
+                true = channel.lines(loop.poles)
+                H = loop.responses_by_elimination(bilinear_frequency(true, self.dt))
+                self.multipliers[channel.index] = channel.best_multipliers(true, H)
+                continue
             if not channel.is_scaled:
                 continue
             omega = self.grid(loop)
@@ -162,6 +173,10 @@ class ModelledLoop:
                     break
                 omega = np.union1d(omega, tops)
 
+    def respond(self, loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
+        """Return how responses are computed: from the modes, for a friction limit without their rounding."""
+        return loop.responses_by_elimination if self.has_friction else loop.responses
+
     def grid(self, loop: ClosedLoop) -> np.ndarray:
         """Return frequencies that see every mode of the loop [rad/s], zero and infinity among them."""
         poles = loop.poles
@@ -173,11 +188,13 @@ class ModelledLoop:
             np.concatenate([[0.0, 1e-4 * size.min(), np.inf], wide, size, np.abs(poles.imag), self.lines, kept])
         )
 
-    def highest_maxima(self, loop: ClosedLoop) -> list[tuple[Channel, np.ndarray, np.ndarray]]:
+    def highest_maxima(self, loop: ClosedLoop) -> list[tuple[AnyChannel, np.ndarray, np.ndarray]]:
         """For each limit the frequencies of its highest local maxima, and the levels there, highest first."""
         omega = self.grid(loop)
-        H = loop.responses(omega)
-        if any(channel.is_scaled and channel.index not in self.scalings for channel in self.channels):
+        respond = self.respond(loop)
+        H = respond(omega)
+        known = {*self.scalings, *self.multipliers}
+        if any(channel.is_scaled and channel.index not in known for channel in self.channels):
             self.refit_scalings(loop)
         found = []
         for channel in self.channels:
@@ -186,7 +203,7 @@ class ModelledLoop:
             at, values = omega[inside], H[inside]
             if low > 0 or np.isfinite(high):
                 edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
-                at, values = np.concatenate([at, edges]), np.concatenate([values, loop.responses(edges)])
+                at, values = np.concatenate([at, edges]), np.concatenate([values, respond(edges)])
                 at, first = np.unique(at, return_index=True)
                 values = values[first]
             level = self.levels(channel, at, values)
@@ -196,7 +213,7 @@ class ModelledLoop:
     def refine_maxima(
         self,
         loop: ClosedLoop,
-        channel: Channel,
+        channel: AnyChannel,
         omega: np.ndarray,
         level: np.ndarray,
         *,
@@ -204,7 +221,7 @@ class ModelledLoop:
         exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Refine local maxima: brackets are closed to a quarter, so many times; exact: as reported."""
-        respond = loop.responses_by_elimination if exact else loop.responses
+        respond = loop.responses_by_elimination if exact else self.respond(loop)
         padded = np.concatenate([[-np.inf], level, [-np.inf]])
         top = (level >= padded[:-2]) & (level >= padded[2:])
         places = np.flatnonzero(top & (level >= NEAR_PEAK_RATIO * level.max(initial=0.0)))
@@ -243,14 +260,17 @@ class ModelledLoop:
         return found
 
     def peaks_at(
-        self, channel: Channel, omega: float, sides: tuple[np.ndarray, np.ndarray, np.ndarray], slopes: np.ndarray
+        self, channel: AnyChannel, omega: float, sides: tuple[np.ndarray, np.ndarray, np.ndarray], slopes: np.ndarray
     ) -> list[Peak]:
         """Return a limit at one frequency: its level and slope, and those of a second singular value."""
         H, L, R = sides
         true = true_frequency(np.array([omega]), self.dt)
+        factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
+        if isinstance(channel, FrictionChannel):
+            gains = channel.slopes(float(true[0]), H, self.multipliers[channel.index])
+            return peaks_of_gains(channel, self.index, omega, factor, gains, (L, R), slopes)
         perturbation = self.perturbation(true) if channel.perturbation is not None else None
         d = self.scalings_at(channel, np.array([omega]))
-        factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
         gains = channel.slopes(H, perturbation, None if d is None else d[0])
         return peaks_of_gains(channel, self.index, omega, factor, gains, (L, R), slopes)
 
@@ -286,7 +306,7 @@ class ModelledLoop:
             looks[channel.index] = norm if certain else self.look_densely(loop, channel, level, omega)
         return looks
 
-    def look_densely(self, loop: ClosedLoop, channel: Channel, level: float, where: float) -> CloseLook:
+    def look_densely(self, loop: ClosedLoop, channel: AnyChannel, level: float, where: float) -> CloseLook:
         """Return a limit that is no norm, by a weight over frequency or a set, on a dense grid."""
         poles, (low, high) = loop.poles, self.band(channel)
         size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
@@ -310,7 +330,7 @@ class ModelledLoop:
                 self.keep(channel.index, where)
         return CloseLook(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
 
-    def highest_levels(self, loop: ClosedLoop, channel: Channel, omega: np.ndarray) -> np.ndarray:
+    def highest_levels(self, loop: ClosedLoop, channel: AnyChannel, omega: np.ndarray) -> np.ndarray:
         """Return (W,) exact levels; with scalings only where they may be the highest, zero elsewhere.
 
         The scalings of the search prove a bound at every frequency: where that is below an exact level found, no exact
@@ -328,14 +348,14 @@ class ModelledLoop:
             found[part] = self.levels(channel, omega[part], H[part], exact=True)
         return found
 
-    def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def curve(self, channel: AnyChannel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Return (W,) ratio of a limit over frequencies of the plane."""
         loop = self.close(M)
         if loop is None:
             return np.full(omega.size, np.nan)
         return self.levels(channel, omega, loop.responses_by_elimination(omega), exact=True)
 
-    def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
+    def frequencies(self, channel: AnyChannel, M: np.ndarray) -> np.ndarray:
         """Return frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
         loop = self.close(M)
         assert loop is not None
@@ -355,7 +375,7 @@ class ModelledLoop:
 
 
 def weighted_channel(
-    loop: ClosedLoop, channel: Channel, weighting: control.StateSpace, dt: float
+    loop: ClosedLoop, channel: AnyChannel, weighting: control.StateSpace, dt: float
 ) -> tuple[np.ndarray, ...]:
     """Return matrices of a channel with its weight behind it, on each output."""
     A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
@@ -401,7 +421,7 @@ def norm_over_band(
 
 
 def peaks_of_gains(
-    channel: Channel,
+    channel: AnyChannel,
     plant: int,
     omega: float,
     factor: float,

@@ -14,6 +14,7 @@ from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single
 from robust.analysis.loop import DELAY_ORDER, Loop, assemble_loop
 from robust.analysis.sampled_set import sampled_set
+from robust.friction.plant import FrictionPlant
 from robust.lti.connections import block_diagonal
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
@@ -25,7 +26,15 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.tuning.blocks import signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
-__all__ = ["MeasuredPlant", "ModelledPlant", "Plants", "is_bounded", "see_plants", "stated_sampling_time"]
+__all__ = [
+    "MeasuredPlant",
+    "ModelledPlant",
+    "Plants",
+    "is_bounded",
+    "see_machine",
+    "see_plants",
+    "stated_sampling_time",
+]
 
 
 #: Stands for a radius that is infinite: its square is still a number.
@@ -193,6 +202,20 @@ def see_plant(
     return ModelledPlant(
         system=G, lines=lines, perturbation=perturbation_of_matrices(model), blocks=tuple(model.structure)
     )
+
+
+def see_machine(machine: FrictionPlant, plants: Plants, dt: float, delay: float) -> ModelledPlant:
+    """Return the machine of a friction limit behind hold and delay, from force to measured position."""
+    if (len(plants.inputs), len(plants.outputs)) != (1, 1):
+        raise ValueError(
+            "hard must hold friction limits for a plant of one input and output only, got one of "
+            f"{len(plants.inputs)} and {len(plants.outputs)}"
+        )
+    delay += machine.delay
+    if delay and not dt:
+        raise ValueError(f"dt must be given for a friction limit with a delay, got a delay of {delay:g} s and no clock")
+    G = control.StateSpace(machine.A, machine.B_force[:, None], machine.C_measured[None], 0)
+    return ModelledPlant(system=sampled(G, dt, delay) if dt else G, lines=np.zeros(0))
 
 
 def is_single_set(model: Any) -> bool:

@@ -27,11 +27,19 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.tuning.blocks import Pid, TunableBlock, require_blocks
 from robust.synthesis.tuning.closing import ClosedLoop, state_plant
 from robust.synthesis.tuning.design import Ended, Known, LimitValue, TunedDesign
+from robust.synthesis.tuning.friction import FrictionChannel, FrictionLimit
 from robust.synthesis.tuning.limits import Channel, Limit, require_limits
 from robust.synthesis.tuning.loops import MeasuredLoop, ModelledLoop, true_frequency
 from robust.synthesis.tuning.minimax import SearchResult, find_stable, minimise_from
 from robust.synthesis.tuning.parameters import Controller, controller_of_blocks
-from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, Plants, see_plants, stated_sampling_time
+from robust.synthesis.tuning.plants import (
+    MeasuredPlant,
+    ModelledPlant,
+    Plants,
+    see_machine,
+    see_plants,
+    stated_sampling_time,
+)
 from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better
 from robust.synthesis.tuning.wiring import Port, join_by_name
 
@@ -40,6 +48,8 @@ __all__ = ["tune"]
 #: Signals of the perturbation, of names that nobody gives.
 AT_INPUT, AT_OUTPUT, PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
 ZERO_GAIN = 1e-13
+#: Limits, and whether each is hard, hard ones first.
+Limits = list[tuple[Limit | FrictionLimit, bool]]
 UNMOVED_TOLERANCE = 1e-9
 
 
@@ -48,7 +58,7 @@ def tune(
     plant: Plants,
     blocks: Mapping[str, TunableBlock],
     *,
-    hard: Sequence[Limit] = (),
+    hard: Sequence[Limit | FrictionLimit] = (),
     soft: Sequence[Limit] = (),
     decay: float = 0.0,
     dt: float = 0.0,
@@ -75,7 +85,7 @@ def tune(
         `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Filter2` or `StateSpace`, by name; their numbers are the first
         start. A sampled block is its own Tustin image.
     hard, soft : list of Limit
-        What must be met, and what is made small.
+        What must be met, and what is made small. A `FrictionLimit` is hard.
     decay : float
         Least decay rate of every pole that a block moves [rad/s]; zero asks for stability.
     dt : float
@@ -136,7 +146,7 @@ def tune(
     """
     require_kind("plant", plant, Plants)
     blocks = require_blocks(blocks)
-    limits = [(limit, True) for limit in require_limits("hard", hard)]
+    limits: Limits = [(limit, True) for limit in require_limits("hard", hard, (Limit, FrictionLimit))]
     limits += [(limit, False) for limit in require_limits("soft", soft)]
     if not limits:
         raise ValueError("soft must hold a limit, or hard: nothing is asked of the design, got none")
@@ -186,14 +196,15 @@ def make_loops(
     parts: list[control.StateSpace],
     plants: Plants,
     controller: Controller,
-    limits: list[tuple[Limit, bool]],
+    limits: Limits,
     dt: float,
     delay: float,
 ) -> list[ModelledLoop | MeasuredLoop]:
     """Return the loop around each plant with its limits."""
-    worst = any(limit.worst for limit, _ in limits)
-    external = list(dict.fromkeys(label for limit, _ in limits for label in limit.inputs))
-    looked_at = list(dict.fromkeys(label for limit, _ in limits for label in limit.outputs))
+    gains = [limit for limit, _ in limits if isinstance(limit, Limit)]
+    worst = any(limit.worst for limit in gains)
+    external = list(dict.fromkeys(label for limit in gains for label in limit.inputs))
+    looked_at = list(dict.fromkeys(label for limit in gains for label in limit.outputs))
     ports = [Port(reads=block.reads, drives=block.drives) for block in controller.blocks.values()]
     sizes = (controller.n_states, controller.n_in, controller.n_out)
     n_u, n_y = len(plants.inputs), len(plants.outputs)
@@ -223,6 +234,27 @@ def make_loops(
                     sizes=sizes,
                 )
             )
+    for index, (limit, _) in enumerate(limits):
+        if not isinstance(limit, FrictionLimit):
+            continue
+        for machine in limit.machines:
+            seen = see_machine(machine, plants, dt, delay)
+            G = with_perturbation(seen.system, plants, dt)
+            into, _ = perturbation_names(1, 1)
+            joined = join_by_name(
+                [*parts, G], ports, external=external + into, looked_at=looked_at + list(plants.outputs)
+            )
+            channel = FrictionChannel(
+                limit=limit,
+                index=index,
+                machine=machine,
+                place=(len(looked_at), len(external) + 1),
+                dt=dt,
+                delay=delay + machine.delay,
+                plant=seen.system,
+            )
+            fixed = state_plant(joined.system, *sizes, dt)
+            scenes.append(ModelledLoop(len(scenes), fixed, seen, [channel], dt))
     return scenes
 
 
@@ -256,7 +288,7 @@ def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> contr
 
 
 def channels_of(
-    limits: list[tuple[Limit, bool]],
+    limits: Limits,
     external: list[str],
     looked_at: list[str],
     plant: ModelledPlant | MeasuredPlant,
@@ -275,16 +307,17 @@ def channels_of(
             blocks=plant.blocks,
         )
         for k, (limit, is_hard) in enumerate(limits)
+        if isinstance(limit, Limit)
     ]
 
 
-def limit_name(k: int, limits: list[tuple[Limit, bool]]) -> str:
+def limit_name(k: int, limits: Limits) -> str:
     """Return a limit as the user gave it."""
     n_hard = sum(is_hard for _, is_hard in limits)
     return f"hard[{k}]" if k < n_hard else f"soft[{k - n_hard}]"
 
 
-def require_paths(problem: TuningProblem, limits: list[tuple[Limit, bool]]) -> None:
+def require_paths(problem: TuningProblem, limits: Limits) -> None:
     """Refuse a limit on a channel that is zero whatever the blocks are, and a bound that has no value somewhere."""
     controller = problem.controller
     rng = np.random.default_rng(1)
@@ -317,7 +350,7 @@ def require_paths(problem: TuningProblem, limits: list[tuple[Limit, bool]]) -> N
                     f"{channel.limit}, which is zero whatever the blocks are"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
-            if isinstance(scene, MeasuredLoop) and not scene.band(channel).any():
+            if isinstance(scene, MeasuredLoop) and isinstance(channel, Channel) and not scene.band(channel).any():
                 raise ValueError(
                     f"{limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got none "
                     f"from {channel.limit.band[0]:g} to {channel.limit.band[1]:g} rad/s"
@@ -435,7 +468,7 @@ def make_design(
     found: Evaluation | SearchResult | None,
     spread: list[float],
     ended: Ended,
-    limits: list[tuple[Limit, bool]],
+    limits: Limits,
     parts: list[control.StateSpace],
     plants: Plants,
     dt: float,
@@ -491,7 +524,7 @@ def make_design(
 
 def limit_curves(problem: TuningProblem, plant: int, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
     """Return the ratio of a limit over frequency, of the design and of the blocks as they were given."""
-    scene = problem.scenes[plant]
+    scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
     M, start = problem.controller.matrix(x), problem.controller.start
     omega = scene.frequencies(channel, M)
@@ -553,22 +586,19 @@ def parameters_at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
     return [label for label, at in zip(controller.labels, near, strict=True) if at]
 
 
-def describe_unlimited(controller: Controller, limits: list[tuple[Limit, bool]], plants: Plants) -> list[str]:
+def describe_unlimited(controller: Controller, limits: Limits, plants: Plants) -> list[str]:
     """Return what no limit asks for, in words for people."""
     found = []
     integral = [name for name, block in controller.blocks.items() if isinstance(block, Pid) and block.ki is not None]
     free = [name for name in integral if "ki" not in controller.blocks[name].fixed]
-    shaped = any(
-        (limit.band is not None and np.isfinite(limit.band[1])) or not limit.is_constant for limit, _ in limits
-    )
+    gains = [limit for limit, _ in limits if isinstance(limit, Limit)]
+    shaped = any((limit.band is not None and np.isfinite(limit.band[1])) or not limit.is_constant for limit in gains)
     if free and not shaped:
         found.append(
             f"low frequencies, where {join_names(free)} {'has' if len(free) == 1 else 'have'} an integrator: give a "
             "limit a band or a weight there"
         )
-    if any(isinstance(model, UncertaintyModel) for model in plants.models) and not any(
-        limit.worst for limit, _ in limits
-    ):
+    if any(isinstance(model, UncertaintyModel) for model in plants.models) and not any(limit.worst for limit in gains):
         found.append("the sets around the plants: give a limit worst=True")
     if not any(not is_hard for _, is_hard in limits):
         found.append("more than the hard limits: whatever meets them is taken")

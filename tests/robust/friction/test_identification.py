@@ -8,8 +8,17 @@ import pytest
 
 import nlfrf
 import robust
-from benchmarks.read_machine import AT_REST, IN_MOTION, measure_at_rest, measure_in_motion, pulls_of, truth_of
+from benchmarks.read_machine import (
+    AT_REST,
+    IN_MOTION,
+    TWO_MASSES,
+    measure_at_rest,
+    measure_in_motion,
+    pulls_of,
+    truth_of,
+)
 from nlfrf.friction import VaryingSliders, element_forces
+from robust.friction.balance import LOAD, Candidate, Motion, Terms, element_spectra, reaction_of_load, with_branches
 
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 
@@ -156,7 +165,97 @@ def test_two_masses_are_no_one_mass():
     fit = robust.identify_friction(records)
     question = next(one for one in fit.questions if one.kind is robust.Gap.OTHER_MACHINE)
     assert "more than 2 % beyond noise" in question.description
-    assert "friction_class with a nominal" in question.description
+    assert "take masses=2, or give friction_class a nominal" in question.description
+
+
+@pytest.fixture(scope="module")
+def belt():
+    """The belt preset to beyond its resonance, as motor and load."""
+    plan = replace(TWO_MASSES["belt"], rms=(5, 40, 300), n_samples=4000, f_min=2)
+    return robust.identify_friction(measure_at_rest(nlfrf.servo_axis("belt"), plan, 0), free=True, masses=2)
+
+
+def test_motor_and_load_are_told_apart(belt):
+    axis = nlfrf.servo_axis("belt")
+    truth = truth_of(axis, 2)
+    for name, (off, _) in pulls_of(belt, truth).items():
+        assert abs(off) < (0.2 if name == "damping" else 0.05), name
+        assert abs(getattr(belt, name) - truth[name]) < 4.5 * belt.stds[name], name
+    assert set(truth) < set(belt.stds)
+    assert belt.questions == ()
+    assert "Fs at the load = " in str(belt)
+
+
+def test_a_load_is_moved_through_its_coupling(belt):
+    """Slowly and while all sticks, its friction is a spring in series with the coupling; far out all of it slides."""
+    at_load = 1 / (1 / belt.coupling + 1 / belt.load_K0)
+    assert belt.virgin_curve(1e-9) == pytest.approx(1e-9 * (belt.K0 - belt.load_K0 + at_load))
+    assert belt.virgin_curve(1.0) == pytest.approx(belt.Fs)
+
+
+def test_friction_at_two_masses_makes_no_class(belt):
+    with pytest.raises(ValueError, match=r"fit must have its friction at one place, got .* at the motor and"):
+        belt.assumed_class()
+
+
+def test_the_reaction_of_a_load_without_friction_is_linear():
+    """(k + jwc) (-m2 w^2 + jwc2) / (k + jwc + jwc2 - m2 w^2) times the motion of the motor."""
+    rng, n, lines = np.random.default_rng(0), 4096, np.arange(1, 60)
+    Y = rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[lines] = Y * n / 2
+    omega, grid = 2 * np.pi * lines, 2j * np.pi * np.arange(n // 2 + 1)
+    x, v = (np.fft.irfft(one)[np.newaxis] for one in (spectrum, grid * spectrum))
+    level = Motion(
+        omega=omega,
+        U=Y[np.newaxis],
+        Y=Y[np.newaxis],
+        noise=np.zeros((1, lines.size)),
+        excited=np.ones(lines.size, dtype=bool),
+        x=x,
+        v=v,
+        fs=float(n),
+        lines=lines,
+    )
+    m, k, c, c2 = 2.0, 3e4, 60.0, 5.0
+    numbers = dict(zip(LOAD, (*np.log([m, k, c]), c2, 0.0, 0.0), strict=True))
+    none = np.zeros(0)
+    load = Candidate(terms=Terms(spring=False, load=True), numbers=numbers, stiffness=none, breakaway=none)
+    link, inertia = k + 1j * omega * c, -m * omega**2 + 1j * omega * c2
+    expected = link * inertia / (link + inertia) * Y
+    assert np.abs(reaction_of_load(level, load)[0] - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_an_element_with_stiction_has_two_forces_along_one_motion():
+    """It swings by 0.95 D: it never slips from the middle, and slips at both ends once it has dropped to W/rho."""
+    n = 1000
+    phase = 2 * np.pi * np.arange(n) / n
+    one = np.ones((1, 1))
+    level = Motion(
+        omega=np.array([2 * np.pi]),
+        U=one * 1j,
+        Y=one * 1j,
+        noise=0 * one,
+        excited=np.array([True]),
+        x=-0.95 * np.cos(phase)[np.newaxis],
+        v=0.95 * 2 * np.pi * np.sin(phase)[np.newaxis],
+        fs=float(n),
+        lines=np.array([1]),
+    )
+    slips, sticks = (
+        element_spectra(replace(level, centred=centred), np.array([1.0]), 1.5, 1e-3)[0, 0, 0]
+        for centred in (False, True)
+    )
+    assert sticks == pytest.approx(-0.95, rel=1e-3)  # a spring
+    assert slips.imag**2 > 0.05  # it dissipates
+    machine = Candidate(
+        terms=Terms(spring=False, stiction=True),
+        numbers={"mass": 0.0, "damping": 0.0, "delay": 0.0, "log_excess": np.log(0.5), "log_vs": np.log(1e-3)},
+        stiffness=np.array([1.0]),
+        breakaway=np.array([1.0]),
+    )
+    for force, centred in ((slips, False), (sticks, True)):
+        assert with_branches([replace(level, U=force * one)], machine)[0].centred == centred
 
 
 SIGNS = {
@@ -199,6 +298,8 @@ def test_what_makes_no_fit_is_refused():
         robust.identify_friction(records[:2])
     with pytest.raises(ValueError, match="records must be a list of Records of one input and output, got"):
         robust.identify_friction([1.0, 2.0, 3.0])
+    with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
+        robust.identify_friction(records, masses=3)
     turned = [replace(record, y=-record.y) for record in records]
     with pytest.raises(ValueError, match=r"the output falls when the input rises\. Turn the sign of the sensor"):
         robust.identify_friction(turned)

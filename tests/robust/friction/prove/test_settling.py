@@ -8,10 +8,11 @@ import pytest
 
 from benchmarks.settling import FS, Axis, attack, cascade, draw_axis, draw_law, hunting, settling_proof
 from robust import any_maxwell_slip, friction_plant, prove_friction, save_certificate, verify_certificate
+from robust._base.states import FrictionVerdict
 from robust.friction.exact.claim import Settling
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop, steady_error_bound
-from robust.friction.prove import settling_verdict
+from robust.friction.prove import Finding, settling_verdict
 from robust.friction.settling import largest_rest
 
 T = 1 / 4000
@@ -113,9 +114,10 @@ def test_without_integral_action_the_rest_is_in_the_bound():
     """K = 20 kN/m holds the mass up to Fs (1 + 1/rho)/2 over K away; a spring of the class keeps it still."""
     K = control.ss(control.tf([100.0, 2e4], [1e-4, 1]))
     loop = friction_loop(MACHINE, K)
-    found = settling_verdict(MACHINE, K, 0.0, loop, any_maxwell_slip(1e5, 2.0), FS, np.nan)
-    assert found["settling_error"] > FS * 0.75 / 2e4
-    assert found["certificate"].verify().verified
+    open_still = Finding(verdict=FrictionVerdict.NOT_DECIDED, reason="")
+    found = settling_verdict(MACHINE, K, 0.0, loop, any_maxwell_slip(1e5, 2.0), FS, np.nan, open_still)
+    assert found.settling_error > FS * 0.75 / 2e4
+    assert found.certificate.verify().verified
 
 
 def test_a_class_without_the_theorem_has_the_bound_of_any_friction():

@@ -95,9 +95,7 @@ def test_the_ideal_form_of_the_blocks_is_the_controller():
 def test_no_ideal_form_and_no_plc_where_times_would_be_negative():
     """4aa289a printed Ti = -0.003 s and Td = -0.165 s without a word."""
     gains = PidGains(kp=-2.61, ki=870.0, kd=0.43, filter_time=0.01)
-    assert "ideal: none that a PLC takes, as Ti = -0.003 s and Td = -0.1648 s would be negative" in unwrapped(
-        gains
-    )
+    assert "ideal: none that a PLC takes, as Ti = -0.003 s and Td = -0.1648 s would be negative" in unwrapped(gains)
     assert gains.plc_parameters() == []
     inverted = PidGains(kp=-2.0, ki=-4.0)  # a plant of negative gain: the times are positive
     assert inverted.has_ideal_form

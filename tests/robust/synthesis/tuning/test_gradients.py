@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from robust import tuning
-from robust.synthesis.tuning.blocks import block_system
 from robust.synthesis.tuning.parameters import controller_of_blocks
 from robust.synthesis.tuning.plants import stated_sampling_time
 from robust.synthesis.tuning.problem import TuningProblem
@@ -52,7 +51,7 @@ def test_a_block_is_what_it_says(block, dt):
     """Its response is that of its formula, sampled by Tustin; its slopes are those of differences."""
     controller = controller_of_blocks({"K": block}, dt)
     s = 1j * np.array([0.3, 2.0, 9.0])
-    system = block_system(block, dt)
+    system = block.system(dt)
     z = (1 + s * dt / 2) / (1 - s * dt / 2) if dt else s
     if isinstance(block, tuning.Pid):
         expected = (block.kp or 0) + (block.ki or 0) / s + (block.kd or 0) * s / ((block.filter_time or 0) * s + 1)
@@ -71,7 +70,7 @@ def test_a_block_is_what_it_says(block, dt):
     by_difference = differences(controller.matrix, controller.start)
     assert np.abs(slopes - by_difference).max() <= 1e-7 * np.abs(slopes).max()
     again = controller.blocks_at(controller.start)["K"]
-    assert np.allclose(block_system(again, dt)(z), system(z), rtol=1e-12)
+    assert np.allclose(again.system(dt)(z), system(z), rtol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -339,3 +339,28 @@ def test_large_gains_are_no_algebraic_loop():
     assert design.met
     norm, _ = hinf_norm(control.ss(control.feedback(1, robust.sampled(stiff, 1e-3) * design.controller("y", "u"))))
     assert norm == pytest.approx(1.8 * design.limits[0].ratio, rel=1e-6)
+
+
+def test_a_design_of_one_loop_is_a_start():
+    """The PID of `design_frf` as a block: the same controller, a start that only gets better, and back as a start."""
+    dt, G = 1e-3, control.tf([400.0], [1, 8, 400])
+    first = robust.design_frf(robust.sampled(G, dt), "PID", M_S=1.8, dt=dt, delay=dt)
+    block = tuning.Pid.from_gains(robust.pid_gains(first.K), reads="e", drives="u")
+    z = np.exp(1j * np.array([0.5, 20.0, 300.0]) * dt)
+    assert np.allclose(block.system(dt)(z), first.K(z), rtol=1e-9)
+    design = robust.tune(
+        [ERROR, FORCE],
+        tuning.Plants(G, inputs="f", outputs="y"),
+        {"K": block},
+        hard=[tuning.Limit("d", "f", 1.8)],
+        soft=[tuning.Limit("r", "e", 1.0, band=(0.0, 1.0))],
+        dt=dt,
+        delay=dt,
+        n_starts=1,
+    )
+    assert design.met
+    assert design.gamma <= abs(1 / (1 + robust.sampled(G, dt, dt)(np.exp(1j * dt)) * first.K(np.exp(1j * dt)))) * 1.001
+    again = robust.design_frf(
+        robust.sampled(G, dt), "PID", M_S=1.8, dt=dt, delay=dt, start=design.blocks["K"].system(dt)
+    )
+    assert robust.pid_gains(again.K).kp > 0

@@ -228,3 +228,31 @@ def test_a_start_outside_the_set_is_brought_in():
     )
     assert design.met
     assert robust.check(model, design.controller("y", "u"), certify=False).margin_rs > 1
+
+
+def test_one_disc_in_a_channel_of_several_signals_is_exact():
+    """[r, d] to [e, f] over one disc, as a system and on lines: what a plant of the set attains."""
+    model = sampled_set("additive")
+    z = np.exp(1j * np.geomspace(1.0, 3000.0, 400) * 1e-3)
+    frf = control.FrequencyResponseData(model.nominal(z), np.angle(z) * 1e3, dt=1e-3)
+    on_lines = robust.UncertaintyModel(frf, model.weight, "additive", frf.omega, np.full(400, 0.1))
+    for one in (model, on_lines):
+        design = robust.tune(
+            [ERROR, FORCE],
+            tuning.Plants(one, inputs="f", outputs="y"),
+            {"K": tuning.Pid(kp=0.1, ki=5.0, reads="e", drives="u")},
+            hard=[tuning.Limit(["r", "d"], ["e", "f"], 6.0, worst=True)],
+            dt=1e-3,
+            rng=1,
+            n_starts=1,
+        )
+        (hard,) = design.limits
+        K = design.controller("y", "u")
+        w = 0.15  # u' = f, y = G f + w Delta f; e = r - y, f = K e + d
+        at = np.append(z, np.exp(1j * hard.omega * 1e-3))
+        G, k = model.nominal(at), K(at)
+        S = 1 / (1 + G * k)
+        N = np.array([[-w * k * S, k * S, S], [-w * S, S, -G * S], [-w * k * S, k * S, S]])
+        bounds = robust.mu.worst_gain_bounds(N, [(1, 1)])
+        assert bounds.lower.max() == pytest.approx(6.0 * hard.ratio, rel=1e-6)
+        assert design.met

@@ -1,0 +1,227 @@
+"""The gains of a drive as blocks of `robust.tune`, and the blocks of a design as gains to type in; both exact.
+
+The velocity loop adds the error of the sample before, a block is its Tustin image: kp (1 + Ts/tn z^-1/(1 - z^-1)) is
+kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter slot is exact at its own frequency, a
+block in the plane 2/Ts (z - 1)/(z + 1): its omega is 2/Ts tan(pi f Ts), width and damping ratio stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import require_kind
+from robust.lti.lti import with_names
+from robust.synthesis.drive.cascade import (
+    hold_mean,
+    realise_fir,
+    realise_section,
+    times,
+    velocity_section,
+    warn_of_slow_position_loop,
+)
+from robust.synthesis.drive.filters import FilterSlot, low_pass, notch
+from robust.synthesis.drive.settings import DriveSettings
+from robust.synthesis.tuning.blocks import Filter2, Notch, Pid, TunableBlock
+
+__all__ = ["to_blocks", "with_blocks"]
+
+LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for
+
+
+def to_blocks(
+    settings: DriveSettings, *, output_unit: str = ""
+) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+    """Return a drive as fixed parts and blocks for `robust.tune`: its gains are the start.
+
+    Parameters
+    ----------
+    settings : DriveSettings
+        Gains, filters, sampling and units.
+    output_unit : str
+        Unit of the plant input, as for `cascade`.
+
+    Returns
+    -------
+    system : list of control.StateSpace
+        From the set point "r" and the plant outputs "position" (with two encoders "motor" and "load") to the plant
+        input "force" or "current", at which the disturbance "d" acts. Between them "position error", "velocity set
+        point", "velocity error" and "set point", in units of the velocity loop.
+    blocks : dict of str to block
+        "K_x" and "K_v", a `Pid` each, and "filter 1", ... for each notch and low-pass. A biquad is a fixed part. The
+        depth of a notch starts at 0.001 at least.
+
+    Raises
+    ------
+    ValueError
+        No settings, a position loop without gain, a reset time below half a period, a unit of the plant input that
+        needs a torque constant which is not known.
+
+    Warns
+    -----
+    DesignWarning
+        As `cascade`, where the position loop runs slower than the velocity loop.
+
+    Notes
+    -----
+    Pass `dt=settings.dt` to `tune`. The delay and the lag of the current loop belong to the plant; a delay alone may be
+    given as `delay=settings.delay`.
+
+    References
+    ----------
+    H. Gross, J. Hamann, G. Wiegärtner, *Electrical Feed Drives in Automation*, Publicis MCD, 2001: the cascade.
+
+    Examples
+    --------
+    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> system, blocks = to_blocks(settings)
+    >>> blocks["K_x"].kp, round(blocks["K_v"].ki, 6)
+    (31.0, 3150.0)
+    >>> again = with_blocks(settings, blocks)
+    >>> round(again.kv, 9), round(again.kp, 9), round(again.tn, 9)
+    (31.0, 126.0, 0.04)
+    """
+    require_kind("settings", settings, DriveSettings)
+    warn_of_slow_position_loop(settings)
+    return parts_and_blocks(settings, output_unit)
+
+
+def parts_and_blocks(
+    settings: DriveSettings, output_unit: str
+) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+    """Return what `to_blocks` returns, without its warning."""
+    unit = output_unit or settings.output_unit
+    kp = settings.gain * settings.output_factor(unit)
+    ki = kp / settings.tn
+    if not settings.kv > 0:
+        raise ValueError(f"settings must have a position loop with a gain, got kv = {settings.kv:g} 1/s")
+    if not kp > ki * settings.dt / 2:
+        raise ValueError(
+            f"settings must have a reset time above half a period, {settings.dt / 2:g} s, got tn = {settings.tn:g} s"
+        )
+    slots = len(settings.filters)
+    signals = [f"behind filter {k}" if k else "behind K_v" for k in range(slots)] + ["set point"]
+    blocks: dict[str, TunableBlock] = {
+        "K_x": Pid(kp=settings.kv, reads="held error", drives="velocity set point"),
+        "K_v": Pid(kp=kp - ki * settings.dt / 2, ki=ki or None, reads="velocity error", drives=signals[0]),
+    }
+    system = fixed_parts(settings, "current" if unit == "A" else "force")
+    for k, slot in enumerate(settings.filters):
+        reads, drives = signals[k], signals[k + 1]
+        block = block_of_slot(slot, settings.dt, reads, drives)
+        if block is None:
+            system.append(with_names(realise_section(slot.section(settings.fs), settings.dt), (reads,), (drives,)))
+        else:
+            blocks[f"filter {k + 1}"] = block
+    return system, blocks
+
+
+def fixed_parts(settings: DriveSettings, plant_input: str) -> list[control.StateSpace]:
+    """Return all of a drive that is no gain: differences, hold, feedforward of the velocity, and the sums."""
+    dt, n = settings.dt, settings.position_every
+    both = settings.encoder == "both"
+    motor, load = ("motor", "load") if both else ("position", "position")
+    factor = settings.load_factor if both else settings.unit_factor
+    velocity = times(settings.unit_factor, realise_section(velocity_section(settings), dt))
+
+    def gain(D: list[list[float]], reads: tuple[str, ...], drives: str) -> control.StateSpace:
+        return with_names(control.StateSpace([], [], [], D, dt), reads, (drives,))
+
+    parts = [
+        gain([[factor, -factor]], ("r", load), "position error"),
+        with_names(hold_mean(settings), ("position error",), ("held error",)),
+        with_names(velocity, (motor,), ("velocity",)),
+        gain([[1.0, -1.0]], ("velocity set point", "velocity"), "velocity error"),
+        gain([[1.0, 1.0]], ("set point", "d"), plant_input),
+    ]
+    if settings.velocity_feedforward:
+        ahead = settings.velocity_feedforward * settings.fs / n * factor
+        difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), dt)
+        parts.append(with_names(difference, ("r",), ("difference",)))
+        parts.append(with_names(hold_mean(settings), ("difference",), ("velocity set point",)))
+    return parts
+
+
+def block_of_slot(slot: FilterSlot, dt: float, reads: str, drives: str) -> TunableBlock | None:
+    """Return a notch or a low-pass as a block; None for a biquad."""
+    _, b1, _ = slot.numerator
+    _, a1, a0 = slot.denominator
+    omega = 2 / dt * np.tan(np.pi * slot.frequency * dt)
+    if slot.kind == "notch":
+        depth = max(float(b1 / a1), LEAST_DEPTH)
+        return Notch(omega=omega, depth=depth, width=float(a1 / np.sqrt(a0)), reads=reads, drives=drives)
+    if slot.kind == "low-pass":
+        return Filter2(omega=omega, zeta=float(a1 / np.sqrt(a0) / 2), reads=reads, drives=drives)
+    return None
+
+
+def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, output_unit: str = "") -> DriveSettings:
+    """Return the drive with the numbers of tuned blocks, to type in: `kv`, `kp`, `tn` and the filters.
+
+    Parameters
+    ----------
+    settings : DriveSettings
+        The drive that `to_blocks` took.
+    blocks : dict of str to block
+        Of the design, under the names that `to_blocks` gave: `design.blocks`.
+    output_unit : str
+        Unit of the plant input, as given to `to_blocks`.
+
+    Returns
+    -------
+    DriveSettings
+
+    Raises
+    ------
+    ValueError
+        Blocks of other names or kinds.
+
+    References
+    ----------
+    Åström & Hägglund, *Advanced PID Control* (2006), 3.2: series and parallel form.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> _, blocks = to_blocks(settings)
+    >>> with_blocks(settings, blocks | {"K_x": replace(blocks["K_x"], kp=40.0)}).kv
+    40.0
+    """
+    require_kind("settings", settings, DriveSettings)
+    _, own = parts_and_blocks(settings, output_unit)
+    for name, block in own.items():
+        if type(blocks.get(name)) is not type(block) or blocks[name].present() != block.present():
+            raise ValueError(
+                f"blocks must hold {name!r} as to_blocks made it, a {type(block).__name__} with "
+                f"{', '.join(block.present())}, got {blocks.get(name)}"
+            )
+    if set(blocks) - set(own):
+        raise ValueError(
+            f"blocks must be those of the drive, {', '.join(own)}, got {', '.join(sorted(set(blocks) - set(own)))} too"
+        )
+    K_x, K_v = blocks["K_x"], blocks["K_v"]
+    assert isinstance(K_x, Pid)
+    assert isinstance(K_v, Pid)
+    assert K_x.kp is not None
+    assert K_v.kp is not None
+    ki = K_v.ki or 0.0
+    kp = K_v.kp + ki * settings.dt / 2
+    scale = settings.gain / settings.kp * settings.output_factor(output_unit or settings.output_unit)
+    filters = tuple(
+        slot_of_block(blocks[f"filter {k + 1}"], settings.dt) if f"filter {k + 1}" in own else slot
+        for k, slot in enumerate(settings.filters)
+    )
+    return replace(settings, kv=K_x.kp, kp=kp / scale, tn=kp / ki if ki else np.inf, filters=filters)
+
+
+def slot_of_block(block: TunableBlock, dt: float) -> FilterSlot:
+    """Return the filter slot of a block."""
+    if isinstance(block, Notch):
+        frequency = float(np.arctan(block.omega * dt / 2) / (np.pi * dt))
+        return notch(frequency, bandwidth=block.width * frequency, depth=min(block.depth, 1 - 1e-12))
+    assert isinstance(block, Filter2)
+    return low_pass(float(np.arctan(block.omega * dt / 2) / (np.pi * dt)), zeta=block.zeta)

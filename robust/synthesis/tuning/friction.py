@@ -1,0 +1,222 @@
+"""A limit that keeps the proof of `prove_friction`: what a loop makes of a friction dissipates at every frequency.
+
+With the friction f at its port, the mobility M = v/f of the closed loop there, and multipliers mu >= 0 of filters a,
+
+    q = Re(C M) - L < 0,   C = mu_0 + sum mu_j (1 - a_j/(rho (a_j - s))),   L = sum mu_j a_j w^2/(rho K0 (a_j^2 + w^2))
+
+at every frequency is the test that the proof begins with (`robust.friction.multipliers`). The controller is in M by the
+sensitivity S = 1/(1 + G_d K) alone. With the displacements x at the port and y at the sensor, by the friction f and the
+force u, and with hold and delay e in front of the force,
+
+    M = -s ((x_f - p) + p S),      p = e x_u y_f/G_d,
+
+where G_d is the plant that the sampler sees. The ratio of the limit is
+
+    1 + q/(|C M| + L),
+
+between zero and two and below one where q is negative. As the scalings of a worst case, the multipliers are kept over a
+round of the search and found again by their linear program between the rounds.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import require_real
+from nlfrf._base.values import value
+from robust.friction.classes import AnyFriction
+from robust.friction.levels import FrictionClass, machines_of
+from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
+from robust.friction.plant import FrictionPlant
+from robust.lti.lti import evaluate_transfer, response
+from robust.lti.sampling import hold_response
+
+__all__ = ["FrictionChannel", "FrictionLimit", "Multipliers"]
+
+#: Lines of the linear program, as `prove_friction` has them; the lowest over the highest, and over the slowest pole or
+#: filter; the highest over Nyquist.
+N_LINES, LOWEST, SLOWEST, BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999
+
+
+@value(kw_only=False)
+class FrictionLimit:
+    """Keep the loop provable with every friction of a class, for `hard`; `prove_friction` proves it.
+
+    Each machine is one more plant, without any other limit: its sliding loop has to be stable, and what it makes of a
+    friction has to dissipate at every frequency by the margin.
+
+    Fields
+    ------
+    machine : FrictionPlant or FrictionClass
+        The machine without its friction, from `friction_plant`, in place of the plant of the design; or a class read
+        from levels, which brings its machines and its friction.
+    friction : AnyFriction, optional
+        `any_maxwell_slip`; left out with a FrictionClass.
+    margin : float
+        What the ratio stays below one by. On a rig of 1 kg on 80 kN/m with a PID 0, 0.001 and 0.01 all were proved.
+
+    Raises
+    ------
+    ValueError
+        No machine, a class that is not one of Maxwell slip, a margin outside its range.
+
+    References
+    ----------
+    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust Nonlinear Control 11, 2001.
+
+    Examples
+    --------
+    >>> from robust import any_maxwell_slip, friction_plant
+    >>> str(FrictionLimit(friction_plant(1.0, 80e3), any_maxwell_slip(64e3)))
+    'comes to rest with friction up to 64 kN/m'
+    """
+
+    machine: FrictionPlant | FrictionClass
+    friction: AnyFriction | None = None
+    margin: float = 0.01
+
+    band: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "friction", machines_of(self.machine, self.friction)[1])
+        margin = require_real("margin", self.margin)
+        if not 0 <= margin < 1:
+            raise ValueError(f"margin must lie between 0 and 1, got {margin:g}")
+
+    def __str__(self) -> str:
+        assert self.friction is not None
+        return f"comes to rest with friction up to {self.friction.K0 / 1e3:.4g} {self.friction.units.stiffness}"
+
+    @property
+    def machines(self) -> tuple[FrictionPlant, ...]:
+        """Return the machines for which it is kept."""
+        return tuple(self.machine.machines) if isinstance(self.machine, FrictionClass) else (self.machine,)
+
+    def weighting(self, dt: float) -> None:
+        """Return no system: its ratio is no gain of one."""
+
+    def factor(self, omega: np.ndarray) -> np.ndarray:
+        """Return (W,) one over the bound of its ratio."""
+        return np.full(np.size(omega), 1 / (1 - self.margin))
+
+
+@value(copy=False)
+class Multipliers:
+    """Weights of the filters: rates a (J,) [rad/s] and mu (1 + J,), that of the friction itself first.
+
+    lowest, highest : frequencies of the test [rad/s]; below them every term goes as the square of the frequency.
+    """
+
+    rates: np.ndarray
+    mu: np.ndarray
+    lowest: float
+    highest: float
+
+
+@value(copy=False)
+class FrictionChannel:
+    """A friction limit on the loop of one machine.
+
+    Fields
+    ------
+    limit, index : FrictionLimit, int
+    machine : FrictionPlant
+    place : (int, int)
+        Row of the measured position, column of a disturbance of it, of the responses H.
+    plant : control.StateSpace
+        G_d, from force to measured position.
+    dt, delay : float
+        Sampling time and delay of the whole loop [s].
+    """
+
+    limit: FrictionLimit
+    index: int
+    machine: FrictionPlant
+    place: tuple[int, int]
+    plant: control.StateSpace
+    dt: float
+    delay: float
+    hard = True
+    perturbation = None
+    is_scaled = True
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Return the row of H that it reads."""
+        return np.array([self.place[0]])
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Return the column of H that it reads."""
+        return np.array([self.place[1]])
+
+    def lines(self, poles: np.ndarray) -> np.ndarray:
+        """Return (W,) true frequencies [rad/s] for the multipliers: logarithmic and linear, up to Nyquist.
+
+        From a tenth of the slowest pole on: below it the test has its limit, and rounding grows.
+        """
+        size = np.abs(poles)[np.abs(poles) > 0]
+        top = BELOW_NYQUIST * np.pi / self.dt if self.dt else 100 * size.max(initial=1.0)
+        low = max(LOWEST * top, SLOWEST * size.min(initial=top))
+        return np.union1d(np.geomspace(low, top, N_LINES), np.linspace(max(low, top / N_LINES), top, N_LINES // 2))
+
+    def mobility_terms(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a and b (W,) of the mobility a + b S."""
+        m, zero = self.machine, np.zeros((2, 2))
+        into, out = np.column_stack([m.B_force, m.B_port]), np.vstack([m.C_measured, m.C_port])
+        (_, y_f), (x_u, x_f) = np.moveaxis(evaluate_transfer(m.A, into, out, zero, 1j * omega), 0, 2)
+        late = np.exp(-1j * omega * self.delay) * (hold_response(omega, self.dt) if self.dt else 1.0)
+        p = late * x_u * y_f / response(self.plant, omega)
+        return -1j * omega * (x_f - p), -1j * omega * p
+
+    def mobility(self, omega: np.ndarray, H: np.ndarray) -> np.ndarray:
+        """Return (W,) velocity over friction at the port."""
+        a, b = self.mobility_terms(omega)
+        return a + b * H[:, self.place[0], self.place[1]]
+
+    def test_terms(self, omega: np.ndarray, multipliers: Multipliers) -> tuple[np.ndarray, np.ndarray]:
+        """Return C and L (W,) of the test."""
+        assert self.limit.friction is not None
+        K0, rho, a, s = self.limit.friction.K0, self.limit.friction.stiction, multipliers.rates, 1j * omega[:, None]
+        C = multipliers.mu[0] + (1 - a / (rho * (a - s))) @ multipliers.mu[1:]
+        lost = a * omega[:, None] ** 2 / (rho * K0 * (a**2 + omega[:, None] ** 2))
+        return C, lost @ multipliers.mu[1:]
+
+    def levels(self, omega: np.ndarray, H: np.ndarray, multipliers: Multipliers) -> np.ndarray:
+        """Return (W,) the ratio over its bound; zero outside the lines, as at Nyquist, where G_d may be zero."""
+        low, high = multipliers.lowest, multipliers.highest
+        at = np.clip(omega, low, high)
+        z = self.mobility(at, H)
+        C, lost = self.test_terms(at, multipliers)
+        ratio = 1 + ((C * z).real - lost) / (np.abs(C * z) + lost)
+        return np.where((omega >= low) & (omega <= high), ratio, 0.0) * self.limit.factor(omega)
+
+    def slopes(self, omega: float, H: np.ndarray, multipliers: Multipliers) -> list[tuple[float, np.ndarray]]:
+        """Return the ratio at one frequency and its adjoint: d ratio = Re tr(Q* dH)."""
+        at = np.array([omega])
+        (_,), (b,) = self.mobility_terms(at)
+        (C,), (lost,) = self.test_terms(at, multipliers)
+        z = C * self.mobility(at, H[None])[0]
+        size, q = abs(z) + lost, z.real - lost
+        of_z = 1 / size - q / size**2 * (z / abs(z) if z else 0.0)
+        Q = np.zeros(H.shape, complex)
+        Q[self.place] = np.conj(C * b) * of_z
+        return [(float(1 + q / size), Q)]
+
+    def best_multipliers(self, omega: np.ndarray, H: np.ndarray) -> Multipliers:
+        """Return the multipliers that dissipate the largest share at every frequency, of those that are tried."""
+        assert self.limit.friction is not None
+        friction, M = self.limit.friction, self.mobility(omega, H)
+        best: tuple[float, Multipliers | None] = (-np.inf, None)
+        for rates in filter_rates(1.0, 1 / friction.bristle_time if friction.bristle_time else np.inf):
+            mu, share = maxwell_slip_multipliers(multiplier_terms(M, omega, rates, friction.K0, friction.stiction))
+            if share > best[0] and (mu[1:] > 0).any():
+                used = rates[mu[1:] > 1e-9 * mu[1:].max()]
+                lowest = max(min(omega[0], SLOWEST * used.min()), LOWEST * omega[-1])
+                best = share, Multipliers(rates=rates, mu=mu, lowest=lowest, highest=float(omega[-1]))
+        if best[1] is None:
+            raise ValueError("hard must hold a friction limit whose test can be computed, got a loop without mobility")
+        return best[1]
