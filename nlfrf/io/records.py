@@ -17,7 +17,7 @@ from nlfrf._base.numbers import all_finite
 from nlfrf._base.values import value
 from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_design, load_multisine
-from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, CutOptions, stored_multirecord, stored_records
+from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, stored_multirecord, stored_records
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.reference import Design, design_period
@@ -141,9 +141,9 @@ def keep_whole_periods(
     groups: Sequence[list[np.ndarray]],
     excitation: np.ndarray,
     fs: float,
-    options: CutOptions,
+    options: Cutting,
     paths: Sequence[str],
-) -> CutOptions:
+) -> Cutting:
     """Leave out of streams, in place, the periods in which a time column shows that rows are lost.
 
     `resample` looks where the input shows that the periods stand, and is left alone.
@@ -363,7 +363,7 @@ def load_record(
         design = load_multisine(design)
     names = {"u": str(u)} | ({} if r is None else {"r": str(r)})
     outputs = [y] if isinstance(y, str) else list(y)
-    options = CutOptions(n_samples, lines, n_discard, resample, design, hold)
+    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
     if (u, y, r) == ("u", "y", None) and all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
         return stored_multirecord(files, None, None, fs, options)
@@ -395,7 +395,7 @@ def check_names(u: object, y: object, r: object) -> None:
 
 
 def measured_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: CutOptions
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
     """A record for each output, of the streams of all files."""
     streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
@@ -409,6 +409,7 @@ def measured_records(
     options = keep_whole_periods(
         times, groups, streams.get("r", streams["u"])[0], clocks[0], options, [f.path for f in files]
     )
+    del groups  # which would hold the streams until the records are made
     trim_missing({signal: streams[signal] for signal in names}, measured["y"])
     for name in outputs:
         if files[0].full_name(name) == files[0].full_name(names["u"]):
@@ -420,8 +421,7 @@ def measured_records(
         measured.pop("y"),
         r=streams.pop("r", None),
         fs=clocks[0],
-        design=options.design,
-        options=Cutting(options.n_samples, options.lines, options.n_discard, options.resample, options.hold),
+        options=options,
         labels=labels,
     )
 
@@ -537,7 +537,7 @@ def load_multirecord(
             raise ValueError(
                 f"r must be left out for a record that has its own references or none, got {short_form(r)}"
             )
-        return stored_multirecord(files, u, y, fs, CutOptions(n_samples, lines, n_discard, resample, design, hold))
+        return stored_multirecord(files, u, y, fs, Cutting(n_samples, lines, n_discard, resample, design, hold))
     if isinstance(u, str) or isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
@@ -555,7 +555,7 @@ def load_multirecord(
         list(signals.values()),
         signals.get("r", signals["u"])[0][0],
         clocks[0],
-        CutOptions(n_samples, lines, n_discard, resample, design, hold),
+        Cutting(n_samples, lines, n_discard, resample, design, hold),
         [file.path for file in files],
     )
     return record_from_samples(

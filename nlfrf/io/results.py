@@ -16,13 +16,13 @@ from nlfrf.io.designs import DESIGNS, save_experiment, save_multisine
 from nlfrf.io.stored_records import (
     MULTIRECORD_SCHEMA,
     RECORD_SCHEMA,
-    CutOptions,
     save_record,
     stored_multirecord,
     stored_records,
 )
 from nlfrf.io.stored_values import load_value, save_value, value_from_file
 from nlfrf.records.record import Record
+from nlfrf.records.samples import Cutting
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
@@ -239,9 +239,9 @@ def value_in(file: Channels) -> StoredValue:
     """The same of a file that was read."""
     schema = file.text("schema")
     if schema == RECORD_SCHEMA:
-        return stored_records([file], {"u": "u"}, ["y"], None, CutOptions())[0]
+        return stored_records([file], {"u": "u"}, ["y"], None, Cutting())[0]
     if schema == MULTIRECORD_SCHEMA:
-        return stored_multirecord([file], None, None, None, CutOptions())
+        return stored_multirecord([file], None, None, None, Cutting())
     if schema not in RESULTS | DESIGNS:
         raise ValueError(
             f"path must be a multisine, experiment, record, BLA or FRM that this package wrote, got {file.path!r}"

@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,10 +24,11 @@ from nlfrf._base.values import field_names
 from nlfrf.io.channels import Channels
 from nlfrf.io.stored_values import AXES_ORDER, names_from_json, require_known_version
 from nlfrf.records.record import Record, join_records
-from nlfrf.records.reference import Design, fill_reference, reconstruct_reference
+from nlfrf.records.reference import fill_reference, reconstruct_reference
+from nlfrf.records.samples import Cutting
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "CutOptions", "save_record", "stored_multirecord", "stored_records"]
+__all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "save_record", "stored_multirecord", "stored_records"]
 
 
 RECORD_SCHEMA = "nlfrf-record"
@@ -37,17 +37,6 @@ LABELS = ("u_name", "y_name", "u_unit", "y_unit")
 CHANNELS = ("inputs", "outputs")
 UNITS = ("input_units", "output_units")
 SEVERAL_AXES = f"channel {AXES_ORDER}"
-
-
-class CutOptions(NamedTuple):
-    """How the samples are to be cut, as `load_record` was asked."""
-
-    n_samples: int | None = None
-    lines: LineGrid | None = None
-    n_discard: int = 0
-    resample: bool = False
-    design: Design | None = None
-    hold: str | None = None
 
 
 def save_record(record: Record, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
@@ -130,7 +119,7 @@ def record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
 
 
 def stored_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: CutOptions
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
     """A record for each output, of files that `save_record` wrote."""
     records: list[Record] = []
@@ -143,7 +132,7 @@ def stored_records(
     return records
 
 
-def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, options: CutOptions) -> Record:
+def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, options: Cutting) -> Record:
     """A record as `save_record` wrote it, already cut into periods, with its grid."""
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
@@ -168,14 +157,14 @@ def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, op
 
 
 def stored_multirecord(
-    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: CutOptions
+    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
     """A record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
     return join_records([stored_experiments(file, u, y, fs, options) for file in files])
 
 
 def stored_experiments(
-    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: CutOptions
+    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
     """The experiments of one such file; of the outputs those that are asked for."""
     require_known_version(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
@@ -213,7 +202,7 @@ def stored_experiments(
 
 
 def stored_periods(
-    file: Channels, signals: Mapping[str, np.ndarray], options: CutOptions
+    file: Channels, signals: Mapping[str, np.ndarray], options: Cutting
 ) -> tuple[dict[str, np.ndarray], LineGrid, str]:
     """Signals (channels, M, P, N) as they were cut, with their lines and hold: what was asked for goes first."""
     arrays = file.arrays

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -35,9 +35,6 @@ from nlfrf.records.screening.output import align_output, resample_to_input_clock
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["Cutting", "multirecord_from_samples", "record_from_samples", "records_from_streams"]
 
@@ -135,23 +132,24 @@ def record_from_samples(
     """
     if design is not None:
         require_kind("design", design, OrthogonalMultisine, Multisine)
-    options = Cutting(n_samples=n_samples, lines=lines, n_discard=n_discard, resample=resample, hold=hold)
+    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     signals: dict[str, Samples] = {"u": u, "y": y}
     if r is not None:
         signals["r"] = r
     if inputs or outputs or isinstance(design, OrthogonalMultisine) or any(map(has_channels, signals.values())):
-        return record_of_channels(signals, fs, options, design, inputs, outputs)
-    (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, design=design, options=options)
+        return record_of_channels(signals, fs, options, inputs, outputs)
+    (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, options=options)
     return record
 
 
 class Cutting(NamedTuple):
-    """How samples are to be cut into periods, as `record_from_samples` was asked."""
+    """How samples are to be cut into periods, by the names of the arguments of `record_from_samples`."""
 
     n_samples: int | None = None
     lines: LineGrid | None = None
     n_discard: int = 0
     resample: bool = False
+    design: Design | None = None
     hold: str | None = None
 
 
@@ -165,11 +163,11 @@ def record_of_channels(
     signals: dict[str, Samples],
     fs: float,
     options: Cutting,
-    design: Design | None,
     inputs: Sequence[str],
     outputs: Sequence[str],
 ) -> Record:
     """`record_from_samples` for several inputs or outputs, or for channels that have names."""
+    design = options.design
     if design is not None:
         options = options._replace(
             n_samples=design_period(design, fs) if options.n_samples is None else options.n_samples,
@@ -223,8 +221,8 @@ def cut_together(
         for i in range(len(signal[0]))
     }
     summed = [sum_with_all_lines(one) for one in streams[known]]
-    options = options._replace(hold=None)
-    cut = records_from_streams(summed, channels, r=None, fs=fs, design=None, options=options, named=True)
+    options = options._replace(design=None, hold=None)
+    cut = records_from_streams(summed, channels, r=None, fs=fs, options=options, named=True)
     rows = iter(cut)
     found = {name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()}
     return found, cut[0].fs
@@ -267,7 +265,6 @@ def records_from_streams(
     *,
     r: Samples | None,
     fs: float,
-    design: Design | None,
     options: Cutting,
     labels: Mapping[str, SignalLabels] | None = None,
     named: bool = False,
@@ -276,7 +273,7 @@ def records_from_streams(
 
     Streams that nobody can write go into the record as they are, where there is one realisation.
     """
-    n_samples, lines, n_discard, resample, hold = options
+    n_samples, lines, n_discard, resample, design, hold = options
     fs, n_discard = require_positive("fs", fs), require_integer("n_discard", n_discard, least=0)
     for name, given, kind in (("design", design, Multisine), ("lines", lines, LineGrid)):
         if given is not None:

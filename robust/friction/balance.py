@@ -509,9 +509,8 @@ CLOSE = 1.1
 
 def without_faint(candidate: Candidate) -> Candidate:
     """The candidate without elements that hold next to nothing, and with those joined that break away together."""
-    total, strength = (
-        float(np.sum(one)) for one in (candidate.all_elements[0], np.prod(candidate.all_elements, axis=0))
-    )
+    k, D = candidate.all_elements
+    total, strength = float(k.sum()), float(k @ D)
     stiffness, breakaway = merged(candidate.stiffness, candidate.breakaway, total, strength)
     k2, D2 = merged(np.asarray(candidate.load_stiffness), np.asarray(candidate.load_breakaway), total, strength)
     return replace(candidate, stiffness=stiffness, breakaway=breakaway, load_stiffness=k2, load_breakaway=D2)

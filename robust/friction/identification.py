@@ -71,7 +71,7 @@ MOST_UNEXPLAINED = 0.02
 #: The same of two masses at levels above half of Fs, where elements slip and a wrong minimum shows. A right fit of the
 #: belt left 0.2 %, of the ball screw 1.0 %; a wrong one of the joint, with Fs 16 % low, 1.5 %. Levels below have more
 #: by the step of the encoder, up to 1.7 %.
-LEAST_FIT = 0.012
+MOST_UNEXPLAINED_SLIPPING = 0.012
 #: Share of Fs that may break away in the outer part of the largest swing, where that part begins, and the share of K0
 #: that may slip at the lowest level.
 MOST_LATE, OUTER, MOST_EARLY = 0.1, 0.75, 0.2
@@ -419,7 +419,7 @@ def questions_of(
     k, D = candidate.all_elements
     Fs, K0 = float(k @ D), float(k.sum())
     two = candidate.terms.load
-    limits = [LEAST_FIT if two and one.force > Fs / 2 else MOST_UNEXPLAINED for one in balances]
+    limits = [MOST_UNEXPLAINED_SLIPPING if two and one.force > Fs / 2 else MOST_UNEXPLAINED for one in balances]
     worst, limit = max(zip(balances, limits, strict=True), key=lambda one: one[0].unexplained / one[1])
     if worst.unexplained > limit:
         model = "motor and load" if two else "one mass"
@@ -591,7 +591,7 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
     loop may be open or closed. The friction is Maxwell slip of any elements, with stiction and a Stribeck curve.
 
     With two masses the force acts on the motor and the encoder reads its position. The load hangs on a spring and a
-    damper, and either mass has friction. Measure to beyond the resonance: below it the two are hard to tell apart.
+    damper, and either mass has friction. Measure to beyond the resonance: below it the two are hard to distinguish.
 
     Parameters
     ----------

@@ -77,12 +77,14 @@ class PidGains:
     @property
     def _unusable_times(self) -> str:
         """Name the times of the ideal form that no block takes, and why; empty where there are none."""
-        times = {"Ti": self.integral_time if self.ki else None, "Td": self.derivative_time if self.kd else None}
-        short = {name: time for name, time in times.items() if time is not None and time < self.dt}
-        negative = any(time < 0 for time in short.values())
-        because = "negative" if negative else f"shorter than a sample of {1e3 * self.dt:g} ms"
-        named = " and ".join(f"{name} = {time:.4g} s" for name, time in short.items() if not negative or time < 0)
-        return f"{named} would be {because}" if short else ""
+        times = [("Ti", self.integral_time)] * bool(self.ki) + [("Td", self.derivative_time)] * bool(self.kd)
+        for low, high, what in (
+            (-np.inf, 0, "negative"),
+            (0, self.dt, f"shorter than a sample of {1e3 * self.dt:g} ms"),
+        ):
+            if named := [f"{name} = {time:.4g} s" for name, time in times if low <= time < high]:
+                return f"{' and '.join(named)} would be {what}"
+        return ""
 
     def plc_parameters(self) -> list[str]:
         """Return the parameters of the ideal form in Siemens and TwinCAT blocks, a line each; empty without one.

@@ -127,7 +127,7 @@ class LoopPicture:
 def describe_check(report: RobustnessReport) -> str:
     """Return stability, worst demand and crossover in a line."""
     if not report.nominally_stable:
-        return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability cannot be told"
+        return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability is not decided"
     over = np.flatnonzero(np.abs(report.G * report.K) > 1)
     crossover = f", crossover {format_hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
     return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"

@@ -334,7 +334,7 @@ function judged(problem, curves, m, poles) {
   const rs = largest(curves.omega, of.rs), rp = problem.demand ? largest(curves.omega, of.rp) : null;
   const half = largest(curves.omega, of.half);
   let verdict = "holds on the grid";
-  if (!clear || nearest < 1e-9) verdict = "stability cannot be told";
+  if (!clear || nearest < 1e-9) verdict = "stability is not decided";
   else if (count) verdict = "unstable";
   else if (rs.value >= 1) verdict = "not robustly stable";
   else if (problem.demand && rp.value > 1) verdict = "demand not met";

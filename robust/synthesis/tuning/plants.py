@@ -266,7 +266,7 @@ def disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
 
 
 def is_bounded(perturbation: Perturbation) -> np.ndarray:
-    """Return (W,) whether the set is bounded: at a pole on the axis it is not, and is looked at beside it."""
+    """Return (W,) whether the set is bounded: not at a pole on the axis, where its neighbours count."""
     return np.abs(perturbation.drives).max(axis=(1, 2)) < UNBOUNDED_GAIN
 
 

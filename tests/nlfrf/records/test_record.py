@@ -121,6 +121,16 @@ def test_stream_refusals():
         record_from_samples(noise, noise, fs=1, n_samples=1024)
 
 
+def test_a_period_in_seconds_is_named():
+    """A period of four samples ended in an IndexError."""
+    u = np.tile(multisine(fs=1000, n_samples=4000, f_min=1, f_max=60, rng=1).u[0], 3)
+    u += 1e-3 * np.random.default_rng(2).standard_normal(u.size)
+    with pytest.raises(ValueError, match=r"got 4: .* a period counts samples: 4 s at 1000 Hz are 4000$"):
+        record_from_samples(u, 2 * u, fs=1000, n_samples=4)
+    with pytest.raises(ValueError, match=r"got 40: .* points to 4000.0$"):
+        record_from_samples(u, 2 * u, fs=1000, n_samples=40)
+
+
 # Faults of raw records
 
 

@@ -46,6 +46,17 @@ def test_what_three_gains_can_do_two_cannot_do_better():
     assert pid > 0.99 * pi
 
 
+def test_no_filter_that_is_given_does_better():
+    """Six filter times alone reached 0.92 of the integral gain, with a proportional gain of zero."""
+    w = 2 * np.pi * np.arange(1.0, 60.0)
+    P = control.tf([1], [2, 60, 2 * (2 * np.pi * 20) ** 2]) * control.tf([300], [1, 300])
+    asked = {"M_S": 1.8, "dt": 1e-3, "delay": 5e-3, "positive": True}
+    frf = control.frd(P(1j * w), w)
+    given = [robust.design_frf(frf, "PID", filter_time=T, **asked) for T in np.geomspace(5e-4, 5e-2, 20)]
+    best = max(gains_of(design.K)[1] for design in given if design.met)
+    assert gains_of(robust.design_frf(frf, "PID", **asked).K)[1] > 0.99 * best
+
+
 def test_gains_that_are_positive_of_themselves_are_not_touched():
     plant, asked = control.tf([1], [1 / 6000, 1 / 20 + 1 / 300, 1]), {"M_S": 1.6, "dt": 5e-4}
     free, kept = (robust.design_frf(plant, "PID", positive=only, **asked) for only in (False, True))
@@ -92,11 +103,15 @@ def test_the_ideal_form_of_the_blocks_is_the_controller():
     np.testing.assert_allclose(Kp * (1 + 1 / (Tn * s) + Tv * s / (Td * s + 1)), wanted, rtol=1e-5)
 
 
-def test_no_ideal_form_and_no_plc_where_times_would_be_negative():
+def test_no_ideal_form_and_no_plc_where_times_are_negative_or_below_a_sample():
     """4aa289a printed Ti = -0.003 s and Td = -0.165 s without a word."""
     gains = PidGains(kp=-2.61, ki=870.0, kd=0.43, filter_time=0.01)
     assert "ideal: none that a PLC takes, as Ti = -0.003 s and Td = -0.1648 s would be negative" in unwrapped(gains)
     assert gains.plc_parameters() == []
+    for integral_time, takes in ((1.001e-3, True), (0.999e-3, False)):  # a cycle of 1 ms
+        gains = PidGains(kp=2.0, ki=2.0 / integral_time, dt=1e-3)
+        assert gains.has_ideal_form == takes == bool(gains.plc_parameters())
+    assert "Ti = 0.000999 s would be shorter than a sample of 1 ms; use the parallel form" in unwrapped(gains)
     inverted = PidGains(kp=-2.0, ki=-4.0)  # a plant of negative gain: the times are positive
     assert inverted.has_ideal_form
     assert "Gain = -2, Ti = 0.5 s, Td = 0 s" in inverted.plc_parameters()[0]
