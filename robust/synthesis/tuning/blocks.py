@@ -30,7 +30,8 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import value
 from robust.lti.lti import Matrices
-from robust.lti.norms import to_discrete
+from robust.lti.norms import continuous_image, to_discrete
+from robust.lti.realisation import multivariable
 
 __all__ = [
     "Filter2",
@@ -579,6 +580,27 @@ class StateSpace(TunableBlock):
 
     NUMBERS = ("A", "B", "C", "D")
     matrix_block = True
+
+    @classmethod
+    def from_system(cls, K: control.StateSpace | control.TransferFunction, *, reads: Any, drives: Any) -> StateSpace:
+        """Return the block that starts at a controller or filter K, continuous or sampled, from whatever design it is.
+
+        >>> start = StateSpace.from_system(control.ss(-2.0, 1.0, 3.0, 0.0), reads="e", drives="u")
+        >>> start.A.tolist(), start.C.tolist()
+        ([[-2.0]], [[3.0]])
+        """
+        system = multivariable("K", K)
+        A, B, C, D = continuous_image(system)
+        if system.dt:
+            rate = 2 / system.dt  # the image counts s in units of 2/T
+            A, B, C = A * rate, B * np.sqrt(rate), C * np.sqrt(rate)
+        n_y, n_u = len(signal_names("reads", reads)), len(signal_names("drives", drives))
+        if D.shape != (n_u, n_y):
+            raise ValueError(
+                f"K must have {n_y} input{'s' * (n_y != 1)} and {n_u} output{'s' * (n_u != 1)}, as reads and drives "
+                f"name them, got {D.shape[1]} and {D.shape[0]}"
+            )
+        return cls(n_states=len(A), reads=reads, drives=drives, A=A, B=B, C=C, D=D)
 
     def check_numbers(self) -> None:
         """Check the matrices against order and signals."""

@@ -364,3 +364,19 @@ def test_a_design_of_one_loop_is_a_start():
         robust.sampled(G, dt), "PID", M_S=1.8, dt=dt, delay=dt, start=design.blocks["K"].system(dt)
     )
     assert robust.pid_gains(again.K).kp > 0
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.01])
+def test_any_design_starts_a_block_of_its_own_response(dt: float) -> None:
+    """A controller of 2 outputs and 1 input with an integrator, as it is and sampled by Tustin."""
+    K = control.ss([[0, 0], [1.0, -30]], [[1.0], [2]], [[1.0, 0], [3, 4]], [[0.5], [0]])
+    K = control.sample_system(K, dt, method="bilinear") if dt else K
+    block = tuning.StateSpace.from_system(K, reads="e", drives=["u1", "u2"])
+    omega = np.geomspace(0.1, 300, 30)
+    at = np.exp(1j * omega * dt) if dt else 1j * omega
+    np.testing.assert_allclose(block.system(dt)(at), K(at), rtol=1e-10)
+    assert block.order == 2
+    with pytest.raises(
+        ValueError, match="K must have 2 inputs and 1 output, as reads and drives name them, got 1 and 2"
+    ):
+        tuning.StateSpace.from_system(K, reads=["e1", "e2"], drives="u")
