@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 import control
 import numpy as np
@@ -198,5 +198,10 @@ def settings_section(
 
 
 def installed_version(package: str) -> str:
-    """Its version."""
-    return nlfrf.__version__ if package == "nlfrf" else version(package)
+    """Return its version, or that it is not installed: an extra brings some of them."""
+    if package == "nlfrf":
+        return nlfrf.__version__
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

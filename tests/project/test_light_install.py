@@ -4,7 +4,18 @@ import subprocess
 import sys
 
 #: Put in front of a script: as if the packages of nlfrf[full] were not installed.
-WITHOUT = "import sys\nfor name in ('numba', 'pandas', 'h5py'):\n    sys.modules[name] = None\n"
+WITHOUT = """
+import sys
+from importlib import metadata
+find = metadata.Distribution.from_name
+def find_others(name):
+    if name in ('numba', 'pandas', 'h5py'):
+        raise metadata.PackageNotFoundError(name)
+    return find(name)
+metadata.Distribution.from_name = find_others
+for name in ('numba', 'pandas', 'h5py'):
+    sys.modules[name] = None
+"""
 
 CORE = """
 import numpy as np, control, nlfrf, robust
