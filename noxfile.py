@@ -18,7 +18,11 @@ import nox
 
 ROOT = Path(__file__).parent
 PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
-VERSIONS = {"pinned": ["-c", "constraints.txt"], "oldest": ["-c", "constraints-oldest.txt"], "newest": ["-U"]}
+VERSIONS = {
+    "pinned": ["-c", str(ROOT / "constraints.txt")],
+    "oldest": ["-c", str(ROOT / "constraints-oldest.txt")],
+    "newest": ["-U"],
+}
 # two processes on two cores: threads of the linear algebra would only wait for one another
 QUIET = {"MPLBACKEND": "Agg", "OMP_NUM_THREADS": "1"}
 
