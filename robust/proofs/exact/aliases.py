@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import lru_cache, partial
 from itertools import pairwise
 from math import ceil, sqrt
@@ -62,7 +62,6 @@ SINGLE, MOST_SINGLE = 12, 60  # aliases on either side that are taken one by one
 LONGER, FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
 TIGHT, DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most
 REFINEMENT_FACTOR = 4  # a bound so far above one at most may be brought below it by looking closer
-NOT_ASKED_FOR = arb.nan()  # of a loop without a demand: no bound is below anything
 LOOSE_RADIUS = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
 
 
@@ -272,16 +271,19 @@ def max_magnitude(X: Ratio, low: arb, high: arb) -> arb:
 
 @value(copy=False)
 class Sizes:
-    """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|."""
+    """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|.
+
+    Of a loop without a demand the last three are not numbers: no bound is below anything.
+    """
 
     KS: arb
     FS: arb
     FKS: arb
     GKS: arb
     hold: arb
-    PS: arb = NOT_ASKED_FOR
-    PFS: arb = NOT_ASKED_FOR
-    centre: arb = NOT_ASKED_FOR
+    PS: arb = field(default_factory=arb.nan)
+    PFS: arb = field(default_factory=arb.nan)
+    centre: arb = field(default_factory=arb.nan)
 
 
 def bound_sizes(aliases: Aliases, t: Terms, *, low: arb, high: arb, others: Sums) -> Sizes:
