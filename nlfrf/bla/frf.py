@@ -46,6 +46,8 @@ MIN_STEP_PAIRS = 4  # pairs of equal steps that can tell phases apart
 #: Power over that of chance from which a line stands out: over the level, and over the scatter of the lines around it,
 #: by which alone one of 4e5 sound lines does; and that of a local fit from which it is looked for.
 OUTLIER_OVER_LEVEL, OUTLIER_OVER_SCATTER, OUTLIER_CANDIDATE = 25.0, 60.0, 5.0
+#: A free mass bends as 1/omega^2 below its third line, which no parabola follows; omega^2 G is smooth there.
+INTEGRATORS = (0, 1, 2)
 MAINS_FREQUENCIES = 50.0, 60.0  # Hz
 OUTPUT_ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
 MAX_CHANCE_SIGMAS = 3.0  # standard deviations of chance up to which phases agree by it
@@ -230,10 +232,15 @@ def warn_of_outlier_lines(
         or not (np.add.reduce(squared_modulus(G - fitted) / gamma) > OUTLIER_CANDIDATE * len(G) * level).any()
     ):
         return np.zeros(f.size)
-    deviation, scatter, spread = leave_one_out_residual(G, index)
-    by_chance = spread * np.maximum(OUTLIER_OVER_SCATTER * np.mean(scatter / gamma, axis=0), OUTLIER_OVER_LEVEL * level)
-    deviation_power = np.mean(squared_modulus(deviation) / gamma, axis=0)
-    outlier_power = np.where(deviation_power > by_chance, deviation_power, 0.0)
+    outlier_power = np.full(f.size, np.inf)
+    for order in INTEGRATORS:
+        slope = f**order
+        deviation, scatter, spread = leave_one_out_residual(G * slope, index)
+        scatter = np.mean(scatter / slope**2 / gamma, axis=0)
+        by_chance = np.maximum(OUTLIER_OVER_SCATTER * scatter, OUTLIER_OVER_LEVEL * level)
+        deviation_power = np.mean(squared_modulus(deviation / slope) / gamma, axis=0)
+        found = np.where(deviation_power > spread * by_chance, deviation_power, 0.0)
+        outlier_power = np.minimum(outlier_power, found)
     out = np.flatnonzero(outlier_power)
     if not out.size:
         return outlier_power

@@ -77,3 +77,20 @@ def test_plants_drawn_by_chance():
     found = hum.attack(range(2), sizes=(0.2,), frequencies=(50.0,))
     assert not found[0.0, 0.0][:, 0].any()
     assert found[0.2, 50.0][:, 0].mean() >= 0.8
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_free_mass_stands_out_at_no_line_and_a_disturbed_line_of_it_does(order):
+    """On lines 3, 9, 11, 17, ... its first one was 190 times its scatter from what the others say."""
+    lines = np.sort(np.concatenate([np.arange(3, 401, 8), np.arange(9, 401, 8)]))
+    where, rng = index_lines(LineGrid(excited=lines)), np.random.default_rng(2)
+    G, level = scattered(1 / (1j * lines) ** order, 1, rng, sigma=1e-3)
+    disturbed = G * np.where(np.arange(lines.size) == 50, 1.2, 1.0)
+    arguments = {"level": level, "index": where, "f": lines * 1.0, "gamma": np.ones((1, 1))}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fitted = fit_locally(G, np.ones(G.shape), index=where).G
+        assert not warn_of_outlier_lines(G, fitted, **arguments).any()
+    fitted = fit_locally(disturbed, np.ones(G.shape), index=where).G
+    with pytest.warns(DataWarning, match=f"neighbours at {lines[50]} Hz"):
+        assert np.flatnonzero(warn_of_outlier_lines(disturbed, fitted, **arguments)).tolist() == [50]
