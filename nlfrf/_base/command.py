@@ -59,7 +59,7 @@ class Commands(typer.Typer):
 
 
 def guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
-    """The same command, whose outputs are held against its inputs and named at its end."""
+    """Return the command with its outputs refused where they would overwrite inputs, and named when it ends."""
     signature = inspect.signature(function)
     if not set(OUTPUT_PARAMETERS) & set(signature.parameters):
         return function

@@ -304,7 +304,7 @@ def to_json(thing: object, most: float = np.inf) -> str:
 
 
 def to_plain(thing: object, most: float = np.inf) -> Json:
-    """The same as dictionaries, lists, texts and numbers; systems as their matrices, all else in its own words."""
+    """Return a value in terms of JSON: dictionaries, lists, texts, numbers; systems as matrices, others as text."""
     if thing is None or isinstance(thing, str | bool | int):
         return thing
     if isinstance(thing, Enum):

@@ -150,7 +150,7 @@ class Channels:
         return one_line(item.decode(errors="replace") if isinstance(item, bytes) else str(item))
 
     def sampling_frequency(self, given: float | None = None, names: tuple[str, ...] = ()) -> float:
-        """As given, else what the file says of these channels, of all, or by its time channel [Hz].
+        """Return the sampling frequency [Hz]: given, or of these channels, of the file, or of its time channel.
 
         What was given is held against what the file says.
         """
@@ -465,7 +465,7 @@ def clean_names(
     clocks: Mapping[str, float | str],
     notes: Mapping[str, str],
 ) -> Contents:
-    """The same with names, units and notes that are one line each and command no terminal, whoever reads them."""
+    """Return channels with unique names, and names, units and notes of one line each without control characters."""
     texts = [clock for clock in clocks.values() if isinstance(clock, str)]
     names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
     named = {"": ""} | dict(
@@ -482,7 +482,7 @@ def clean_names(
 def split_columns(
     arrays: Mapping[str, np.ndarray], clocks: Mapping[str, float | str]
 ) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
-    """The same with the columns of matrices as streams of their own; one that rises evenly in front is their time."""
+    """Add each column of a matrix as a channel of its own; where the first column rises evenly it is their time."""
     more, clocks = dict(arrays), dict(clocks)
     for name, array in arrays.items():
         if array.ndim != 2 or array.dtype.kind not in "fiu":

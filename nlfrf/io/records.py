@@ -92,7 +92,7 @@ class LostRows:
         return "; ".join(descriptions + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0))
 
     def describe(self, n_samples: int) -> str:
-        """The same, with the periods that are whole.
+        """Describe the lost rows, and say which periods are whole.
 
         >>> place = np.delete(np.arange(30), 14)
         >>> LostRows(place=place, moments=place / 10, fs=10.0).describe(10)

@@ -236,7 +236,7 @@ def load(path: str | os.PathLike[str]) -> StoredValue:
 
 
 def value_in(file: Channels) -> StoredValue:
-    """The same of a file that was read."""
+    """Return the record, result or design that the channels of a file of this package hold."""
     schema = file.text("schema")
     if schema == RECORD_SCHEMA:
         return stored_records([file], {"u": "u"}, ["y"], None, Cutting())[0]

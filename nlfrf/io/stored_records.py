@@ -166,7 +166,7 @@ def stored_multirecord(
 def stored_experiments(
     file: Channels, u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
-    """The experiments of one such file; of the outputs those that are asked for."""
+    """Return the record of several experiments in a file of this package, with the outputs that are asked for."""
     require_known_version(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
     if missing := [name for name in ("u", "y", *CHANNELS) if name not in file.arrays]:
         raise ValueError(f"path must hold a whole record, got one without {', '.join(missing)}")

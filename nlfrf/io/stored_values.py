@@ -73,7 +73,7 @@ def load_value(kinds: Mapping[str, Callable[..., Kind]], path: str | os.PathLike
 
 
 def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) -> Kind:
-    """The same of a file that was read."""
+    """Return the value that the channels of a file hold, of one of these kinds by schema."""
     schema = file.text("schema")
     if schema not in kinds:
         expected = " or ".join(kinds)

@@ -110,7 +110,7 @@ def band_edge(level: np.ndarray) -> int:
 
 
 def extension_of_band(played: np.ndarray, n_lines: int) -> np.ndarray:
-    """As many lines beyond the band as lie in step inside it."""
+    """Return the lines just above the highest excited one: EXTENSION_LINES of them, or those there are."""
     last = int(played[-1])
     return np.arange(last + 1, min(n_lines, last + EXTENSION_LINES) + 1)
 
@@ -276,7 +276,7 @@ def upper_envelope(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
 
 
 def connected_lines(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Those of some lines that can be reached from the strongest one without falling by more than DROP at a step.
+    """Return the lines reached from the strongest one without the level falling by more than MAX_STEP at a line.
 
     This ends the band where only harmonics and distortion of the input follow, at whatever level.
     """

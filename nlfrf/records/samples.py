@@ -526,7 +526,7 @@ def first_periods(streams: Streams) -> dict[str, np.ndarray]:
 
 
 def describe_swap(periods: Mapping[str, np.ndarray], outputs: Sequence[str], labels: Mapping[str, SignalLabels]) -> str:
-    """That an output is a multisine with even lines and the input is not, in words; else empty.
+    """Describe exchanged signals: an output is a multisine of even lines and the input is not; else an empty text.
 
     What a machine makes of a multisine has its resonances in it, and its distortion between the lines.
 

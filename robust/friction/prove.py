@@ -192,7 +192,7 @@ def certify_maxwell_slip(
 def certify_bristle(
     loop: FrictionLoop, K0: float, *, rho: float, microdamping: float, reference: float, quick: bool = False
 ) -> FrictionCertificate:
-    """The same of bristles that creep."""
+    """Search the multipliers of creeping bristles (stiffness K0, stiction rho), and certify what they prove."""
     omega = loop_frequencies(loop, N_POINTS)
     response = mobility(loop, omega)
     reason, found, form = "no weights make every frequency dissipate", np.zeros((2, 0)), np.full(omega.size, np.nan)
@@ -753,7 +753,7 @@ def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:  # a fit co
 
 
 def undamped(G: control.StateSpace) -> FrictionPlant:
-    """The same machine without damping: every s^2 + d s + k of its poles and zeros loses its d; its mass is kept.
+    """Return the machine without damping: every s^2 + d s + k of its poles and zeros loses its d; its mass is kept.
 
     >>> machine = undamped(control.ss(control.tf([1], [1, 4, 80e3])))
     >>> bool(abs(np.linalg.eigvals(machine.A).real).max() < 1e-9), round(machine.resonance, 3)

@@ -100,7 +100,7 @@ def chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def pair_slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
-    """As `pair_roots`, but the slowest real root with the fastest: two at z = 1 would cancel twice in one section."""
+    """Pair roots, the slowest real one with the fastest: two at z = 1 would cancel twice in one section."""
     pairs, rest = pair_roots(roots)
     alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=lambda r: abs(r - 1))
     pairs = [pair for pair in pairs if pair[0].imag != 0]

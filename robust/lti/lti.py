@@ -74,7 +74,7 @@ make_picklable()  # here, as every room that makes or takes a system stands on t
 
 
 def with_names(system: control.StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> control.StateSpace:
-    """The same system, with these names of its channels."""
+    """Set the names of the channels of a system, and return it."""
     system.update_names(inputs=list(inputs), outputs=list(outputs))
     return system
 
@@ -172,7 +172,7 @@ def balance_matrix(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scale_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same dynamics with each state in a unit of its own, by powers of two: rows and columns of A alike in size."""
+    """Scale the states by powers of two, which makes rows and columns of A alike in size."""
     A, weights = balance_matrix(A)
     return A, B / weights[:, None], C * weights
 

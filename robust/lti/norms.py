@@ -42,7 +42,7 @@ def to_continuous(
 def to_discrete(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The way back from `to_continuous`: s = (z - 1)/(z + 1)."""
+    """Bilinear image s = (z - 1)/(z + 1) of a continuous system, the inverse of `to_continuous`."""
     n = A.shape[0]
     inverse = invert_for_bilinear(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
     return inverse @ (np.eye(n) + A), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D + C @ inverse @ B
@@ -80,7 +80,7 @@ def to_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
 
 
 def from_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
-    """The way back from `to_half_plane`: s = (p + a)/(1 + p/b)."""
+    """The image under s = (p + a)/(1 + p/b), the inverse of `to_half_plane`."""
     return to_half_plane(matrices, -a, -b)
 
 

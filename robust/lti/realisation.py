@@ -193,7 +193,7 @@ def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> 
 
 
 def balance_states(system: control.StateSpace) -> control.StateSpace:
-    """The same with states by powers of two in which B, A and C are alike in size, as polynomials are made from them.
+    """Scale the states by powers of two, which makes A, B and C alike in size: before polynomials are made of them.
 
     A zero far outside the band leaves a B of 1e-20 and a C of 1e10, of which SLICOT's `tf` made nothing at all.
     """

@@ -215,7 +215,7 @@ def optimal_scalings(
 def method_of_centres(
     N: np.ndarray, s: BlockStructure, *, target: np.ndarray, deadline: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same for (W,) squares of the target, by steps of all frequencies at once."""
+    """Return D_L, D_R, G of least bound, all frequencies at once; below `target` (W,), squared, that of most room."""
     W = N.shape[0]
     d = osborne_balance(N, s)
     D_L, D_R = (

@@ -67,7 +67,7 @@ def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
 
 
 def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """The same with the error seen through stable weights, behind (K - K_r) before (Enns)."""
+    """Return reductions K_r of each order, for a small norm of behind (K - K_r) before with stable weights (Enns)."""
     A, B, C, D = K
     kept, (A, B, C) = split_modes(A, B, C)
     n, (Ab, Bb, Cb, Db), (Aa, Ba, Ca, _) = A.shape[0], before, behind
@@ -81,7 +81,7 @@ def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iter
 
 
 def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """The same of the normalised left coprime factors of a system, K = M^-1 N: unstable modes are reduced with it."""
+    """Return reductions of K of each order by truncating its normalised left coprime factors, unstable modes too."""
     A, B, C, D = K
     R, S = np.eye(D.shape[0]) + D @ D.T, np.eye(D.shape[1]) + D.T @ D
     drift = A - B @ np.linalg.solve(S, D.T @ C)
@@ -329,7 +329,7 @@ def rank_candidates(
     before: RobustnessReport,
     every: bool,
 ) -> list[tuple[str, control.StateSpace]]:
-    """Those that may keep what was proved, by their curves, the best first; all where one has to be returned."""
+    """Sort reduced controllers by their curves, best first, and drop those that cannot keep what was proved."""
     found = []
     for method, K in small:
         try:

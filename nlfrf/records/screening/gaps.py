@@ -335,7 +335,7 @@ def is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
 
 
 def candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.ndarray) -> list[int]:
-    """Those that are tried: the one that lays the part with half of the difference best, and all short ones."""
+    """Return the shifts to try: the one that fits the samples up to half of the difference best, and all short ones."""
     n = one.size
     half = int(np.searchsorted(difference, difference[-1] / 2))
     size = cumulative_power(np.tile(following, 2))

@@ -340,7 +340,7 @@ def unknown_alignment(n_periods: int, n_samples: int) -> OutputAlignment:
 
 
 def prepend_transient_periods(lag: OutputAlignment, n: int) -> OutputAlignment:
-    """The same with n periods before it, of which nothing is told."""
+    """Put n periods before those of an alignment, without delay and counted as valid."""
 
     def after(x: np.ndarray, before: float | bool) -> np.ndarray:
         return np.insert(x, 0, np.full(n, before))

@@ -223,7 +223,7 @@ class SetFields(RadiusFields, total=False):
 
 
 class FieldsOfUser(SetFields, total=False):
-    """The same with the source of a radius that a user gave."""
+    """Fields of a set whose radius a user gave, with its source."""
 
     source: str
 

@@ -79,7 +79,7 @@ class Block:
 
     @property
     def shape(self) -> tuple[int, int] | tuple[int, int, str]:
-        """As `mu_upper` takes it."""
+        """Return the block as `mu_upper` takes it: rows, columns, and the kind where it is not full."""
         lengths = (len(self.reads), len(self.drives))
         return lengths if self.kind == "full" else (*lengths, self.kind)
 

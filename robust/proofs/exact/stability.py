@@ -384,7 +384,7 @@ def polynomial_terms(found: Squares) -> Terms:
 
 
 def terms_at_infinity(found: Squares) -> Terms:
-    """The same at the far end of the axis: coefficients at the formal degrees."""
+    """Return the terms of the loop at infinite frequency: coefficients at the formal degrees."""
     n = found.G[2] + found.K[2]
     ends = map_parts(found, lambda part: (part[0][part[2]], part[1][part[2]]))
     return loop_terms(*ends, cross=found.even[n], closed=found.closed[n])

@@ -240,7 +240,7 @@ def quotient_at(part: SquaredPart, argument: TaylorModel) -> tuple[TaylorModel, 
 
 
 def part_in_sine(part: SquaredPart) -> SquaredPart:
-    """The same in u = sin^2(omega dt/2), for y = u/(1 - u)."""
+    """Return a part as polynomials in u = sin^2(omega dt/2), where its own variable is y = u/(1 - u)."""
     num, den, degree = part
     return polynomial_in_sine(num, degree), polynomial_in_sine(den, degree), degree
 

@@ -348,7 +348,7 @@ def read_script() -> str:
 
 
 def read_style() -> str:
-    """Its style sheet."""
+    """Return the style sheet of the page."""
     return "\n".join(read_part(name) for name in ("uplot/uPlot.min.css", "shape.css"))
 
 

@@ -60,7 +60,7 @@ class Demand:
     x: np.ndarray
 
     def on(self, mask: np.ndarray) -> Demand:
-        """The same demand on some of the lines, counted among those."""
+        """Return the demand on the lines of a mask, indexed among those."""
         keep = mask[self.index]
         place = np.cumsum(mask) - 1
         parts = {name: getattr(self, name)[keep] for name in "abcyx"}

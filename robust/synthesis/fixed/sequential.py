@@ -91,7 +91,7 @@ class MatrixOnLines:
         return DiscsOnLines(omega=self.omega, G=inner, radius=wider * self.spread(row, column))
 
     def with_modes(self, K: list[control.StateSpace | None]) -> MatrixOnLines:
-        """The same on the lines too that controllers have modes on, where it is interpolated."""
+        """Return the plant with more lines, interpolated, where controllers have lightly damped modes."""
         modes = [controller_mode_lines(one, (self.omega[0], self.omega[-1])) for one in K]
         omega = np.unique(np.concatenate([self.omega, *modes]))
 

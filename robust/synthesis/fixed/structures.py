@@ -214,7 +214,7 @@ class Basis:
         return np.hstack([Y, np.zeros_like(X)]), np.hstack([np.zeros_like(Y), X])
 
     def on_lines(self, omega: np.ndarray) -> dict[str, np.ndarray]:
-        """The same by name."""
+        """Return the columns of Y and X on the lines, by name."""
         return dict(zip("YX", self.columns(omega), strict=True))
 
     def powers(self, s: np.ndarray, degree: int) -> np.ndarray:
