@@ -21,7 +21,6 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import format_hertz, format_paragraph, ratio_unit, require_kind, require_positive
 from nlfrf._base.values import value
-from nlfrf.axis import AxisExperiment, find_levels, load_trace
 from robust._base.states import FrictionVerdict, Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop
@@ -214,7 +213,7 @@ def read_trace(path: Path, settings: DriveSettings, *, actual: bool = False, **l
 
 def read_experiments(
     traces: Sequence[Path],
-    designs: Sequence[AxisExperiment],
+    designs: Sequence[nlfrf.axis.AxisExperiment],
     settings: DriveSettings,
     *,
     actual: bool = False,
@@ -226,7 +225,7 @@ def read_experiments(
     ----------
     traces : sequence of Path
         One file a realisation.
-    designs : sequence of AxisExperiment
+    designs : sequence of nlfrf.axis.AxisExperiment
         One for all traces, or that of each trace, in their order.
     settings, actual
         As for `read_trace`.
@@ -257,9 +256,9 @@ def read_experiments(
     records, names, conditions, left = [], [], [], list(traces)
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
-        found, labels = load_trace(paths, design, **load), design.labels
+        found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
         if design.is_ramp:
-            levels = find_levels(found, design)
+            levels = nlfrf.axis.find_levels(found, design)
             if levels.reason:
                 raise ValueError(f"design of a pre-test must show three levels, got {paths[0].name}: {levels.reason}")
             found, labels = levels.records, ("sticks", "bends", "slides")
@@ -269,7 +268,7 @@ def read_experiments(
     return records, names, conditions
 
 
-def ran_with(design: AxisExperiment, settings: DriveSettings) -> bool:
+def ran_with(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> bool:
     """Whether an experiment was designed for a drive with these gains, in A."""
     try:
         kp = settings.gain * settings.output_factor("A")
