@@ -34,7 +34,7 @@ from robust.friction.prove import FrictionProof
 from robust.io.certificates import highest_level, prove_all
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
-from robust.models.fit.orders import scan_orders
+from robust.models.fit.orders import OrderScan, scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.drive.cascade import cascade, with_set_point
@@ -48,6 +48,8 @@ __all__ = ["DriveCheck", "check_drive", "read_experiments", "read_trace"]
 ORDERS = range(2, 6)
 #: An unstable pole above this share of the last line is a lead, and no machine that falls over.
 LEAD = 0.3
+#: Largest change of G that a pole and a zero make which cancel.
+CANCELLED = 0.05
 #: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
 MOST_RISE = 0.75
 #: Mean of unit phasors above which F lines agree on a lead; that of random phases is 0 +- 1/sqrt(2 F).
@@ -368,7 +370,7 @@ def check_drive(
     chosen = highest_level(blas)
     if not actual:
         require_late_trace(blas[chosen], settings)
-    nominal = scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False).fit
+    nominal = choose_fit(scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False))
     require_no_lead(nominal.G, blas[chosen], settings, actual=actual)
     machine = set_around(blas[chosen], nominal)
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
@@ -425,6 +427,29 @@ def require_no_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive
             f"{1e3 * settings.lag:g} ms: without them the machine leads, as with an unstable pole at "
             f"{format_hertz(float(np.abs(fast).max()))}"
         )
+
+
+def choose_fit(scan: OrderScan) -> NominalFit:
+    """The fit of the best order without an unstable pole that a zero cancels: one is fitted to scatter now and then.
+
+    The loop keeps such a pole, so it would be called unstable by less than the FRF can tell.
+    """
+    kept = [k for k, fit in enumerate(scan.fits) if not cancels_unstable_pole(fit.G)]
+    if not kept:
+        return scan.fit
+    rows = {name: getattr(scan, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
+    return replace(scan, **rows, fits=tuple(scan.fits[k] for k in kept)).fit
+
+
+def cancels_unstable_pole(G: control.StateSpace) -> bool:
+    """Whether a zero z stands so close to an unstable pole p that both change G(jw) by at most |z - p| / Re p < 5 %.
+
+    >>> s = control.tf("s")
+    >>> cancels_unstable_pole(control.ss((s - 1.01) / (s - 1) / s**2)), cancels_unstable_pole(control.ss(1 / (s - 1)))
+    (True, False)
+    """
+    zeros, poles = G.zeros(), G.poles()
+    return any(np.any(np.abs(zeros - p) < CANCELLED * p.real) for p in poles if p.real > 0)
 
 
 def require_late_trace(machine: nlfrf.Bla, settings: DriveSettings) -> None:

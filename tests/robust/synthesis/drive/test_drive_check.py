@@ -331,6 +331,22 @@ def test_a_trace_in_motion_enters_by_its_design(run):
     assert "warning:" not in page
 
 
+@pytest.mark.parametrize("seed", [6, 10])  # scatter in which a fit has an unstable pole that a zero cancels
+def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
+    axis = nlfrf.servo_axis("linear motor")
+    limits = nlfrf.axis.AxisLimits(force=400, travel=0.5)
+    motion = {"base_velocity": 0.1, "strokes": 1, "limits": limits, "rng": seed}
+    experiment = nlfrf.axis.design_experiment(axis, n_samples=4000, f_min=5, f_max=400, **motion)
+    nlfrf.save(experiment, folder / f"s{seed}.csv")
+    nlfrf.axis.play_experiment(axis, folder / f"s{seed}.csv", folder / f"s{seed}-trace.csv")
+    settings = load_gains(folder / "gains.toml")
+    records, names, conditions = read_experiments([folder / f"s{seed}-trace.csv"], [experiment], settings)
+    for record, name, one in zip(records, names, conditions, strict=True):
+        found = check_drive([record], settings, names=[name], conditions=[one])
+        assert found.safe, found
+        assert np.degrees(found.report.classical.phase_margin) == pytest.approx(43.4, abs=1)
+
+
 @pytest.mark.usefixtures("played")
 def test_a_trace_at_rest_cannot_judge_the_gains_it_was_recorded_with(run):
     code, page, warned = run("rest-trace.csv gains.toml --design rest.npz")
