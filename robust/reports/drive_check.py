@@ -380,7 +380,9 @@ def check_drive(
     under = conditions[chosen] if conditions else Conditions(ran=False, at_rest=False)
     stiffness_unit = ratio_unit(unit, base)
     doubts = [
-        "" if found is not None else doubt_of_trace_at_rest(names[chosen], blas[chosen], under, stiffness_unit),
+        ""
+        if found is not None
+        else doubt_of_trace_at_rest(names[chosen], blas[chosen], under=under, unit=stiffness_unit),
         doubt_of_crossover(report),
         doubt_of_unstable_model(names[chosen], report, under),
         doubt_of_margins(report, worst, peak),
@@ -401,7 +403,7 @@ def check_drive(
         base=names[chosen],
         report=report,
         worst=worst,
-        step=step_of(model, K, settings, unit) if report.nominally_stable else None,
+        step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
         friction=found,
         proofs=proofs,
         friction_note=note,
@@ -474,7 +476,7 @@ def require_late_trace(machine: nlfrf.Bla, settings: DriveSettings) -> None:
         )
 
 
-def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, under: Conditions, unit: str) -> str:
+def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str) -> str:
     """Why a trace says nothing of the axis in motion: a spring answers on low lines, or its design is at rest."""
     low = machine.G[:LOW_LINES]
     held = np.mean((low / np.abs(low)).real) > HELD
@@ -604,9 +606,9 @@ def judge_friction(
     return found, proofs, cures, ""
 
 
-def step_of(model: UncertaintyModel, K: control.StateSpace, settings: DriveSettings, unit: str) -> StepResponse:
+def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSettings, unit: str) -> StepResponse:
     """The step of the position set point, through the loops of the drive."""
-    G, drive = assemble_loop(model, K, None, settings.delay).G, with_set_point(settings, output_unit=unit)
+    G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
     direct = np.zeros_like(A)
     direct[: G.nstates, : G.nstates] = G.B @ drive.D[:, 1:] @ G.C
@@ -615,7 +617,7 @@ def step_of(model: UncertaintyModel, K: control.StateSpace, settings: DriveSetti
     closed = control.StateSpace(A + direct, B, C, 0, K.dt, remove_useless_states=False)
     t, y = simulate_step(closed)
     final = float(np.real(closed.dcgain()))
-    return measure_step(t, y[0], np.full(t.size, np.nan), final, cut=True)
+    return measure_step(t, y[0], u=np.full(t.size, np.nan), final=final, cut=True)
 
 
 def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla) -> str:
