@@ -11,11 +11,11 @@ from docs.api import write_if_changed
 INTRODUCTION = """# Commands
 
 Files in, files out. Exit code 0: done, and proved or met where the command has a verdict (`robust check`, `design`,
-`prove`, `verify`, `drive check`); 1: not proved, or limits not met (what was found is written all the same); 2: bad
-input, one line on standard error. No command writes onto a file that it reads, or over one that no such command made:
-see [files](../guide/files.md). Every file that was written is named, a line each. With `--json` standard output is the
-result as JSON and nothing else. `--install-completion` teaches your shell the commands and their options. The pages
-below are what `--help` prints.
+`prove`, `verify`, `drive check`); 1: not proved, limits not met, or a warning on the page of `drive check` (what was
+found is written all the same); 2: bad input, one line on standard error. No command writes onto a file that it reads,
+or over one that no such command made: see [files](../guide/files.md). Every file that was written is named, a line
+each. With `--json` standard output is the result as JSON and nothing else. `--install-completion` teaches your shell
+the commands and their options. The pages below are what `--help` prints.
 """
 
 

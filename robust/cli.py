@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -51,7 +50,16 @@ app = Commands(
 
 #: Parameters of the library whose option has another name.
 OPTIONS = dict(
-    n_poles="poles", n_zeros="zeros", dt="sample-time", n_samples="period", n_discard="discard", hold="hold", M_S="peak"
+    n_poles="poles",
+    n_zeros="zeros",
+    dt="sample-time",
+    n_samples="period",
+    n_discard="discard",
+    hold="hold",
+    M_S="peak",
+    u="input",
+    y="output",
+    r="reference",
 )
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
 app.add_typer(drive_app, name="drive")
@@ -458,15 +466,26 @@ def check_gains(
         list[Path],
         typer.Argument(metavar="TRACE... GAINS.toml", help="Traces, one a level, and the gains with their units."),
     ],
-    input: Annotated[str, typer.Option("--input", help="Name of the current or force in the traces.")] = "u",
-    output: Annotated[str, typer.Option("--output", help="Name of the position in the traces.")] = "y",
+    input: Annotated[
+        str | None,
+        typer.Option("--input", help='Current or force in the traces: "u", with --design "force set point".'),
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option("--output", help='Position in the traces: "y", with --design "position".')
+    ] = None,
     reference: Annotated[
         str | None, typer.Option(help="Name of what was added to the loop, where the drive was on.")
     ] = None,
     fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
-    design: Annotated[Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it.")] = None,
+    design: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="What was played, as 'nlfrf axis design' or 'design' wrote it; one, or repeated for each trace."
+        ),
+    ] = None,
+    peak: Annotated[float, typer.Option(help="Largest |S| over the set that counts as safe.")] = 2.0,
     actual: Annotated[
         bool, typer.Option("--actual", help="The input is the actual current, not its set point.")
     ] = False,
@@ -481,34 +500,39 @@ def check_gains(
     """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
 
     Exit code 0 where the loop is proved stable for the whole set, and to come to rest where the levels give the
-    friction; 1 where not, and where the position loop is slower than the velocity loop, as that is approximated.
+    friction, and no warning stands on the page; 1 where not: margins are thin, friction held the axis, the loop crosses
+    over outside the measured band, or the position loop is slower than the velocity loop, as that is approximated.
     """
     gains = [path for path in file if path.suffix.lower() == ".toml"]
     traces = [path for path in file if path not in gains]
     if len(gains) != 1 or not traces:
         raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, file))}")
     settings, say = gains_file.load_gains(gains[0]), printer(json)
-    read = partial(
-        drive_check.read_trace,
-        settings=settings,
-        actual=actual,
-        u=input,
-        y=output,
-        r=reference,
-        fs=fs,
-        n_samples=period,
-        n_discard=discard,
-        design=design,
-    )
-    records = [read(path) for path in traces]
+    played = [nlfrf.load(one) for one in design or []]
+    experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
+    if len(played) > max(len(experiments), 1):
+        raise ValueError(
+            "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
+        )
+    cut: Any = {"r": reference, "n_samples": period, "n_discard": discard}
+    signals: Any = {"settings": settings, "actual": actual, "fs": fs}
+    if experiments:
+        if extra := [name for name, one in cut.items() if one]:
+            raise ValueError(f"{OPTIONS[extra[0]]} must be left out for an experiment on a drive: its design says it")
+        signals |= {"u": input or "force set point", "y": output or "position"}
+        records, names, conditions = drive_check.read_experiments(traces, experiments, **signals)
+    else:
+        signals |= cut | {"u": input or "u", "y": output or "y", "design": design[0] if design else None}
+        records, names, conditions = [drive_check.read_trace(path, **signals) for path in traces], [], []
+    names = names or [path.name for path in traces]
     with spinner("checking"):
         found = drive_check.check_drive(
-            records, settings, names=[path.name for path in traces], actual=actual, stiction=stiction, Fs=force
+            records, settings, names=names, conditions=conditions, peak=peak, actual=actual, stiction=stiction, Fs=force
         )
     say(found)
     if out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
-    finish_command(found, found.proved, json)
+    finish_command(found, found.safe, json)
 
 
 def controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:

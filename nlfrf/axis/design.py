@@ -13,7 +13,7 @@ from nlfrf.axis.loop import DriveLoop, drive_loop
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.servo import ServoAxis, run_servo
-from nlfrf.signals.axis_experiment import PORTS, AxisExperiment, AxisLimits
+from nlfrf.signals.axis_experiment import GAINS, PORTS, AxisExperiment, AxisLimits
 from nlfrf.signals.multisine import Multisine, Rng, multisine
 
 __all__ = ["design_experiment", "design_ramp"]
@@ -273,6 +273,8 @@ def experiment_within(
         position_unit=position or "m",
         force_unit=force or "N",
     )
+    if isinstance(source, ServoAxis):
+        draft = replace(draft, **{name: getattr(source.drive, name) for name in GAINS})
     base, one = base_motion(source, draft), multisine_motion(draft.ms, loop)
     level = level_within(draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms)
     return replace(

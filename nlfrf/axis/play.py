@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +12,14 @@ import numpy as np
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.files import require_writable, to_path, write_table
 from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.designs import load_experiment
 from nlfrf.rig.bench.servo import ServoAxis, ServoTrace, run_servo
-from nlfrf.signals.axis_experiment import PORTS, AxisLimits
+from nlfrf.signals.axis_experiment import GAINS, PORTS, AxisLimits
 
 __all__ = ["play_experiment"]
+
+#: Relative error up to which two gains are the same.
+SAME_GAIN = 1e-3
 
 
 def play_experiment(
@@ -49,8 +55,8 @@ def play_experiment(
     Raises
     ------
     ValueError
-        A file without a set point, of another sampling frequency or other units than the drive; limits that are passed
-        at once; a trace that is no ``.csv``.
+        A file without a set point, of another sampling frequency or other units than the drive; other gains than in
+        the design (``.npz``) of the same name; limits that are passed at once; a trace that is no ``.csv``.
     FileNotFoundError
         No such file.
 
@@ -78,6 +84,7 @@ def play_experiment(
         raise ValueError(f"out must end in .csv, got {out.name!r}")
     require_writable(out)
     file = read_channels(to_path(path))
+    require_designed_gains(axis, to_path(path))
     position, force = axis.units
     units = dict(zip(PORTS, (force, f"{position}/s", position), strict=True))
     played = {port: set_point(file, port, units[port]) for port in PORTS}
@@ -111,6 +118,25 @@ def play_experiment(
     }
     write_table(out, np.column_stack(list(columns.values()))[:n], list(columns))
     return trace
+
+
+def require_designed_gains(axis: ServoAxis, path: Path) -> None:
+    """Refuse a drive whose gains are not those of the design beside the file: the force would be another one."""
+    found = [
+        one for one in (path, path.with_stem(re.sub(r"-\d+$", "", path.stem))) if one.with_suffix(".npz").is_file()
+    ]
+    design = None
+    with suppress(ValueError):  # a file of the same name that is no design
+        design = load_experiment(found[0].with_suffix(".npz")) if found else None
+    if design is None:
+        return
+    own, designed = ([getattr(one, name) for name in GAINS] for one in (axis.drive, design))
+    if not np.isnan(designed).any() and not np.allclose(own, designed, rtol=SAME_GAIN, atol=0):
+        numbers = [f"kv = {kv:g} 1/s, kp = {kp:g} A s/{axis.units[0]}, tn = {tn:g} s" for kv, kp, tn in (own, designed)]
+        raise ValueError(
+            f"axis must have the gains of the design in {found[0].with_suffix('.npz').name!r}, {numbers[1]}, "
+            f"got {numbers[0]}: design again with these, or the force is another one than asked for"
+        )
 
 
 def set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:

@@ -35,6 +35,7 @@ INPUT_NAMES = re.compile(
 OUTPUT_NAMES = re.compile(
     r"y\d*|out(put)?\d*|.*(pos|weg|angle|winkel|enc|acc|beschl|vel|speed|disp|response|meas|ist).*|x\d*|theta.*", re.I
 )
+SET_POINT = re.compile(r"[ _.]*(set[ _]?point|soll(wert)?|cmd|command(ed)?)$", re.I)
 MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
 MAX_CANDIDATES = 12  # channels whose spectra are looked at
 WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
@@ -106,6 +107,7 @@ class FileContents:
             return " ".join([*words, out])
         words += ["--input", shlex.quote(quote_name(self.u or "INPUT"))]
         words += ["--output", shlex.quote(quote_name(self.y or "OUTPUT"))]
+        words += ["--hold", "zoh"] if is_set_point(self.u) else []
         fs = {channel.name: channel.fs for channel in self.channels}.get(self.u, np.nan)
         words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
         words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE_TOLERANCE else []
@@ -132,7 +134,10 @@ class FileContents:
             lines.append(f"lost:  {self.lost}")
         if self.u or self.y:
             lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}; {self.lines}")
-            lines.append("add:   --hold zoh where the input is a command, --hold band-limited where it was measured")
+            if not is_set_point(self.u):
+                lines.append(
+                    "add:   --hold zoh where the input is a command, --hold band-limited where it was measured"
+                )
         return "\n".join([*lines, f"run:   {self.command}"])
 
 
@@ -350,17 +355,32 @@ def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str,
             found[name][0],
         ),
     )
+    commanded = [name for name in found if is_set_point(name) and SET_POINT.sub("", bare_name(name)) == bare_name(best)]
+    best = commanded[0] if commanded else best
     return best, *found[best][1:]
 
 
 def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
-    """The first channel that is called like an output, else the first that is not called like an input."""
+    """The first channel called like an output and no set point, else the first that is not called like an input."""
     others = [name for name in candidates if name != u and (not u or candidates[name].size == candidates[u].size)]
     ranked = sorted(
         others,
-        key=lambda name: (not OUTPUT_NAMES.fullmatch(bare_name(name)), bool(INPUT_NAMES.fullmatch(bare_name(name)))),
+        key=lambda name: (
+            is_set_point(name),
+            not OUTPUT_NAMES.fullmatch(bare_name(name)),
+            bool(INPUT_NAMES.fullmatch(bare_name(name))),
+        ),
     )
     return ranked[0] if ranked else ""
+
+
+def is_set_point(name: str) -> bool:
+    """Whether a channel is called a set point, which a sampled drive or controller holds over each period.
+
+    >>> is_set_point("current set point [A]"), is_set_point("Strom_Soll"), is_set_point("current [A]")
+    (True, True, False)
+    """
+    return bool(SET_POINT.search(bare_name(name)))
 
 
 def bare_name(name: str) -> str:

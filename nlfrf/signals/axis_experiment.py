@@ -19,9 +19,10 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from nlfrf.signals.multisine import Multisine
 
-__all__ = ["PORTS", "AxisExperiment", "AxisLimits", "stepped_profile"]
+__all__ = ["GAINS", "PORTS", "AxisExperiment", "AxisLimits", "stepped_profile"]
 
 PORTS = ("force", "velocity", "position")
+GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
 
 
 @value
@@ -87,6 +88,8 @@ class AxisExperiment:
         Units of position and force set point.
     peak_force, peak_velocity, travel : float
         Largest values that are expected, base motion included, in those units.
+    kv, kp, tn : float
+        Gains of the drive that it was designed for [1/s], [A s/m] or [A s/rad], [s]; nan where a record was its source.
 
     Raises
     ------
@@ -119,6 +122,9 @@ class AxisExperiment:
     peak_force: float = np.nan
     peak_velocity: float = np.nan
     travel: float = np.nan
+    kv: float = np.nan
+    kp: float = np.nan
+    tn: float = np.nan
 
     def __post_init__(self) -> None:
         require_kind("ms", self.ms, Multisine)

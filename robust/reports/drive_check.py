@@ -13,18 +13,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import format_hertz, ratio_unit, require_kind
+from nlfrf._base.arguments import format_hertz, format_paragraph, ratio_unit, require_kind, require_positive
 from nlfrf._base.values import value
-from robust._base.states import FrictionVerdict
+from robust._base.states import FrictionVerdict, Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop
-from robust.analysis.performance import StepResponse, measure_step, simulate_step
+from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.analysis.worst_plant import WorstCase, worst_case
@@ -34,7 +34,7 @@ from robust.friction.prove import FrictionProof
 from robust.io.certificates import highest_level, prove_all
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
-from robust.models.fit.orders import scan_orders
+from robust.models.fit.orders import OrderScan, scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.drive.cascade import cascade, with_set_point
@@ -42,12 +42,23 @@ from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.drive.units import POSITIONS
 
-__all__ = ["DriveCheck", "check_drive", "read_trace"]
+__all__ = ["DriveCheck", "check_drive", "read_experiments", "read_trace"]
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
 ORDERS = range(2, 6)
 #: An unstable pole above this share of the last line is a lead, and no machine that falls over.
 LEAD = 0.3
+#: Largest change of G that a pole and a zero make which cancel.
+CANCELLED = 0.05
+#: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
+MOST_RISE = 0.75
+#: Mean of unit phasors above which F lines agree on a lead; that of random phases is 0 +- 1/sqrt(2 F).
+AGREE = 0.5
+#: Lowest lines by which friction is seen to hold an axis, and the mean cosine of the phase of G above which it does:
+#: 1 of a spring, 0 of a damper, -1 of a mass.
+LOW_LINES, HELD = 6, 0.5
+#: Relative error up to which two gains are the same.
+SAME_GAIN = 1e-3
 #: Orders of the weight that are tried.
 WEIGHT_ORDERS = (4, 6, 8)
 #: Units of a machine that moves in m -> those of one that turns, in the evidence of `friction_class`, which knows one.
@@ -56,6 +67,13 @@ ROTARY_UNITS = {
     r"\bN s\^4/m\b": "Nm s^4/rad",
     r"\bkg\b(?! m)": "kg m^2",
 }
+
+
+class Conditions(NamedTuple):
+    """Whether a drive had the gains that are checked while a trace was recorded, and whether the axis was at rest."""
+
+    ran: bool
+    at_rest: bool
 
 
 @value
@@ -88,6 +106,9 @@ class DriveCheck:
         What a change of the drive does to a verdict that is not proved, where the friction force is known.
     actual : bool
         Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
+    doubts : tuple of str
+        Why the gains are not safe though the verdict may be good, or why the model cannot judge them: what is wrong,
+        and what to do.
     """
 
     settings: DriveSettings
@@ -102,6 +123,7 @@ class DriveCheck:
     friction_note: str
     actual: bool
     cures: tuple[FrictionCure, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def is_exact(self) -> bool:
@@ -113,6 +135,11 @@ class DriveCheck:
         """Whether the loop is stable with the whole set, and comes to rest with the friction where it was judged."""
         at_rest = all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
         return self.report.robustly_stable and at_rest and self.is_exact
+
+    @property
+    def safe(self) -> bool:
+        """Whether it is proved, and nothing speaks against the model or the margins."""
+        return self.proved and not self.doubts
 
     @property
     def assumption(self) -> str:
@@ -130,6 +157,7 @@ class DriveCheck:
                 f"\nan approximation: the position loop runs once in {self.settings.position_every} periods, and this "
                 "is its mean over the phase; nothing is proved of the drive itself"
             )
+        linear = "\n".join([linear, *(row for text in self.doubts for row in format_paragraph("warning", text))])
         parts = {
             "drive": str(self.settings),
             "traces": "\n".join([*self.traces, self.assumption]),
@@ -182,7 +210,78 @@ def read_trace(path: Path, settings: DriveSettings, *, actual: bool = False, **l
     ValueError
         Units that are none of a drive, a trace that is not sampled as the drive is.
     """
-    record = nlfrf.load_record(path, **load)
+    return to_drive_units(nlfrf.load_record(path, **load), settings, path, actual=actual)
+
+
+def read_experiments(
+    traces: Sequence[Path],
+    designs: Sequence[nlfrf.axis.AxisExperiment],
+    settings: DriveSettings,
+    *,
+    actual: bool = False,
+    **load: Any,
+) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
+    """Read the traces of experiments on a running drive, in the units of its velocity loop.
+
+    Parameters
+    ----------
+    traces : sequence of Path
+        One file a realisation.
+    designs : sequence of nlfrf.axis.AxisExperiment
+        One for all traces, or that of each trace, in their order.
+    settings, actual
+        As for `read_trace`.
+    load : as for `nlfrf.axis.load_trace`.
+
+    Returns
+    -------
+    records : list of nlfrf.Record
+        Each direction of a base motion, the three levels of a pre-test, or the one at rest.
+    names : list of str
+        What each is called.
+    conditions : list of Conditions
+        Under which it was recorded, by its design.
+
+    Raises
+    ------
+    ValueError
+        Traces that are more or fewer than those of the designs; a pre-test that does not show three levels; as
+        `read_trace` and `nlfrf.axis.load_trace`.
+    """
+    counts = [design.ms.n_realizations for design in designs]
+    repeats = len(traces) // counts[0] if len(designs) == 1 else 1
+    if sum(counts) * repeats != len(traces):
+        raise ValueError(
+            f"design must be one for all traces, or one a trace, got {len(designs)} for {sum(counts)} traces and "
+            f"{len(traces)} traces"
+        )
+    records, names, conditions, left = [], [], [], list(traces)
+    for design in list(designs) * repeats:
+        paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
+        found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
+        if design.is_ramp:
+            levels = nlfrf.axis.find_levels(found, design)
+            if levels.reason:
+                raise ValueError(f"design of a pre-test must show three levels, got {paths[0].name}: {levels.reason}")
+            found, labels = levels.records, ("sticks", "bends", "slides")
+        records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
+        names += [f"{paths[0].name} {label}" for label in labels]
+        conditions += [Conditions(ran_with(design, settings), not np.any(design.velocities))] * len(found)
+    return records, names, conditions
+
+
+def ran_with(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> bool:
+    """Whether an experiment was designed for a drive with these gains, in A."""
+    try:
+        kp = settings.gain * settings.output_factor("A")
+    except ValueError:  # no torque constant: the design has a kp in A
+        return False
+    own, given = (design.kv, design.kp, 1 / design.tn), (settings.kv, kp, 1 / settings.tn)
+    return settings.base_unit == design.position_unit and np.allclose(own, given, rtol=SAME_GAIN, atol=0)
+
+
+def to_drive_units(record: nlfrf.Record, settings: DriveSettings, path: Path, *, actual: bool) -> nlfrf.Record:
+    """A record in the units of the velocity loop; the errors and units are those of `read_trace`."""
     if abs(record.fs / settings.fs - 1) > 1e-6:
         raise ValueError(
             f"trace must be sampled as the velocity loop is, at {settings.fs:g} Hz, got {path.name} at {record.fs:g} "
@@ -223,6 +322,8 @@ def check_drive(
     *,
     names: Sequence[str] = (),
     actual: bool = False,
+    conditions: Sequence[Conditions] = (),
+    peak: float = 2.0,
     stiction: float = 1.5,
     Fs: float | None = None,
 ) -> DriveCheck:
@@ -238,6 +339,10 @@ def check_drive(
         Of the traces.
     actual : bool
         Whether the input is the actual current or force, so that delay and lag are not in the traces.
+    conditions : sequence of Conditions
+        Under which each trace was recorded, from `read_experiments`; not known where not given.
+    peak : float
+        Largest |S| over the set that is not warned of. 2 leaves a phase margin of 29 deg and a gain margin of 2.
     stiction : float
         Largest over smallest force of a slider, which no trace shows.
     Fs : float, optional
@@ -247,9 +352,14 @@ def check_drive(
     Raises
     ------
     ValueError
-        Two encoders; traces that make no model.
+        Two encoders; traces that make no model; a delay that is longer than in the traces.
+
+    References
+    ----------
+    SP 2.4.3: max |S| below 2, a phase margin of 30 deg or more.
     """
     require_kind("settings", settings, DriveSettings)
+    peak = require_positive("peak", peak)
     if settings.encoder == "both":
         raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
     unit, base = records[0].u_unit, settings.base_unit
@@ -258,25 +368,48 @@ def check_drive(
     blas = [machine_frf(nlfrf.identify(record), settings, actual=actual) for record in records]
     names = list(names) or [f"trace {k + 1}" for k in range(len(blas))]
     chosen = highest_level(blas)
-    nominal = scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False).fit
+    if not actual:
+        require_late_trace(blas[chosen], settings)
+    nominal = choose_fit(scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False))
     require_no_lead(nominal.G, blas[chosen], settings, actual=actual)
     machine = set_around(blas[chosen], nominal)
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = check(model, K, delay=settings.delay)
     found, proofs, cures, note = judge_friction(blas, settings, unit=unit, stiction=stiction, Fs=Fs)
+    worst = worst_case(model, K, delay=settings.delay) if report.nominally_stable else None
+    under = conditions[chosen] if conditions else Conditions(ran=False, at_rest=False)
+    stiffness_unit = ratio_unit(unit, base)
+    doubts = [
+        ""
+        if found is not None
+        else doubt_of_trace_at_rest(names[chosen], blas[chosen], under=under, unit=stiffness_unit),
+        doubt_of_crossover(report),
+        doubt_of_unstable_model(names[chosen], report, under),
+        doubt_of_margins(report, worst, peak),
+    ]
+    contradicted = under.ran and not report.nominally_stable
+    if report.verdict is Verdict.NOT_ROBUST and (contradicted or any(doubts[:2])):
+        what = report.reason if report.nominally_stable else f"the model is {report.reason}"
+        report = replace(
+            report,
+            verdict=Verdict.NOT_CERTIFIED,
+            reason=f"{what}; but this trace cannot judge these gains, see the warning",
+            advice="",
+        )
     return DriveCheck(
         settings=settings,
         unit=unit,
         traces=tuple(map(describe_trace, names, records, blas)),
         base=names[chosen],
         report=report,
-        worst=worst_case(model, K, delay=settings.delay) if report.nominally_stable else None,
+        worst=worst,
         step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
         friction=found,
         proofs=proofs,
         friction_note=note,
         cures=cures,
         actual=actual,
+        doubts=tuple(filter(None, doubts)),
     )
 
 
@@ -296,6 +429,122 @@ def require_no_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive
             f"{1e3 * settings.lag:g} ms: without them the machine leads, as with an unstable pole at "
             f"{format_hertz(float(np.abs(fast).max()))}"
         )
+
+
+def choose_fit(scan: OrderScan) -> NominalFit:
+    """The fit of the best order without an unstable pole that a zero cancels: one is fitted to scatter now and then.
+
+    The loop keeps such a pole, so it would be called unstable by less than the FRF can tell.
+    """
+    kept = [k for k, fit in enumerate(scan.fits) if not cancels_unstable_pole(fit.G)]
+    if not kept:
+        return scan.fit
+    rows = {name: getattr(scan, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
+    return replace(scan, **rows, fits=tuple(scan.fits[k] for k in kept)).fit
+
+
+def cancels_unstable_pole(G: control.StateSpace) -> bool:
+    """Whether a zero z stands so close to an unstable pole p that both change G(jw) by at most |z - p| / Re p < 5 %.
+
+    >>> s = control.tf("s")
+    >>> cancels_unstable_pole(control.ss((s - 1.01) / (s - 1) / s**2)), cancels_unstable_pole(control.ss(1 / (s - 1)))
+    (True, False)
+    """
+    zeros, poles = G.zeros(), G.poles()
+    return any(np.any(np.abs(zeros - p) < CANCELLED * p.real) for p in poles if p.real > 0)
+
+
+def require_late_trace(machine: nlfrf.Bla, settings: DriveSettings) -> None:
+    """Refuse a delay that turns the phase of what is left up by more than a machine can, which no fit can follow."""
+    omega, steps = machine.omega, machine.G[1:] * machine.G[:-1].conj()
+    widths = np.diff(omega)
+    longest, period = settings.delay + settings.lag, 2 * np.pi / float(widths.min())
+    if longest >= period:  # a whole turn from line to line is none
+        raise ValueError(
+            f"delay must be below {1e3 * period:.4g} ms, one over the distance of the lines, got "
+            f"{1e3 * settings.delay:g} ms"
+        )
+    leads = np.linspace(0, longest, 2 + int(4 * longest * widths.max()))
+    agree = np.mean((steps / np.abs(steps)) * np.exp(-1j * np.outer(leads, widths)), axis=1).real
+    k = int(np.argmax(agree))
+    turns = leads[k] * (omega[-1] - omega[0]) / (2 * np.pi)
+    if agree[k] > AGREE and turns > MOST_RISE:
+        raise ValueError(
+            f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
+            f"{1e3 * settings.lag:g} ms: without them the machine leads: its phase rises by {turns:.2g} turns over the "
+            "band"
+        )
+
+
+def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str) -> str:
+    """Why a trace says nothing of the axis in motion: a spring answers on low lines, or its design is at rest."""
+    low = machine.G[:LOW_LINES]
+    held = np.mean((low / np.abs(low)).real) > HELD
+    if not (held or under.at_rest):
+        return ""
+    found = (
+        f"in {name} the axis is held, as by a spring of {np.median((1 / low).real):.3g} {unit} from "
+        f"{machine.f[0]:.4g} to {machine.f[: low.size][-1]:.4g} Hz"
+        if held
+        else f"{name} was recorded at rest, where friction holds the axis and lets it go"
+    )
+    return (
+        f"{found}. Unless a spring is part of the machine, this cannot judge the gains: in motion the axis is another "
+        "machine. Take a trace in motion: nlfrf axis design ... --velocity V, then --design here. With a spring, give "
+        "three levels or more"
+    )
+
+
+def doubt_of_crossover(report: RobustnessReport) -> str:
+    """Why margins are those of an assumed model: the loop crosses over where nothing was measured."""
+    if report.band is None or report.G is None or report.K is None:
+        return ""
+    crossover = classical_margins(report.omega, report.G * report.K).crossover
+    first, last = report.band
+    if not (crossover < 0.999 * first or crossover > 1.001 * last):
+        return ""
+    above = crossover > last
+    side, wanted = (
+        ("above", f"up to {format_hertz(2 * crossover)}")
+        if above
+        else ("below", f"from {format_hertz(crossover / 2)} on")
+    )
+    return (
+        f"the loop crosses over at {format_hertz(crossover)}, {side} the measured band of {format_hertz(first)} to "
+        f"{format_hertz(last)}. Stability and margins are those of a model that is assumed there. Take a trace {wanted}"
+    )
+
+
+def doubt_of_unstable_model(name: str, report: RobustnessReport, under: Conditions) -> str:
+    """Why a model that is unstable with the gains may be wrong: the loop ran with them while the trace was recorded."""
+    if report.nominally_stable:
+        return ""
+    if under.ran:
+        return (
+            f"{name} was recorded with these gains, by its design, in a loop that was stable. The model says that the "
+            "loop is unstable: it is the model that is wrong, and nothing is known of the margins. Take a trace in "
+            "motion, with more periods or realisations, in a band around the crossover"
+        )
+    return (
+        f"if {name} was recorded with these gains, the loop was stable, and the model is wrong: take a trace in "
+        "motion, in a band around the crossover, and give its --design. If not, lower the gains until the model is "
+        "stable"
+    )
+
+
+def doubt_of_margins(report: RobustnessReport, worst: WorstCase | None, peak: float) -> str:
+    """Why a loop that is stable with the whole set is not safe: it is close to instability."""
+    if worst is None or not report.robustly_stable:
+        return ""
+    largest, phase = float(np.max(worst.gain)), np.degrees(report.classical.phase_margin)
+    if largest <= peak:
+        return ""
+    return (
+        f"thin margins: |S| reaches {largest:.3g} over the set, at {format_hertz(worst.omega[np.argmax(worst.gain)])}, "
+        f"above {peak:g}, and the nominal phase margin is {phase:.1f} deg. Customary are |S| of at most 2 and a phase "
+        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). The axis rings, and a small change makes "
+        "the loop unstable: lower kp, or kv"
+    )
 
 
 def set_around(bla: nlfrf.Bla, nominal: control.StateSpace | NominalFit) -> UncertaintyModel:

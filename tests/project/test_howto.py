@@ -1,11 +1,16 @@
 """The primer and the how-to pages, followed word by word: every block of Python on them runs, in order."""
 
 import re
+import shlex
+import sys
 import warnings
 from pathlib import Path
 
 import matplotlib
 import pytest
+
+from nlfrf import cli as measuring
+from robust import cli as controlling
 
 matplotlib.use("Agg")
 DOCS = Path(__file__).parents[2] / "docs"
@@ -32,6 +37,30 @@ def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
         for block in blocks:
             exec(compile(block, page.name, "exec"), names)
     assert capsys.readouterr().out or page.stem == "which_signal"
+
+
+def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch, capsys):
+    """The whole walk as it stands on the page: both files, every command in order, and a verdict without a warning."""
+    page = (DOCS / "howto" / "servo_axis.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for block in re.findall(r"```toml\n(.*?)```", page, re.DOTALL):
+        Path(re.match(r"# (\S+\.toml)\n", block)[1]).write_text(block, encoding="utf-8")
+    commands = re.findall(r"^    ((?:nlfrf|robust) .*)$", page, re.MULTILINE)
+    assert [" ".join(one.split()[:3]) for one in commands] == [
+        "nlfrf axis design",
+        "nlfrf axis play",
+        "robust drive check",
+    ]
+    for command in commands:
+        program, *words = shlex.split(command)
+        monkeypatch.setattr(sys, "argv", [program, *words])
+        with pytest.raises(SystemExit) as stop:
+            (measuring if program == "nlfrf" else controlling).main()
+        printed = capsys.readouterr()
+        assert not stop.value.code, printed
+        assert printed.err == ""
+    assert "STATISTICALLY ROBUST" in printed.out
+    assert "warning" not in printed.out
 
 
 def test_every_name_of_the_dictionary_is_called_on_its_page():

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import tomllib
+import warnings
 from collections.abc import Callable, Mapping
 
 from nlfrf._base.arguments import short_form
 from nlfrf._base.types import Json, JsonObject
+from robust._base.warnings import DesignWarning
 from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.drive.units import parse_quantity
@@ -25,6 +27,9 @@ NUMBERS = {
 }
 #: Entries that are texts or whole numbers, as `DriveSettings` takes them.
 PLAIN = ("position_every", "encoder", "velocity_from", "position_unit", "load_unit", "unit_factor", "load_factor")
+#: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
+#: misread is off by a factor of 16.7 or 60.
+USUAL_KV = (5.0, 1000.0)
 FILTERS: dict[str, Callable[..., FilterSlot]] = {"notch": notch, "low_pass": low_pass, "biquad": biquad}
 FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
     "numerator_frequency": "frequency",
@@ -39,7 +44,8 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
     ----------
     path : path
         With `fs`, `kv`, `kp`, and what else `DriveSettings` has; `delay` in ms in place of periods; filters in tables
-        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency, and the other numbers of that function.
+        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency, and the other numbers of that function. A
+        file without `lag` or `delay` stands for none, and for one period: the settings name both as assumed.
 
     Returns
     -------
@@ -96,12 +102,26 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
         found |= {"kp": float(number), "kp_unit": unit.strip()}
     except ValueError:
         raise ValueError(f'kp must be a number with its unit, such as "143 A/(m/s)", got {short_form(kp)}') from None
+    found["assumed"] = tuple(name for name in ("lag", "delay") if name not in found)
     if "delay" in found:
         found["delay_periods"] = found.pop("delay") * found["fs"]
+    warn_of_unusual_gain(found["kv"], content["kv"])
     slots = content.get("filters", [])
     if not isinstance(slots, list):
         raise ValueError(f"filters must be tables [[filters]], got {short_form(slots)}")
     return DriveSettings(**found, filters=tuple(map(read_slot, slots)))
+
+
+def warn_of_unusual_gain(kv: float, written: Json) -> None:
+    """Warn of a position gain kv [1/s] that hardly any drive has: its unit may be another one."""
+    low, high = USUAL_KV
+    if kv and not low <= kv <= high:
+        warnings.warn(
+            f"kv = {short_form(written)} is {kv:.3g} 1/s, and drives usually have {low:g} to {high:g} 1/s "
+            f"({60e-3 * low:g} to {60e-3 * high:g} (m/min)/mm). Every result is of that gain; look up its unit",
+            DesignWarning,
+            stacklevel=3,
+        )
 
 
 def read_slot(given: Json) -> FilterSlot:

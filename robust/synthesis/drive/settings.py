@@ -71,6 +71,8 @@ class DriveSettings:
     unit_factor, load_factor : float
         How many units of the velocity loop (m or rad) one `position_unit`, one `load_unit` is. Needed where they are
         not multiples of one another: rad of a motor behind a screw for a position in mm, counts.
+    assumed : tuple of str
+        Settings that nobody gave, which stand at their defaults: printed as assumed.
 
     Raises
     ------
@@ -110,6 +112,7 @@ class DriveSettings:
     unit_factor: float = np.nan
     load_unit: str = ""
     load_factor: float = np.nan
+    assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("fs", "kp"):
@@ -205,7 +208,8 @@ class DriveSettings:
         rows += [f"filters: {', '.join(map(str, self.filters))}"] if self.filters else []
         constant = ratio_unit(self.force_unit, "A")
         known = "" if np.isnan(self.torque_constant) else f"force constant {self.torque_constant:g} {constant}; "
-        rows.append(f"{known}current loop: lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g} ms")
+        guessed = f" ({' and '.join(self.assumed)} assumed, not given)" if self.assumed else ""
+        rows.append(f"{known}current loop: lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g} ms{guessed}")
         return "\n".join(rows)
 
 

@@ -43,19 +43,19 @@ QUANTITIES = {
 def parse_gain_unit(unit: str) -> tuple[str, str, float]:
     """Return (unit of the output, base unit of the position, factor to base units) of the gain of a velocity loop.
 
-    >>> parse_gain_unit("Nm/(rad/s)"), parse_gain_unit("A s/m")
-    (('Nm', 'rad', 1.0), ('A', 'm', 1.0))
+    >>> parse_gain_unit("Nm/(rad/s)"), parse_gain_unit("Nms/rad"), parse_gain_unit("A s/m")
+    (('Nm', 'rad', 1.0), ('Nm', 'rad', 1.0), ('A', 'm', 1.0))
     >>> output, base, factor = parse_gain_unit("A/rpm")
     >>> output, base, round(factor, 4)                     # of 1 A/rpm in A/(rad/s)
     ('A', 'rad', 9.5493)
     """
     found = re.fullmatch(
-        r"\s*(\w+)\s*(?:/\s*\(?\s*([^()\s]+)\s*\)?|\*?\s*s\s*/\s*(\w+))\s*", unit if isinstance(unit, str) else ""
+        r"\s*(\w+?)\s*(?:/\s*\(?\s*([^()\s]+)\s*\)?|[*·⋅]?\s*s\s*/\s*(\w+))\s*", unit if isinstance(unit, str) else ""
     )
     output, velocity = (found[1], found[2] or f"{found[3]}/s") if found else ("", "")
     if output not in OUTPUTS or velocity not in VELOCITIES:
         raise ValueError(
-            'kp_unit must be current or force over velocity, such as "A/(m/s)", "A s/rad", "Nm/(rad/s)" or "A/rpm", '
+            'kp_unit must be current or force over velocity, such as "A/(m/s)", "Ns/m", "Nms/rad" or "A/rpm", '
             f"got {short_form(unit)}"
         )
     (name, size), (base, per) = OUTPUTS[output], VELOCITIES[velocity]

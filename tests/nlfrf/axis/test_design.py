@@ -262,6 +262,22 @@ def test_what_the_simulated_axis_does_not_play(tmp_path):
         play_experiment(slow, play, out)
 
 
+@pytest.mark.parametrize("realizations", [1, 2])
+def test_a_drive_with_other_gains_than_its_design_is_not_played(tmp_path, realizations):
+    axis = servo_axis("belt")
+    band = {"n_samples": 400, "f_min": 50, "f_max": 300, "rms": 5, "n_realizations": realizations, "rng": 1}
+    nlfrf.save(design_experiment(axis, **band), tmp_path / "play.csv")
+    file = tmp_path / ("play.csv" if realizations == 1 else "play-2.csv")
+    other = replace(axis, drive=replace(axis.drive, kv=60))
+    with pytest.raises(ValueError, match=r"gains of the design in 'play.npz', kv = 30 1/s, kp = 33 .* got kv = 60 1/s"):
+        play_experiment(other, file, tmp_path / "t.csv")
+    assert not (tmp_path / "t.csv").exists()
+    play_experiment(axis, file, tmp_path / "t.csv")
+    (tmp_path / "play.npz").unlink()
+    np.savez(tmp_path / "play.npz", u=np.zeros(3))  # of the same name, and no design
+    play_experiment(other, file, tmp_path / "t.csv")
+
+
 def test_a_trace_ends_where_a_limit_is_passed(tmp_path):
     axis = servo_axis("linear motor")
     ramp = design_ramp(free("linear motor"), n_samples=1000, f_min=8, f_max=200, rms=100, n_levels=8, rng=1)

@@ -32,6 +32,21 @@ def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
     assert "--hold zoh where the input is a command" in unwrapped(found)
 
 
+def test_a_set_point_is_an_input_that_is_held_and_no_output(tmp_path):
+    names = "position set point [m],position [m],current [A],current set point [A]"
+    table = np.column_stack([2 * U, Y, U + 1e-3, U])
+    np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header=names, comments="")
+    found = nlfrf.inspect_file(tmp_path / "trace.csv")
+    assert (found.u, found.y) == ("current set point [A]", "position [m]")
+    assert "--input 'current set point [A]' --output 'position [m]' --hold zoh" in found.command
+    assert "add:" not in str(found)
+    np.savetxt(tmp_path / "measured.csv", table[:, :3], delimiter=",", header=names.rpartition(",")[0], comments="")
+    found = nlfrf.inspect_file(tmp_path / "measured.csv")
+    assert (found.u, found.y) == ("current [A]", "position [m]")
+    assert "--hold" not in found.command
+    assert "add:" in str(found)
+
+
 def test_without_names_the_input_is_the_channel_with_even_lines(tmp_path):
     slow = np.cumsum(Y - Y.mean())
     np.savetxt(tmp_path / "run.csv", np.column_stack([slow, U]), delimiter=",")

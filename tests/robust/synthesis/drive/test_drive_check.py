@@ -13,7 +13,7 @@ import nlfrf
 import robust
 from robust import cli
 from robust.drive import cascade, load_gains
-from robust.reports.drive_check import check_drive, read_trace
+from robust.reports.drive_check import check_drive, ran_with, read_experiments, read_trace
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -57,6 +57,21 @@ def folder(tmp_path_factory):
     nlfrf.save_record(trace(joint, 5.0, f_min=3, f_max=200, n_samples=8000), folder / "joint.npz")
     (folder / "gains.toml").write_text(LINEAR)
     (folder / "joint.toml").write_text(ROTARY)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def played(folder):
+    """Experiments on the linear motor under the gains that are checked: at rest, in motion, in motion in a low band."""
+    axis = nlfrf.servo_axis("linear motor")
+    band = {"n_samples": 4000, "f_min": 5, "n_discard": 1, "rng": 1}
+    for name, f_max, more in (
+        ("rest", 400, {"rms": 5}),
+        ("motion", 400, {"rms": 60, "base_velocity": 0.2, "strokes": 1}),
+        ("narrow", 60, {"rms": 30, "base_velocity": 0.2}),
+    ):
+        nlfrf.save(nlfrf.axis.design_experiment(axis, f_max=f_max, **band, **more), folder / f"{name}.csv")
+        nlfrf.axis.play_experiment(axis, folder / f"{name}.csv", folder / f"{name}-trace.csv")
     return folder
 
 
@@ -193,13 +208,20 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
         ("moving.npz gains.toml joint.toml", "file must be traces and one GAINS.toml"),
         ("joint.npz gains.toml", "trace must have the position in m or a multiple of m, got joint.npz in rad"),
         ("moving.npz none.toml", "none.toml could not be opened"),
-        ("moving.npz gains.toml --input w", "w"),
+        ("moving.npz gains.toml --input w", "--input must name a signal of 'moving.npz'"),
+        ("rest-trace.csv gains.toml", "--input must name a signal of 'rest-trace.csv', one of current [A]"),
+        ("rest-trace.csv gains.toml --design rest.npz --discard 2", "discard must be left out for an experiment"),
+        (
+            "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz --design motion.npz",
+            "design must be one for all traces, or one a trace, got 2 for 2 traces and 3 traces",
+        ),
         (
             "moving.npz gains.toml --fs 1000",
             "trace must be sampled as the velocity loop is, at 4000 Hz, got moving.npz at",
         ),
     ],
 )
+@pytest.mark.usefixtures("played")
 def test_mistakes_are_one_line(run, words, message):
     code, out, err = run(words)
     assert code == 2
@@ -262,10 +284,16 @@ def test_a_file_holds_what_the_settings_hold(tmp_path):
     assert np.allclose(found.filters[0].section(8000), robust.drive.low_pass(1000, zeta=0.6).section(8000))
 
 
-@pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3])
+@pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3, 7e-3, 10e-3, 25e-3, 0.1, 0.4])
 def test_a_delay_that_is_too_long_is_refused(folder, delay):
     settings = replace(load_gains(folder / "gains.toml"), delay_periods=4000 * delay)
-    with pytest.raises(ValueError, match=r"delay must be no longer than in the traces, got (0|2)\.\d+ ms.*leads"):
+    with pytest.raises(ValueError, match=r"delay must be no longer than in the traces, got [\d.]+ ms.*leads"):
+        check_drive([read_trace(folder / "moving.npz", settings)], settings)
+
+
+def test_a_delay_of_whole_turns_from_line_to_line_is_refused(folder):
+    settings = replace(load_gains(folder / "gains.toml"), delay_periods=4000 * 2)
+    with pytest.raises(ValueError, match="delay must be below 500 ms, one over the distance of the lines, got 2000 ms"):
         check_drive([read_trace(folder / "moving.npz", settings)], settings)
 
 
@@ -285,3 +313,164 @@ def test_two_encoders_are_no_trace_of_one_position(folder):
     settings = replace(load_gains(folder / "gains.toml"), encoder="both")
     with pytest.raises(ValueError, match='encoder must be "motor" or "load"'):
         check_drive([read_trace(folder / "moving.npz", settings)], settings)
+
+
+def one_line(page):
+    """The page without its line breaks."""
+    return " ".join(page.split())
+
+
+@pytest.mark.usefixtures("played")
+def test_a_trace_in_motion_enters_by_its_design(run):
+    code, page, warned = run("motion-trace.csv gains.toml --design motion.npz")
+    assert (code, warned) == (0, "")
+    assert "motion-trace.csv forward: 63" in page
+    assert "motion-trace.csv backward: 63" in page
+    assert "linear loop, from motion-trace.csv" in page
+    assert "STATISTICALLY ROBUST" in page
+    assert "warning:" not in page
+
+
+@pytest.mark.parametrize("seed", [6, 10])  # scatter in which a fit has an unstable pole that a zero cancels
+def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
+    axis = nlfrf.servo_axis("linear motor")
+    limits = nlfrf.axis.AxisLimits(force=400, travel=0.5)
+    motion = {"base_velocity": 0.1, "strokes": 1, "limits": limits, "rng": seed}
+    experiment = nlfrf.axis.design_experiment(axis, n_samples=4000, f_min=5, f_max=400, **motion)
+    nlfrf.save(experiment, folder / f"s{seed}.csv")
+    nlfrf.axis.play_experiment(axis, folder / f"s{seed}.csv", folder / f"s{seed}-trace.csv")
+    settings = load_gains(folder / "gains.toml")
+    records, names, conditions = read_experiments([folder / f"s{seed}-trace.csv"], [experiment], settings)
+    for record, name, one in zip(records, names, conditions, strict=True):
+        found = check_drive([record], settings, names=[name], conditions=[one])
+        assert found.safe, found
+        assert np.degrees(found.report.classical.phase_margin) == pytest.approx(43.4, abs=1)
+
+
+@pytest.mark.usefixtures("played")
+def test_a_trace_at_rest_cannot_judge_the_gains_it_was_recorded_with(run):
+    code, page, warned = run("rest-trace.csv gains.toml --design rest.npz")
+    page = one_line(page)
+    assert code == 1
+    assert "verdict: NOT CERTIFIED" in page
+    assert "Lower the gain" not in page
+    assert "the model is unstable: the nominal loop has a pole at" in page
+    held = re.search(r"the axis is held, as by a spring of (\S+) N/m from 9 to 27 Hz", page)
+    assert 5e5 < float(held[1]) < 2e6  # below its presliding stiffness of 2e6
+    assert "Take a trace in motion: nlfrf axis design ... --velocity V, then --design here" in page
+    assert "rest-trace.csv at rest was recorded with these gains, by its design, in a loop that was stable" in page
+    assert "not 5 as designed" in warned
+
+
+@pytest.mark.usefixtures("played")
+@pytest.mark.filterwarnings("ignore:the force is")
+def test_gains_that_did_not_run_are_not_called_stable(folder):
+    settings = load_gains(folder / "gains.toml")
+    experiment = nlfrf.load(folder / "rest.npz")
+    for kp, kp_unit, same in (
+        (143, "A/(m/s)", True),
+        (0.143, "A/(mm/s)", True),
+        (143 * 52.8, "Ns/m", True),
+        (150, "A s/m", False),
+        (143, "A s/rad", False),
+    ):
+        assert ran_with(experiment, replace(settings, kp=kp, kp_unit=kp_unit, position_unit="")) is same
+    assert not ran_with(experiment, replace(settings, kp_unit="Ns/m", torque_constant=np.nan))
+    assert not ran_with(replace(experiment, kv=np.nan), settings)
+
+
+@pytest.mark.usefixtures("played")
+def test_a_crossover_outside_the_band_is_named(run):
+    code, page, _ = run("narrow-trace.csv gains.toml --design narrow.npz")
+    found = re.search(
+        r"the loop crosses over at ([\d.]+) Hz, above the measured band of 9 Hz to 59 Hz.* a trace up to ([\d.]+) Hz",
+        one_line(page),
+    )
+    assert code == 1
+    assert float(found[1]) == pytest.approx(100.6, rel=0.02)  # as the trace of the wide band has it
+    assert float(found[2]) == pytest.approx(2 * float(found[1]), rel=1e-3)
+
+
+def test_gains_that_did_not_run_here_are_not_robust_and_the_page_says_what_would_change_it(run, folder):
+    (folder / "unstable.toml").write_text(LINEAR.replace("143", "600"))
+    code, page, _ = run("moving.npz unstable.toml")
+    assert (code, "verdict:     NOT ROBUST" in page) == (1, True)
+    assert "if moving.npz was recorded with these gains, the loop was stable, and the model is wrong" in one_line(page)
+
+
+def test_thin_margins_are_warned_of_and_not_safe(run, folder):
+    (folder / "thin.toml").write_text(LINEAR.replace("143", "400").replace("100 1/s", "300 1/s"))
+    code, page, _ = run("moving.npz thin.toml")
+    assert "STATISTICALLY ROBUST" in page
+    found = re.search(
+        r"thin margins: \|S\| reaches ([\d.]+) over the set, at [\d.]+ Hz, above 2, and the nominal phase margin is "
+        r"([\d.]+) deg. Customary are \|S\| of at most 2 and a phase margin of 30 deg or more",
+        one_line(page),
+    )
+    assert code == 1
+    assert float(found[1]) > 15
+    assert float(found[2]) < 6
+    assert run("moving.npz thin.toml --peak 100")[0] == 0
+    assert run("moving.npz gains.toml --peak 1.2")[0] == 1
+    assert run("moving.npz gains.toml --peak 0")[0] == 2
+
+
+def test_the_levels_of_a_pre_test_are_three_traces(folder):
+    axis = nlfrf.servo_axis("linear motor")
+    settings = load_gains(folder / "gains.toml")
+    ramp = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=50, n_levels=12, rng=1)
+    nlfrf.save(ramp, folder / "ramp.csv")
+    nlfrf.axis.play_experiment(axis, folder / "ramp.csv", folder / "ramp-trace.csv")
+    records, names, conditions = read_experiments([folder / "ramp-trace.csv"], [ramp], settings)
+    assert names == [f"ramp-trace.csv {state}" for state in ("sticks", "bends", "slides")]
+    assert conditions == [(True, True)] * 3
+    assert np.all(np.diff([np.std(one.u) for one in records]) > 0)
+    low = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=2, n_levels=4, rng=1)
+    nlfrf.save(low, folder / "few.csv")
+    nlfrf.axis.play_experiment(axis, folder / "few.csv", folder / "few-trace.csv")
+    with pytest.raises(ValueError, match=r"design of a pre-test must show three levels, got few-trace\.csv: "):
+        read_experiments([folder / "few-trace.csv"], [low], settings)
+
+
+def test_what_a_file_leaves_out_is_printed_as_assumed(tmp_path):
+    path = tmp_path / "g.toml"
+    path.write_text(LINEAR.replace('delay = "0.25 ms"\n', ""))
+    assert str(load_gains(path)).endswith("lag 0.3 ms, delay 0.25 ms (delay assumed, not given)")
+    path.write_text(LINEAR.replace('lag = "0.3 ms"\ndelay = "0.25 ms"\n', ""))
+    assert "(lag and delay assumed, not given)" in str(load_gains(path))
+    path.write_text(LINEAR)
+    assert "assumed" not in str(load_gains(path))
+
+
+@pytest.mark.parametrize(
+    ("written", "same"),
+    [
+        ("2 Nms/rad", "2 Nm/(rad/s)"),
+        ("2 Nm·s/rad", "2 Nm/(rad/s)"),
+        ("2 Ns/m", "2 N/(m/s)"),
+        ("2 As/m", "2 A/(m/s)"),
+        ("2 A*s/rad", "2 A/(rad/s)"),
+    ],
+)
+def test_a_gain_as_drives_write_it(tmp_path, written, same):
+    found = []
+    for one in (written, same):
+        (tmp_path / "g.toml").write_text(f'fs = "4 kHz"\nkv = "100 1/s"\nkp = "{one}"\n', encoding="utf-8")
+        settings = load_gains(tmp_path / "g.toml")
+        found.append((settings.gain, settings.output_unit, settings.base_unit))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    ("kv", "in_seconds"), [("100 1/min", 1.67), ("100 (m/min)/mm", 1667), ("1000 1/min", None), ("0 1/s", None)]
+)
+def test_a_position_gain_in_a_doubtful_unit_is_warned_of(tmp_path, kv, in_seconds):
+    path = tmp_path / "g.toml"
+    path.write_text(LINEAR.replace("100 1/s", kv))
+    if in_seconds is None:
+        assert load_gains(path).kv == pytest.approx({"1000 1/min": 1000 / 60, "0 1/s": 0.0}[kv])
+        return
+    with pytest.warns(robust.DesignWarning, match=r"kv = '100 .* 1/s, and drives usually have 5 to 1000 1/s") as seen:
+        found = load_gains(path)
+    assert found.kv == pytest.approx(in_seconds, rel=0.01)
+    assert f"is {found.kv:.3g} 1/s" in str(seen[0].message)
