@@ -307,8 +307,8 @@ def prove(
     """
     if out is not None:
         require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
+    K = robust.load_controller(controller)
     machines, friction, text = certificates.class_from_files(machine, controller, nominal, stiffness, stiction)
-    K = certificates.load_existing_controller(controller, nominal or machine[0])
     with spinner("proving"):
         proofs = certificates.prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
         tested = certificates.describe_frequency_test(machine, nominal, K, friction, delay)
@@ -352,13 +352,9 @@ def export(
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    from robust.io.models import is_model_file
-
     if out.suffix == ".mat":
         robust.export_matlab(robust.load(file), out)
     elif out.suffix == ".csv":
-        if is_model_file(file):
-            raise ValueError(f"file must be a controller to be written as sections, got the model {file}")
         sections = robust.controller_sections(robust.load_controller(file))
         if isinstance(sections, tuple):
             raise ValueError(

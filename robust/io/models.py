@@ -12,7 +12,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
-from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.files import parse_json_of, require_schema, write_text
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import field_names
 from robust._base.types import Controller
@@ -28,7 +28,6 @@ __all__ = [
     "MODEL_SCHEMA",
     "PathLike",
     "as_controller",
-    "is_model_file",
     "load",
     "load_controller",
     "load_model",
@@ -108,17 +107,14 @@ def write_json(content: JsonObject, path: PathLike) -> None:
 
 def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
     """Return schema and content of a JSON file of one of these schemas, or a refusal."""
-    content = parse_json(path)
-    found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-    if not isinstance(content, dict) or found not in schemas:
-        wanted = " or ".join(f"a {schema} file" for schema in schemas)
-        raise ValueError(f"path must hold {wanted}, got {path} with schema {short_form(found)}")
+    content = parse_json_of(path, *schemas)
+    found = str(content["schema"])
     if content.get("version") != VERSION:
         raise ValueError(
             f"path must hold version {VERSION} of {found}, got {path} with version {short_form(content.get('version'))}"
         )
-    require_schema(content, path, "robust", str(found))
-    return str(found), content
+    require_schema(content, path, "robust", found)
+    return found, content
 
 
 # ---- A model as JSON: its fields by name, in a schema for one channel and one for several.
@@ -272,9 +268,8 @@ def load(path: PathLike) -> UncertaintyModel | control.StateSpace:
     ...     load(Path(folder) / "K.json").nstates
     1
     """
-    content = parse_json(path)
-    is_controller = isinstance(content, dict) and content.get("schema") == CONTROLLER_SCHEMA
-    return load_controller(path) if is_controller else load_model(path)
+    content = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA)
+    return load_controller(path) if content["schema"] == CONTROLLER_SCHEMA else load_model(path)
 
 
 def save_model(model: UncertaintyModel, path: PathLike) -> None:
@@ -418,9 +413,3 @@ def as_controller(name: str, K: Controller) -> control.StateSpace:
     """Any controller as a state space, of one input and output or of several."""
     several = np.ndim(K) > 0 or getattr(K, "ninputs", 1) > 1 or getattr(K, "noutputs", 1) > 1
     return (multivariable if several else state_space)(name, K)
-
-
-def is_model_file(path: PathLike) -> bool:
-    """Return whether a JSON file says that it is a model."""
-    content = parse_json(path)
-    return isinstance(content, dict) and content.get("schema") in (MODEL_SCHEMA, MATRIX_SCHEMA)

@@ -43,8 +43,8 @@ def load_blas(paths: Sequence[Path]) -> nlfrf.Bla | list[nlfrf.Bla]:
     """Return what was identified: a BLA or a matrix, or a list of one kind."""
     found: list[nlfrf.Bla] = []
     for path in paths:
-        one = nlfrf.load(path)
-        if not isinstance(one, nlfrf.Bla) or (found and is_single(one) != is_single(found[0])):
+        one = nlfrf.load_bla(path)
+        if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)
     return found[0] if len(found) == 1 else found

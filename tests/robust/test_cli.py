@@ -120,10 +120,19 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("model bla.npz --poles 2 --above steep -o m.json", "above must be a number"),
         ("model bla.npz --poles 2 -o nowhere/m.json", "existing folder"),
         ("model bla.npz --poles 2 -o m.json --picture m.xyz", "picture must be a file that matplotlib writes"),
-        ("design bla.npz --bandwidth 5 -o K.json", "path must be a whole JSON file"),
+        (
+            "design bla.npz --bandwidth 5 -o K.json",
+            "path must hold a model, got bla.npz, which is a BLA; go on with: robust model bla.npz",
+        ),
         ("check m.json nothing.json", "nothing.json"),
-        ("check K.json K.json", "must hold a robust-model file"),
-        ("check m.json m.json", "must hold a robust-controller file"),
+        (
+            "check K.json K.json",
+            "must hold a model, got K.json, which is a controller; go on with: robust check MODEL K.json",
+        ),
+        (
+            "check m.json m.json",
+            "must hold a controller, got m.json, which is a model; go on with: robust design m.json",
+        ),
         ("check m.json K.json --solver MOSEK", "solver must be one of"),
         ("check m.json K.json --delay -1", "delay must be zero or positive"),
         ("check m.json K.json --bandwidth 0", "bandwidth must be positive, got 0"),
@@ -132,7 +141,7 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("design m.json --method lqg -o K2.json", "method must be one of"),
         ("design m.json --method pid --structure PIDD -o K2.json", "structure must be one of"),
         ("export m.json -o m.xyz", "out must end in .mat or .csv"),
-        ("export m.json -o m.csv", "file must be a controller"),
+        ("export m.json -o m.csv", "path must hold a controller"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_two(robust_command, command, message, tmp_path):
