@@ -268,7 +268,9 @@ def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
 def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
     """Describe the loop in one line."""
     kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
-    held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
+    parts = ["zero-order hold"] * bool(loop.dt and not model.nominal.dt)
+    parts += [f"a delay of {loop.delay:g} s"] * (loop.delay > 0)
+    held = f", {' and '.join(parts)} in the plant" if parts else ""
     band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
     return (
         f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "

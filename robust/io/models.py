@@ -11,7 +11,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import one_line, short_form
+from nlfrf._base.arguments import one_line, require_nonnegative, short_form
 from nlfrf._base.files import parse_json_of, require_schema, write_text
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import field_names
@@ -30,6 +30,7 @@ __all__ = [
     "as_controller",
     "load",
     "load_controller",
+    "load_controller_delay",
     "load_model",
     "save",
     "save_controller",
@@ -335,7 +336,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
     return decode_model(content, schema)
 
 
-def save_controller(K: Controller, path: PathLike) -> None:
+def save_controller(K: Controller, path: PathLike, *, delay: float | None = None) -> None:
     """Write a controller to a ``.json`` file.
 
     Parameters
@@ -344,11 +345,13 @@ def save_controller(K: Controller, path: PathLike) -> None:
         Controller, negative feedback.
     path : path
         File to write.
+    delay : float, optional
+        Computation delay [s] that it was designed for: commands that get the file check it with that.
 
     Raises
     ------
     ValueError
-        Anything that is no controller.
+        Anything that is no controller, a negative delay.
     FileNotFoundError
         A folder that does not exist.
 
@@ -375,6 +378,8 @@ def save_controller(K: Controller, path: PathLike) -> None:
         "K": encode_system(K),
     }
     content |= {name: encode(rows) for name, rows in sections_by_name(K).items()}
+    if delay is not None:
+        content["delay"] = require_nonnegative("delay", delay)
     write_json(content, path)
 
 
@@ -407,6 +412,12 @@ def load_controller(path: PathLike) -> control.StateSpace:
     """
     _, content = read_json(path, (CONTROLLER_SCHEMA,))
     return as_controller("K", decode_system(content["K"]))
+
+
+def load_controller_delay(path: PathLike) -> float | None:
+    """Return the computation delay [s] that the controller in a file was designed for; None where it does not say."""
+    found = read_json(path, (CONTROLLER_SCHEMA,))[1].get("delay")
+    return None if found is None else float(found)
 
 
 def as_controller(name: str, K: Controller) -> control.StateSpace:
