@@ -433,7 +433,10 @@ def report(
             notes=notes,
         )
     held = f" ({result.probability})" if result.probability else ""
-    print(f"verdict: {result.verdict}{held}" + ("" if proof is None else f"; friction: {proof.verdict}"))
+    print(
+        f"verdict: {result.verdict}{result.missed_performance}{held}"
+        + ("" if proof is None else f"; friction: {proof.verdict}")
+    )
 
 
 @app.command()
