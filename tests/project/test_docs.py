@@ -98,9 +98,16 @@ def test_equations_are_drawn_by_the_browser_itself(built):
     assert not re.search(r"<script[^>]*(mathjax|http)", page, re.IGNORECASE)
 
 
+def page_source(name):
+    """A hand-written page as Sphinx reads it, with links to what is built."""
+    source = [(gallery.ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")]
+    api.link_to_pages(None, name, source)
+    return source[0]
+
+
 def tasks():
     """(what, target) of the rows of the page that says where each task is."""
-    rows = (gallery.ROOT / "docs" / "howto" / "index.md").read_text(encoding="utf-8")
+    rows = page_source("howto/index")
     return re.findall(r"^\| (?!how do I)(.+?) \| \[.*?\]\((.+?)\) \|$", rows, re.MULTILINE)
 
 
@@ -155,9 +162,7 @@ def test_links_to_the_tree_become_links_to_pages():
 
 def questions():
     """(question, target of each link in its answer) of the page of questions."""
-    source = [(gallery.ROOT / "docs" / "faq.md").read_text(encoding="utf-8")]
-    api.link_to_pages(None, "faq", source)
-    text = source[0]
+    text = page_source("faq")
     parts = re.findall(r"^\*\*(.+?)\*\*\n(.*?)(?=^\*\*|\Z)", text, re.MULTILINE | re.DOTALL)
     return [(question, re.findall(r"\]\(([^)]+)\)", answer)) for question, answer in parts]
 
