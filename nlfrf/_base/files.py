@@ -620,7 +620,7 @@ def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
     raise ValueError(f"path must hold {' or '.join(schemas)}, got {path} with schema {short_form(found)}")
 
 
-def require_schema(content: Json, path: str | os.PathLike[str], package: str, name: str) -> None:
+def require_schema(content: Json, path: str | os.PathLike[str], *, package: str, name: str) -> None:
     """Refuse what a file holds where it is not what the schema of that name says, which lies in the package.
 
     Raises

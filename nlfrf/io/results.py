@@ -241,7 +241,7 @@ def value_in(file: Channels) -> StoredValue:
     if schema == RECORD_SCHEMA:
         return stored_records([file], {"u": "u"}, ["y"], None, Cutting())[0]
     if schema == MULTIRECORD_SCHEMA:
-        return stored_multirecord([file], None, None, None, Cutting())
+        return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
         raise ValueError(describe_wrong_file(file.path, schema or None, *DESIGNS, RECORD_SCHEMA, *RESULTS))
     kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}

@@ -152,13 +152,13 @@ def verify_certificate(
     parse_json_of(path, "robust-certificate", "robust-friction-certificate")
     friction = read_friction_claim(path)
     if friction is not None:
-        return verify_friction_claim(friction, model, K, time_cap)
+        return verify_friction_claim(friction, model, K=K, time_cap=time_cap)
     claim = read_claim(path)
     wrong = []
     if model is not None:
         if not isinstance(model, UncertaintyModel):
             raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
-        mine = stability_claim(model, 0.0, None, 0.0)
+        mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
         names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
         wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
     if K is not None and differing_fields(claim, replace(claim, controller=matrices_of_controller(K)), ("controller",)):
@@ -173,7 +173,7 @@ def matrices_of_controller(K: Controller) -> Matrices:
 
 
 def verify_friction_claim(
-    claim: FrictionClaim, model: UncertaintyModel | FrictionPlant | None, K: Controller | None, time_cap: float
+    claim: FrictionClaim, model: UncertaintyModel | FrictionPlant | None, *, K: Controller | None, time_cap: float
 ) -> Verification:
     """Return the claim on a machine with friction, proved again and compared."""
     wrong = []
@@ -216,10 +216,10 @@ def class_from_files(
     if len(models) == 1 and blas and nominal is None:
         raise ValueError(
             f"machine must be one model or BLAs at three levels, got both; "
-            f"{next_command_hint(prove_command(blas, controller, models[0]))}"
+            f"{next_command_hint(prove_command(blas, controller, nominal=models[0]))}"
         )
     if models:
-        return class_from_model(models, controller, stiffness, stiction)
+        return class_from_model(models, controller, stiffness=stiffness, stiction=stiction)
     if len(blas) < 3:
         fit = f"robust model {shell_quote(blas[-1])} --poles 4 --zeros 2 -o nominal.json"
         raise ValueError(
@@ -235,11 +235,11 @@ def class_from_files(
         fit = f"robust model {shell_quote(highest)} --poles 4 --zeros 2 -o nominal.json"
         with add_next_command(
             "for a machine that is flexible or well damped "
-            + next_command_hint(fit, prove_command(blas, controller, "nominal.json"))
+            + next_command_hint(fit, prove_command(blas, controller, nominal="nominal.json"))
         ):
             found = friction_class(measured, stiction=stiction)
     else:
-        given = load_machine(nominal, highest, prove_command(blas, controller, "nominal.json"))
+        given = load_machine(nominal, highest, prove_command(blas, controller, nominal="nominal.json"))
         with add_next_command(
             next_command_hint(prove_command([nominal], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
         ):
@@ -258,7 +258,7 @@ def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
 
 
 def class_from_model(
-    models: Sequence[Path], controller: Path, stiffness: float | None, stiction: float
+    models: Sequence[Path], controller: Path, *, stiffness: float | None, stiction: float
 ) -> tuple[tuple[FrictionPlant, ...], AnyFriction, str]:
     """One model, and the stiffness of its friction, which no model shows."""
     model = models[0]
@@ -272,7 +272,7 @@ def class_from_model(
             f"stiffness must be given with a model [N/m], got none for {model}; "
             + next_command_hint(prove_command([model], controller, stiffness="NEWTON_PER_METRE"))
             + ", or read it from BLAs at three levels: "
-            + prove_command(["LOW.npz", "MID.npz", "HIGH.npz"], controller, model)
+            + prove_command(["LOW.npz", "MID.npz", "HIGH.npz"], controller, nominal=model)
         )
     G = load_machine(model, Path("BLA.npz"), prove_command(["nominal.json"], controller, stiffness=stiffness))
     machines, description = machines_of_nominal(G)
@@ -299,6 +299,7 @@ def load_machine(path: Path, bla: Path, command: str) -> control.StateSpace:
 def prove_command(
     files: Sequence[Path | str],
     controller: Path,
+    *,
     nominal: Path | str | None = None,
     stiffness: float | str | None = None,
 ) -> str:
