@@ -72,6 +72,33 @@ def pictures() -> list[tuple[str, str, Any]]:
     return [one for one in drawing if one[2].__name__ == one[1]]
 
 
+#: A link of a page to the tree, as a clone shows it: its text, and the file that it leads to.
+LINK = re.compile(r"\[([^]]*)\]\(((?:\.\./)*)((?:examples|nlfrf|robust)(?:/[\w./]+\.py)?)\)")
+
+
+@cache
+def full_names() -> dict[str, str]:
+    """Return public name -> its full name, the first of two that are equal."""
+    return {name: f"{module}.{name}" for module, name, _ in reversed([*things(), *pictures()])}
+
+
+def link_to_page(found: re.Match[str], depth: int) -> str:
+    """Return a link to an example or to the source of a public name as one to its page, of a page so deep in docs."""
+    text, _, file = found.groups()
+    up, full = "../" * depth, full_names().get(text.strip("`"))
+    if file == "examples":
+        return f"[{text}]({up}generated/examples/index.rst)"
+    if file.startswith("examples/"):
+        return f"[{text}]({up}generated/{file.removesuffix('.py')}.rst)"
+    return found[0] if full is None else f"[{text}]({up}{HERE}/{full}.rst)"
+
+
+def link_to_pages(app: object, docname: str, source: list[str]) -> None:
+    """Turn the links of a hand-written page, which work in a clone, into links to what is built."""
+    if not docname.startswith("generated/"):
+        source[0] = LINK.sub(lambda found: link_to_page(found, docname.count("/")), source[0])
+
+
 def by_package() -> dict[str, list[str]]:
     """Package -> full public names, in the order in which data flow; a name stands in the package that holds it."""
     found: dict[str, list[str]] = {package: [] for package in PACKAGES}

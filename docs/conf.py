@@ -68,3 +68,4 @@ def setup(app):
     app.connect("autodoc-process-docstring", api.add_uses, priority=600)
     app.connect("doctree-read", api.leave_out_of_contents, priority=100)
     app.connect("source-read", gallery.show_stored_outputs)
+    app.connect("source-read", api.link_to_pages)

@@ -21,7 +21,7 @@ from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command
 from nlfrf._base.files import require_writable
 from nlfrf._base.values import to_json
 from nlfrf.doctor import examine
-from nlfrf.io.designs import load_experiment
+from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.records import holds_multirecord
 from nlfrf.signals.lines import KINDS, grid_lines
 
@@ -158,9 +158,7 @@ def simulate(
 
     A multisine of two inputs goes through a stage of two coupled axes with friction.
     """
-    ms = nlfrf.load(file)
-    if not isinstance(ms, nlfrf.Multisine | nlfrf.OrthogonalMultisine):
-        raise ValueError(f"file must be a multisine that 'nlfrf design' wrote, got {file.name!r}")
+    ms = load_design(file)
     several = isinstance(ms, nlfrf.OrthogonalMultisine)
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")

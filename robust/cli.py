@@ -27,6 +27,7 @@ from nlfrf._base.command import (
 )
 from nlfrf._base.files import command_signature, require_writable, write_text
 from robust._base.states import FrictionVerdict
+from robust.lti.sampling import delayed
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
 certificates, pid, from_options, drive_check, shaping_page, gains_file = (
@@ -63,8 +64,10 @@ OPTIONS = dict(
 )
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
 app.add_typer(drive_app, name="drive")
+PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
 BLAS = (".npz", ".h5", ".hdf5")
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; that of the controller file when not given.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
 #: What acts on a loop, from which the level is predicted at which it moves the machine.
 StepHeight = Annotated[float | None, typer.Option("--reference-step", help="Level: height of a step of the reference.")]
@@ -170,6 +173,7 @@ def design(
     """
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
+    from_options.require_delay(delay, sample_time)
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
@@ -184,6 +188,10 @@ def design(
         if bandwidth is None:
             raise ValueError(f"bandwidth must be given [Hz] for {method}")
         plant = robust.load_model(model)
+        if delay and not plant.is_single and plant.nominal.dt:
+            raise ValueError(
+                f"delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
+            )
         if plant.measured_only:
             raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
         with spinner("designing"):
@@ -196,6 +204,8 @@ def design(
                     G = robust.sampled(G, sample_time, delay)
                 elif sample_time and abs(sample_time / G.dt - 1) > 1e-9:
                     raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {sample_time:g} s")
+                else:
+                    G = delayed(G, delay, order=PADE_ORDER)
                 result = robust.ncfsyn(G, robust.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
         if not result.met:
             raise ValueError(f"model must let a controller be found: {result.reason}")
@@ -204,12 +214,12 @@ def design(
         )
     if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
-    robust.save_controller(result.K, out)
+    robust.save_controller(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
     if method == "pid":
-        say(describe_limit_checks(plant, model, out=out, delay=delay))
+        say(describe_limit_checks(plant, model, out))
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
@@ -222,7 +232,7 @@ def design(
 def check(
     model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
     controller: Annotated[list[Path], typer.Argument(help="Controllers written by 'robust design'.")],
-    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    delay: Delay = None,
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
@@ -255,12 +265,9 @@ def check(
         from_options.demand_weight(plant, bandwidth, peak, error),
         from_options.signals_from_options(reference_step, disturbance, noise, up_to),
     )
-    for path in controller:
-        K = robust.load_controller(path)
+    for path, (K, late) in zip(controller, from_options.load_loops(controller, delay), strict=True):
         with spinner("checking"):
-            report = robust.check(
-                plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver, signals=signals
-            )
+            report = robust.check(plant, K, w_P=w_P, delay=late, certify=not no_certify, solver=solver, signals=signals)
         gains = pid.format_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         text, drawing = files[path]
@@ -303,7 +310,7 @@ def prove(
         Path | None, typer.Option(help="Model of one level, for a flexible machine or one with a delay.")
     ] = None,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
-    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    delay: Delay = None,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
     limits: Annotated[bool, typer.Option("--limits", help="Look for the largest stiffness and stiction too.")] = False,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result (.txt), its certificates beside it.")] = None,
@@ -315,11 +322,11 @@ def prove(
     """
     if out is not None:
         require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
+    [(K, late)] = from_options.load_loops([controller], delay)
     machines, friction, text = certificates.class_from_files(machine, controller, nominal, stiffness, stiction)
-    K = certificates.load_existing_controller(controller, nominal or machine[0])
     with spinner("proving"):
-        proofs = certificates.prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
-        tested = certificates.describe_frequency_test(machine, nominal, K, friction, delay)
+        proofs = certificates.prove_all(machines, K, friction, delay=late, Fs=force, limits=limits)
+        tested = certificates.describe_frequency_test(machine, nominal, K, friction, late)
     text += "\n\n".join(map(str, proofs)) + tested
     say = printer(json)
     say(text)
@@ -360,13 +367,9 @@ def export(
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    from robust.io.models import is_model_file
-
     if out.suffix == ".mat":
         robust.export_matlab(robust.load(file), out)
     elif out.suffix == ".csv":
-        if is_model_file(file):
-            raise ValueError(f"file must be a controller to be written as sections, got the model {file}")
         sections = robust.controller_sections(robust.load_controller(file))
         if isinstance(sections, tuple):
             raise ValueError(
@@ -394,7 +397,7 @@ def report(
     fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
-    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    delay: Delay = None,
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
@@ -414,7 +417,7 @@ def report(
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
-    plant, K = robust.load_model(model), robust.load_controller(controller)
+    plant, [(K, late)] = robust.load_model(model), from_options.load_loops([controller], delay)
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
     if not plant.is_single:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
@@ -422,7 +425,7 @@ def report(
     proof = None
     if stiffness is not None:
         machines, friction, _ = certificates.class_from_files([model], controller, None, stiffness, stiction)
-        proof = certificates.prove_all(machines, K, friction, delay=delay, Fs=force)[0]
+        proof = certificates.prove_all(machines, K, friction, delay=late, Fs=force)[0]
     with spinner("checking and drawing"):
         result = robust.write_report(
             out,
@@ -431,14 +434,17 @@ def report(
             bla=[nlfrf.load_bla(path) for path in bla or []],
             record=[nlfrf.load_record(path, **load) for path in record or []],
             w_P=w_P,
-            delay=delay,
+            delay=late,
             friction=proof,
             signals=from_options.signals_from_options(reference_step, disturbance, noise, up_to),
             title=title,
             notes=notes,
         )
     held = f" ({result.probability})" if result.probability else ""
-    print(f"verdict: {result.verdict}{held}" + ("" if proof is None else f"; friction: {proof.verdict}"))
+    print(
+        f"verdict: {result.verdict}{result.missed_performance}{held}"
+        + ("" if proof is None else f"; friction: {proof.verdict}")
+    )
 
 
 @app.command()
@@ -447,16 +453,19 @@ def shape(
     out: Annotated[Path, typer.Option("--out", "-o", help="Page to write (.html).")],
     controller: Annotated[Path | None, typer.Option(help="Controller to begin with.")] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
-    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    delay: Delay = None,
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
 ) -> None:
     """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
     require_demand(bandwidth, error)
-    parts = [from_options.load_single_model(path) for path in model], controller and robust.load_controller(controller)
+    models, K, late = [from_options.load_single_model(path) for path in model], None, delay or 0.0
+    if controller is not None:
+        [(K, late)] = from_options.load_loops([controller], delay)
+    from_options.require_delay(late, sample_time)
     shaping_page.write_from_files(
-        out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay
+        out, models, K, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=late
     )
 
 
@@ -540,32 +549,31 @@ def controller_file(controller: Path, out: Path | None, several: bool) -> Path |
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, *, out: Path, delay: float) -> str:
-    """On what the limits of a design from the FRF were held, and the command that holds them against more.
+def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path) -> str:
+    """Describe where the limits of a design from the FRF were tried, and the command that proves more.
 
     A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines
     may fail there, and that is no contradiction.
     """
-    late = f" --delay {delay:g}" if delay else ""
     model_file, controller = shlex.quote(str(model)), shlex.quote(str(out))
     if not isinstance(plant, nlfrf.Bla) and not plant.measured_only:
         return (
-            f"limits held: on a grid, for every plant that the weight of {model} allows; a grid proves nothing\n"
-            f"prove it:    robust check {model_file} {controller}{late}"
+            f"limits tried: on a grid, for every plant that the weight of {model} allows; a grid proves nothing\n"
+            f"prove it:    robust check {model_file} {controller}"
         )
     first, last = plant.omega[[0, -1]] / (2 * np.pi)
-    held = f"limits held: on the {plant.omega.size} measured lines only, {first:.4g} to {last:.4g} Hz"
+    tried = f"limits tried: on the {plant.omega.size} measured lines only, {first:.4g} to {last:.4g} Hz"
     if isinstance(plant, nlfrf.Bla):
         made = shlex.quote(f"{model.stem}-model.json")
         return (
-            f"{held}, each with its bound at 95 %; below and above nothing was measured. A model has a weight over "
+            f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model has a weight over "
             "these bounds, which is no smaller, and may fail where the lines pass\n"
             f"prove it:    robust orders {model_file}; robust model {model_file} --poles N -o {made}; "
-            f"robust check {made} {controller}{late}"
+            f"robust check {made} {controller}"
         )
     return (
-        f"{held}, with the weight of {model} there; nothing is said between them\n"
-        f"prove it:    robust check {model_file} {controller}{late}"
+        f"{tried}, with the weight of {model} there; nothing is said between them\n"
+        f"prove it:    robust check {model_file} {controller}"
     )
 
 

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import shlex
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from types import UnionType
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -27,21 +28,27 @@ from nlfrf._base.types import Json, JsonObject
 __all__ = [
     "DECIMALS",
     "DESIGN_MARK",
+    "FILE_KINDS",
     "PICTURE_SIGNATURE",
+    "RECORD_SCHEMAS",
     "SIMULATED_MARK",
     "VERSION",
     "Role",
     "admit_file",
     "command_signature",
+    "describe_wrong_file",
     "file_kind",
     "guarded_outputs",
     "is_command",
     "parse_json",
+    "parse_json_of",
+    "require_file_of",
     "require_schema",
     "require_writable",
     "resolve_target",
     "save_mat",
     "schema_fault",
+    "stated_kind",
     "to_path",
     "write_arrays",
     "write_atomically",
@@ -62,6 +69,7 @@ __all__ = [
 
 PICTURE_SIGNATURE = "nlfrf and robust: a picture of a result"  # what pictures say of who made them
 RECORD_SCHEMAS = ("nlfrf-record", "nlfrf-multirecord")
+MEASURED_RECORD = "a measured record"  # kind of a record that no command simulated
 SIMULATED_MARK = "simulated"  # entry of a record that a command computed: any other record may be someone's measurement
 DESIGN_MARK = "the samples of a design"
 TABLE_HEADERS = (
@@ -73,6 +81,42 @@ TABLE_HEADERS = (
 )
 TEXT_SIGNATURE = re.compile(r"^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$", re.M)
 HEAD_BYTES = 1 << 12  # bytes at either end of a file in which it says what it is
+
+
+class FileKind(NamedTuple):
+    """What a kind of file is called, and the command that takes a file {} of it."""
+
+    name: str
+    command: str
+
+
+MULTISINE_FILE = FileKind(
+    "a multisine", "nlfrf simulate {0} -o record.npz, or play it and: nlfrf identify RECORD --design {0} -o bla.npz"
+)
+RECORD_FILE = FileKind("a record", "nlfrf identify {} -o bla.npz")
+BLA_FILE = FileKind("a BLA", "robust model {} --poles N -o model.json")
+MODEL_FILE = FileKind(
+    "a model",
+    "robust design {0} --bandwidth HERTZ --sample-time SECONDS -o controller.json; "
+    "robust check {0} controller.json -o report.txt",
+)
+CERTIFICATE_FILE = FileKind("a certificate", "robust verify {}")
+FILE_KINDS = {
+    "nlfrf-multisine": MULTISINE_FILE,
+    "nlfrf-orthogonal-multisine": MULTISINE_FILE,
+    "nlfrf-axis-experiment": FileKind(
+        "an experiment on a drive",
+        "nlfrf axis play AXIS SETPOINTS.csv -o trace.csv, or play it and: nlfrf identify TRACE --design {} -o bla.npz",
+    ),
+    **dict.fromkeys((*RECORD_SCHEMAS, MEASURED_RECORD), RECORD_FILE),
+    "nlfrf-bla": BLA_FILE,
+    "nlfrf-frm": BLA_FILE,
+    "robust-model": MODEL_FILE,
+    "robust-matrix-model": MODEL_FILE,
+    "robust-controller": FileKind("a controller", "robust check MODEL {}"),
+    "robust-certificate": CERTIFICATE_FILE,
+    "robust-friction-certificate": CERTIFICATE_FILE,
+}
 
 
 class Role(Enum):
@@ -218,10 +262,43 @@ def file_kind(path: Path, suffix: str) -> str | None:
 
     A record counts only where a command simulated it, because a measurement is written by the same function.
     """
+    kind = stated_kind(path, suffix)
+    return None if kind == MEASURED_RECORD else kind
+
+
+def stated_kind(path: Path, suffix: str) -> str | None:
+    """What a file says it is, a measured record too; None where it does not say, or cannot be read."""
     try:
         return KIND_READERS[suffix](path)
     except Exception:  # a damaged file makes its reader raise anything; so does a suffix that nobody here writes
         return None
+
+
+def require_file_of(path: str | os.PathLike[str], *schemas: str) -> None:
+    """Refuse a file that says it is of another kind, with the command that takes it."""
+    kind = stated_kind(to_path(path), to_path(path).suffix.lower())
+    if kind is not None and kind not in schemas:
+        raise ValueError(describe_wrong_file(path, kind, *schemas))
+
+
+def describe_wrong_file(path: str | os.PathLike[str], kind: str | None, *schemas: str) -> str:
+    """The refusal of a file of a kind, None where it says none: what is wanted, what it is, the command that takes it.
+
+    >>> describe_wrong_file("G.npz", "nlfrf-bla", "robust-model", "robust-matrix-model")
+    'path must hold a model, got G.npz, which is a BLA; go on with: robust model G.npz --poles N -o model.json'
+    """
+    *most, last = dict.fromkeys(FILE_KINDS[schema].name for schema in schemas)
+    wanted = f"{', '.join(most)} or {last}" if most else last
+    if kind in FILE_KINDS:
+        name, command = FILE_KINDS[kind]
+    elif kind is None:
+        name, command = "of a kind that no command here writes", "nlfrf inspect {}"
+    elif re.fullmatch("(?:robust|nlfrf) [a-z]+", kind):
+        name, command = f"a text of '{kind}', for people to read", f"{kind} --help"
+    else:
+        name, command = f"of the kind {kind!r}", "nlfrf inspect {}"
+    quoted = shlex.quote(str(path))
+    return f"path must hold {wanted}, got {path}, which is {name}; go on with: {command.format(quoted)}"
 
 
 def kind_of_npz(path: Path) -> str | None:
@@ -250,8 +327,9 @@ def kind_of_mat(path: Path) -> str | None:
 
 
 def kind_of_schema(schema: str, simulated: bool) -> str | None:
-    ours = schema.startswith(("nlfrf-", "robust-")) and (schema not in RECORD_SCHEMAS or simulated)
-    return schema if ours else None
+    if schema in RECORD_SCHEMAS and not simulated:
+        return MEASURED_RECORD
+    return schema if schema.startswith(("nlfrf-", "robust-")) else None
 
 
 def kind_of_json(path: Path) -> str | None:
@@ -517,6 +595,29 @@ def object_with_unique_keys(pairs: list[tuple[str, Json]]) -> JsonObject:
             f"a key must stand once, got {short_form(next(key for key in keys if keys.count(key) > 1))} twice"
         )
     return found
+
+
+def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
+    """Return what a JSON file of one of these schemas holds; refuse any other file by its kind.
+
+    Raises
+    ------
+    ValueError
+        A file of another kind, or as for `parse_json`.
+    FileNotFoundError
+        No such file.
+    """
+    path = to_path(path)
+    suffix = path.suffix.lower()
+    if suffix != ".json" and suffix in KIND_READERS and path.is_file():
+        raise ValueError(describe_wrong_file(path, stated_kind(path, suffix), *schemas))
+    content = parse_json(path)
+    found = content.get("schema") if isinstance(content, dict) else type(content).__name__
+    if isinstance(content, dict) and found in schemas:  # a tuple: any content of a damaged file may be looked for
+        return content
+    if isinstance(found, str) and found in FILE_KINDS:
+        raise ValueError(describe_wrong_file(path, found, *schemas))
+    raise ValueError(f"path must hold {' or '.join(schemas)}, got {path} with schema {short_form(found)}")
 
 
 def require_schema(content: Json, path: str | os.PathLike[str], *, package: str, name: str) -> None:

@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from nlfrf._base.arguments import data_warning, one_line, require_positive
-from nlfrf._base.files import to_path
+from nlfrf._base.files import describe_wrong_file, stated_kind, to_path
 from nlfrf._base.own_process import Contents, read_in_own_process, require_size
 from nlfrf._base.values import value
 from nlfrf.io import npz
@@ -391,6 +391,8 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     if suffix == ".gz" and READERS.get(Path(path.stem).suffix.lower()) is TEXT_READER:
         return read_compressed(path)
     reader = READERS.get(suffix)
+    if suffix in (".json", ".txt") and (kind := stated_kind(path, suffix)):  # a result of `robust`, or a text
+        raise ValueError(describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla"))
     if reader is None:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
         raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")

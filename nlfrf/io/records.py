@@ -12,7 +12,7 @@ from typing import overload
 import numpy as np
 
 from nlfrf._base.arguments import data_warning, format_small_count, join_names, require_integer, short_form
-from nlfrf._base.files import to_path
+from nlfrf._base.files import FILE_KINDS, RECORD_SCHEMAS, describe_wrong_file, to_path
 from nlfrf._base.numbers import all_finite
 from nlfrf._base.values import value
 from nlfrf.io.channels import Channels, read_channels, to_paths
@@ -26,6 +26,15 @@ from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
 __all__ = ["LostRows", "find_lost_rows", "holds_multirecord", "keep_whole_periods", "load_multirecord", "load_record"]
+
+
+def read_measurement(path: str | os.PathLike[str]) -> Channels:
+    """Return the channels of a file that may be a record; refuse a result."""
+    file = read_channels(path)
+    schema = file.text("schema")
+    if schema in FILE_KINDS and schema not in RECORD_SCHEMAS:
+        raise ValueError(describe_wrong_file(path, schema, RECORD_SCHEMA))
+    return file
 
 
 # ---- Rows that a logger lost, as the time column of its file shows them, and the periods that are whole all the same.
@@ -365,7 +374,7 @@ def load_record(
     names = {"u": str(u)} | ({} if r is None else {"r": str(r)})
     outputs = [y] if isinstance(y, str) else list(y)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
-    files = [read_channels(one) for one in paths]
+    files = list(map(read_measurement, paths))
     if (u, y, r) == ("u", "y", None) and all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
         return stored_multirecord(files, None, y=None, fs=fs, options=options)
     if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
@@ -537,7 +546,7 @@ def load_multirecord(
     """
     if design is not None and isinstance(design, str | os.PathLike):
         design = load_design(design)
-    files = [read_channels(one) for one in to_paths(path)]
+    files = list(map(read_measurement, to_paths(path)))
     if all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
         if r:
             raise ValueError(

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nlfrf._base.arguments import require_choice, require_kind
-from nlfrf._base.files import DECIMALS, to_path, write_table
+from nlfrf._base.files import DECIMALS, describe_wrong_file, to_path, write_table
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.designs import DESIGNS, save_experiment, save_multisine
@@ -243,8 +243,6 @@ def value_in(file: Channels) -> StoredValue:
     if schema == MULTIRECORD_SCHEMA:
         return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
-        raise ValueError(
-            f"path must be a multisine, experiment, record, BLA or FRM that this package wrote, got {file.path!r}"
-        )
+        raise ValueError(describe_wrong_file(file.path, schema or None, *DESIGNS, RECORD_SCHEMA, *RESULTS))
     kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
     return value_from_file(kinds, file)

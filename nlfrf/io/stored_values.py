@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from nlfrf._base.arguments import one_line
-from nlfrf._base.files import VERSION, Role, to_path, write_arrays
+from nlfrf._base.files import VERSION, Role, describe_wrong_file, to_path, write_arrays
 from nlfrf._base.values import field_names
 from nlfrf.bla.bla import DistortionLevels
 from nlfrf.io.channels import Channels, read_channels
@@ -76,8 +76,7 @@ def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) ->
     """Return the value that the channels of a file hold, of one of these kinds by schema."""
     schema = file.text("schema")
     if schema not in kinds:
-        expected = " or ".join(kinds)
-        raise ValueError(f"path must be a file of the schema {expected}, got {schema or 'none'} in {file.path!r}")
+        raise ValueError(describe_wrong_file(file.path, schema or None, *kinds))
     require_known_version(file, schema, AXES_ORDER)
     try:
         return value_from_arrays(kinds[schema], file.arrays)

@@ -44,6 +44,9 @@ __all__ = [
     "plant_in_loop",
 ]
 
+CONTINUOUS_CONTROLLER = (
+    "got a continuous controller: robust.lti.discretize(K, {0:g}), or robust design --sample-time {0:g}"
+)
 DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
 MAX_STATES = 600  # of a plant with its delay line
 
@@ -215,7 +218,7 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
         if sampling_times_differ(K, G):
             raise ValueError(
                 f"K must have the sampling time of the nominal model, {dt_G:g} s, "
-                + (f"got {dt_K:g} s" if dt_K else "got a continuous controller")
+                + (f"got {dt_K:g} s" if dt_K else CONTINUOUS_CONTROLLER.format(dt_G))
             )
         dt = dt_G
         short, shift = G, delay_samples("delay", delay, dt) * dt

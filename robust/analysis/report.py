@@ -59,7 +59,7 @@ REMEDIES = {
     "misfit": "misfit of the nominal model: give it more poles or a delay; robust orders (scan_orders) says which",
     "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
     "systematic": "the allowance for the systematic part: measure at a second level",
-    "weight": "the weight, not the radius: give it a higher order",
+    "weight": "the weight lies far above the radius: fit one of a higher order",
     "assumed": "what is assumed where nothing was measured: measure there",
 }
 #: What a verdict on a set around a sampled nominal does not cover.
@@ -169,13 +169,14 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
     if model.simultaneous:
         text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
         return f"{text} ({estimated} by estimate)" if estimated else text
-    text = f"each line of another realisation lies in the set with {percent} probability"
-    return f"{text}, all lines together with {estimated}" if estimated else text
+    text = f"each line of another realisation lies within the radius with {percent} probability"
+    return f"{text}; all of them lie under the weight, which is larger, with {estimated}" if estimated else text
 
 
-def format_verdict(verdict: Verdict, probability: str) -> str:
+def format_verdict(verdict: Verdict, probability: str, missed: str = "") -> str:
     """Format the verdict in capitals, its meaning, and the probability that the set contains another realisation."""
-    return f"{verdict.upper()} ({verdict_meaning(verdict, probability)}{'; ' if probability else ''}{probability})"
+    meaning = verdict_meaning(verdict, probability)
+    return f"{verdict.upper()}{missed.upper()} ({meaning}{'; ' if probability else ''}{probability})"
 
 
 def verdict_meaning(verdict: Verdict, probability: str) -> str:
@@ -269,7 +270,9 @@ def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
 def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
     """Describe the loop in one line."""
     kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
-    held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
+    parts = ["zero-order hold"] * bool(loop.dt and not model.nominal.dt)
+    parts += [f"a delay of {loop.delay:g} s"] * (loop.delay > 0)
+    held = f", {' and '.join(parts)} in the plant" if parts else ""
     band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
     return (
         f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
@@ -631,7 +634,8 @@ class RobustnessReport:
     def findings(self) -> list[str]:
         """Return the rows of the summary."""
         lines = format_paragraph(
-            "verdict", format_verdict(self.verdict, self.probability if self.nominally_stable else "")
+            "verdict",
+            format_verdict(self.verdict, self.probability if self.nominally_stable else "", self.missed_performance),
         )
         lines += format_paragraph("because", self.reason)
         if not self.nominally_stable:
@@ -656,15 +660,32 @@ class RobustnessReport:
         """Return what robust stability is measured by: "rs", or "mu"."""
         return "rs" if self.is_single else "mu"
 
+    @property
+    def performance(self) -> str:
+        """Return whether the whole set meets the demand: "met", "not met" or "not proved"; empty without one."""
+        if not (self.nominally_stable and np.isfinite(self.margin_rp)):
+            return ""
+        if self.robust_performance:
+            return "met"
+        return "not met" if self.is_single and np.max(self.rp) > 1 else "not proved"  # mu is an upper bound
+
+    @property
+    def missed_performance(self) -> str:
+        """Return what the verdict has to add of a loop that is robustly stable and misses the demand; else empty."""
+        missed = self.verdict.is_robust and self.performance in ("not met", "not proved")
+        return f", performance {self.performance}" if missed else ""
+
     def performance_words(self) -> str:
         """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
         if not self.is_single:
-            return f"max mu {1 / self.margin_rp:.3f} at {format_hertz(self.omega_rp)}"
+            mu = 1 / self.margin_rp
+            allowed = ", above the 1 that is allowed" if mu > 1 else ""
+            found = f"max mu {mu:.3f} at {format_hertz(self.omega_rp)}{allowed}"
+            return f"{found}; demand {self.performance} for the whole set"
         worst = float(np.max(self.rp))
-        met = "met" if self.robust_performance else "not met" if worst > 1 else "not proved"
         return (
             f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at {format_hertz(self.omega_rp)}; "
-            f"demand {met} for the whole set"
+            f"demand {self.performance} for the whole set"
         )
 
     def disk_words(self) -> str:

@@ -20,7 +20,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative, short_form
+from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative
 from robust._base.channels import is_single
 from robust._base.types import Controller, Weight
 from robust.analysis.aliases import RsBreakdown, rs_breakdown
@@ -52,7 +52,7 @@ from robust.models.sets.measured import (
     parts_on_lines,
     warn_of_unknown_hold,
 )
-from robust.models.sets.model import UncertaintyModel, has_several_channels
+from robust.models.sets.model import UncertaintyModel, describe_no_set, has_several_channels
 from robust.proofs.search.certificate import SOLVERS
 
 __all__ = ["check", "check_lines"]
@@ -190,7 +190,7 @@ def check(
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(
-            f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {short_form(model)}"
+            f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {describe_no_set(model)}"
         )
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     if loop.dt:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_real, short_form
+from nlfrf._base.arguments import format_hertz, require_real, short_form
 from nlfrf._base.values import value
 from robust._base.types import Controller, Weight
 from robust.analysis.aliases import worst_alias_phases
@@ -85,6 +85,8 @@ class WorstCase:
     >>> worst = worst_case(model, 2.0)
     >>> worst.stable, bool(abs(worst.achieved - worst.gain.max()) < 1e-3)
     (True, True)
+    >>> print(worst)
+    largest gain over the set at most 1.01; the plant, of 2 states, has 1.01 at 2.876 Hz
     """
 
     omega: np.ndarray
@@ -94,6 +96,14 @@ class WorstCase:
     delta: complex | np.ndarray
     achieved: float
     stable: bool
+
+    def __str__(self) -> str:
+        at, size = format_hertz(self.omega_worst), float(np.linalg.norm(np.atleast_2d(self.delta), 2))
+        if not self.stable:
+            plant = f"a plant of the set, of {self.plant.nstates} states and |Delta| {size:.3g},"
+            return f"{plant} makes the loop unstable at {at}"
+        plant = f"the plant, of {self.plant.nstates} states, has {self.achieved:.4g} at {at}"
+        return f"largest gain over the set at most {np.max(self.gain):.4g}; {plant}"
 
 
 def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None, *, delay: float = 0.0) -> WorstCase:

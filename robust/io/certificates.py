@@ -13,6 +13,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import format_count, short_form
+from nlfrf._base.files import parse_json_of, require_file_of
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.analysis.loop_proofs import stability_claim
@@ -25,7 +26,7 @@ from robust.friction.linear_uncertainty import friction_frequency_test
 from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.prove import FrictionProof, machines_of_nominal, plant_matrices, prove_friction
 from robust.friction.saturation import SaturatedProof
-from robust.io.models import PathLike, load_controller, load_model
+from robust.io.models import PathLike, load_model
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import LoopClaim, Matrices, differing_fields, read_claim, to_matrices, write_claim
@@ -39,7 +40,6 @@ __all__ = [
     "class_from_files",
     "describe_frequency_test",
     "highest_level",
-    "load_existing_controller",
     "prove_all",
     "save_certificate",
     "save_proofs",
@@ -149,6 +149,7 @@ def verify_certificate(
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
+    parse_json_of(path, "robust-certificate", "robust-friction-certificate")
     friction = read_friction_claim(path)
     if friction is not None:
         return verify_friction_claim(friction, model, K=K, time_cap=time_cap)
@@ -208,6 +209,8 @@ def class_from_files(
     ValueError
         Files that do not make a machine and its friction; each message ends with the command that goes on.
     """
+    for path in files:
+        require_file_of(path, "nlfrf-bla", "nlfrf-frm", "robust-model", "robust-matrix-model")
     models = [path for path in files if path.suffix.lower() == ".json"]
     blas = [path for path in files if path not in models]
     if len(models) == 1 and blas and nominal is None:
@@ -323,14 +326,6 @@ def add_next_command(how: str) -> Iterator[None]:
         yield
     except ValueError as error:
         raise ValueError(f"{error}; {how}") from None
-
-
-def load_existing_controller(path: Path, plant: Path) -> control.StateSpace:
-    """Return the controller in a file, which a command makes where it holds none."""
-    with add_next_command(
-        next_command_hint(f"robust design {shell_quote(plant)} --bandwidth HERTZ --sample-time SECONDS -o K.json")
-    ):
-        return load_controller(path)
 
 
 def prove_all(

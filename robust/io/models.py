@@ -11,8 +11,8 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import one_line, short_form
-from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.arguments import one_line, require_nonnegative, short_form
+from nlfrf._base.files import parse_json_of, require_schema, write_text
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import field_names
 from robust._base.types import Controller
@@ -28,9 +28,9 @@ __all__ = [
     "MODEL_SCHEMA",
     "PathLike",
     "as_controller",
-    "is_model_file",
     "load",
     "load_controller",
+    "load_controller_delay",
     "load_model",
     "save",
     "save_controller",
@@ -108,17 +108,14 @@ def write_json(content: JsonObject, path: PathLike) -> None:
 
 def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
     """Return schema and content of a JSON file of one of these schemas, or a refusal."""
-    content = parse_json(path)
-    found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-    if not isinstance(content, dict) or found not in schemas:
-        wanted = " or ".join(f"a {schema} file" for schema in schemas)
-        raise ValueError(f"path must hold {wanted}, got {path} with schema {short_form(found)}")
+    content = parse_json_of(path, *schemas)
+    found = str(content["schema"])
     if content.get("version") != VERSION:
         raise ValueError(
             f"path must hold version {VERSION} of {found}, got {path} with version {short_form(content.get('version'))}"
         )
-    require_schema(content, path, package="robust", name=str(found))
-    return str(found), content
+    require_schema(content, path, package="robust", name=found)
+    return found, content
 
 
 # ---- A model as JSON: its fields by name, in a schema for one channel and one for several.
@@ -272,9 +269,8 @@ def load(path: PathLike) -> UncertaintyModel | control.StateSpace:
     ...     load(Path(folder) / "K.json").nstates
     1
     """
-    content = parse_json(path)
-    is_controller = isinstance(content, dict) and content.get("schema") == CONTROLLER_SCHEMA
-    return load_controller(path) if is_controller else load_model(path)
+    content = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA)
+    return load_controller(path) if content["schema"] == CONTROLLER_SCHEMA else load_model(path)
 
 
 def save_model(model: UncertaintyModel, path: PathLike) -> None:
@@ -340,7 +336,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
     return decode_model(content, schema)
 
 
-def save_controller(K: Controller, path: PathLike) -> None:
+def save_controller(K: Controller, path: PathLike, *, delay: float | None = None) -> None:
     """Write a controller to a ``.json`` file.
 
     Parameters
@@ -349,11 +345,13 @@ def save_controller(K: Controller, path: PathLike) -> None:
         Controller, negative feedback.
     path : path
         File to write.
+    delay : float, optional
+        Computation delay [s] that it was designed for: commands that get the file check it with that.
 
     Raises
     ------
     ValueError
-        Anything that is no controller.
+        Anything that is no controller, a negative delay.
     FileNotFoundError
         A folder that does not exist.
 
@@ -380,6 +378,8 @@ def save_controller(K: Controller, path: PathLike) -> None:
         "K": encode_system(K),
     }
     content |= {name: encode(rows) for name, rows in sections_by_name(K).items()}
+    if delay is not None:
+        content["delay"] = require_nonnegative("delay", delay)
     write_json(content, path)
 
 
@@ -414,13 +414,13 @@ def load_controller(path: PathLike) -> control.StateSpace:
     return as_controller("K", decode_system(content["K"]))
 
 
+def load_controller_delay(path: PathLike) -> float | None:
+    """Return the computation delay [s] that the controller in a file was designed for; None where it does not say."""
+    found = read_json(path, (CONTROLLER_SCHEMA,))[1].get("delay")
+    return None if found is None else float(found)
+
+
 def as_controller(name: str, K: Controller) -> control.StateSpace:
     """Any controller as a state space, of one input and output or of several."""
     several = np.ndim(K) > 0 or getattr(K, "ninputs", 1) > 1 or getattr(K, "noutputs", 1) > 1
     return (multivariable if several else state_space)(name, K)
-
-
-def is_model_file(path: PathLike) -> bool:
-    """Return whether a JSON file says that it is a model."""
-    content = parse_json(path)
-    return isinstance(content, dict) and content.get("schema") in (MODEL_SCHEMA, MATRIX_SCHEMA)

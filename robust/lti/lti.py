@@ -130,6 +130,8 @@ def require_sampling_time(name: str, system: AnySystem, *, reference: str, wante
         return
     got = f"{mine:g} s" if mine else "a continuous one"
     if wanted:
+        if not mine:
+            got += f": robust.lti.discretize({name}, {wanted:g}) samples it"
         raise ValueError(f"{name} must have the sampling time of {reference}, {wanted:g} s, got {got}")
     raise ValueError(f"{name} must be continuous as {reference}, got one sampled at {got}")
 

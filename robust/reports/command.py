@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,11 +14,12 @@ from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.command import spinner
 from nlfrf._base.files import command_signature, write_text
 from robust._base.channels import is_single
+from robust._base.warnings import DesignWarning
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
 from robust.analysis.report import RobustnessReport
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
-from robust.io.models import load_model
+from robust.io.models import load_controller, load_controller_delay, load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
@@ -29,13 +31,16 @@ __all__ = [
     "check_pictures",
     "demand_weight",
     "load_blas",
+    "load_loops",
     "load_single_model",
     "model_pictures",
+    "require_delay",
     "signals_from_options",
     "write_report_files",
 ]
 
 
+MAX_DELAY_SAMPLES = 50  # a longer computation is none; each sample of it is a state of the plant
 Pictures = list[tuple[Callable[..., object], object]]
 
 
@@ -43,11 +48,39 @@ def load_blas(paths: Sequence[Path]) -> nlfrf.Bla | list[nlfrf.Bla]:
     """Return what was identified: a BLA or a matrix, or a list of one kind."""
     found: list[nlfrf.Bla] = []
     for path in paths:
-        one = nlfrf.load(path)
-        if not isinstance(one, nlfrf.Bla) or (found and is_single(one) != is_single(found[0])):
+        one = nlfrf.load_bla(path)
+        if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)
     return found[0] if len(found) == 1 else found
+
+
+def load_loops(paths: Sequence[Path], given: float | None) -> list[tuple[control.StateSpace, float]]:
+    """Return each controller with its computation delay [s]: as given, else what its file says it was designed for."""
+    loops = []
+    for path in paths:
+        K, stored = load_controller(path), load_controller_delay(path)
+        delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
+        if stored is not None and abs(delay - stored) > 1e-9:
+            warnings.warn(
+                f"{path} was designed for a computation delay of {stored:g} s, and --delay says {delay:g} s: the "
+                f"result holds with {delay:g} s. Leave --delay out to take what the file says",
+                DesignWarning,
+                stacklevel=2,
+            )
+        loops.append((K, delay))
+    return loops
+
+
+def require_delay(delay: float, dt: float) -> float:
+    """Return a computation delay [s], or a refusal where it is one in milliseconds, by the sampling time [s]."""
+    require_nonnegative("delay", delay)
+    if dt and delay > MAX_DELAY_SAMPLES * dt:
+        raise ValueError(
+            f"delay must be in seconds, and at most {MAX_DELAY_SAMPLES} sampling periods of {dt:g} s, got {delay:g} s, "
+            f"which is {delay / dt:.4g} of them; {delay:g} ms is --delay {delay / 1e3:g}"
+        )
+    return delay
 
 
 def load_single_model(path: Path) -> UncertaintyModel:

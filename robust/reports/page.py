@@ -24,7 +24,7 @@ from robust.analysis.robustness import check
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, describe_no_set
 from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
@@ -109,7 +109,7 @@ def write_report(
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
+        raise ValueError(f"model must be an UncertaintyModel, got {describe_no_set(model)}")
     single, records = model.is_single, as_list(record)
     K = (state_space if single else multivariable)("K", K)
     for one in as_list(bla):

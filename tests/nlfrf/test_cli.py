@@ -173,7 +173,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         ("design --zippered", "inputs must be 2 or more for zippered, got 1"),
         ("design --draws 3", "inputs must be 2 or more for draws, got 1"),
         ("simulate ms.npz --mass 2", "mass and stiffness must be left out for several inputs"),
-        ("simulate run.npz", "file must be a multisine that 'nlfrf design' wrote, got 'run.npz'"),
+        ("simulate run.npz", "path must hold a multisine or an experiment on a drive, got run.npz, which is a record"),
         ("identify run.npz --resample", "--resample must be left out for a record that is cut into periods already"),
         ("identify run.npz --opinion", "opinion must be left out for several inputs, got it with run.npz"),
         ("identify run.npz --input u", "of several: name its inputs in a list, or leave input out"),
@@ -437,7 +437,10 @@ def test_an_axis_from_its_gains_to_three_levels_and_either_direction(nlfrf_comma
             "period must be left out for an experiment on a",
         ),
         ("axis levels trace.csv --design play.npz", "experiment must be a ramp of levels, got one at rest"),
-        ("axis levels trace.csv --design ms.npz", "path must be a file of the schema nlfrf-axis-experiment"),
+        (
+            "axis levels trace.csv --design ms.npz",
+            "path must hold an experiment on a drive, got ms.npz, which is a multisine",
+        ),
     ],
 )
 def test_what_the_commands_of_an_axis_refuse(nlfrf_command, tmp_path, arguments, message):

@@ -98,9 +98,16 @@ def test_equations_are_drawn_by_the_browser_itself(built):
     assert not re.search(r"<script[^>]*(mathjax|http)", page, re.IGNORECASE)
 
 
+def page_source(name):
+    """A hand-written page as Sphinx reads it, with links to what is built."""
+    source = [(gallery.ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")]
+    api.link_to_pages(None, name, source)
+    return source[0]
+
+
 def tasks():
     """(what, target) of the rows of the page that says where each task is."""
-    rows = (gallery.ROOT / "docs" / "howto" / "index.md").read_text(encoding="utf-8")
+    rows = page_source("howto/index")
     return re.findall(r"^\| (?!how do I)(.+?) \| \[.*?\]\((.+?)\) \|$", rows, re.MULTILINE)
 
 
@@ -129,9 +136,33 @@ def test_the_front_page_says_what_it_is_and_how_to_begin(built, tmp_path):
         assert opened.run(f"Math.max(...{shown}.map(e => e.getBoundingClientRect().bottom))") < 1080
 
 
+def test_every_link_of_a_page_leads_to_a_file_of_a_clone():
+    """Pages under generated/ exist only where the documentation was built."""
+    pages = [page for page in (gallery.ROOT / "docs").rglob("*.md") if "generated" not in page.parts]
+    assert len(pages) > 20
+    for page in pages:
+        for target in re.findall(r"(?<!!)\]\(([^)\s#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+            if "://" not in target:
+                there = (page.parent / target).resolve()
+                assert there.exists(), (page, target)
+                assert "generated" not in there.parts, (page, target)
+
+
+def test_links_to_the_tree_become_links_to_pages():
+    source = ["[`tune`](../../robust/x.py), [all](../examples), [2](../../examples/02_a.py), [it](../../robust/y.py)"]
+    api.link_to_pages(None, "howto/index", source)
+    assert source == [
+        "[`tune`](../generated/api/robust.tune.rst), [all](../generated/examples/index.rst), "
+        "[2](../generated/examples/02_a.rst), [it](../../robust/y.py)"
+    ]
+    source = ["[`structured_text`](../robust/synthesis/drive/structured_text.py)"]
+    api.link_to_pages(None, "faq", source)
+    assert source == ["[`structured_text`](generated/api/robust.drive.structured_text.rst)"]
+
+
 def questions():
     """(question, target of each link in its answer) of the page of questions."""
-    text = (gallery.ROOT / "docs" / "faq.md").read_text(encoding="utf-8")
+    text = page_source("faq")
     parts = re.findall(r"^\*\*(.+?)\*\*\n(.*?)(?=^\*\*|\Z)", text, re.MULTILINE | re.DOTALL)
     return [(question, re.findall(r"\]\(([^)]+)\)", answer)) for question, answer in parts]
 

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import control
 import numpy as np
@@ -41,7 +42,7 @@ def robust_command(monkeypatch, capsys, tmp_path):
 
 def test_the_whole_way(robust_command, tmp_path):
     steps = [
-        ("orders bla.npz --relative-degree 2 --most 4 --picture orders.png", "<-"),
+        ("orders bla.npz --relative-degree 2 --most 4 --picture orders.png", "(lowest)"),
         ("model bla.npz --poles 2 --zeros 0 --order 3 -o m.json --picture m.png", "multiplicative uncertainty"),
         ("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.001 -o K.json", "controller of order"),
         ("check m.json K.json --delay 0.001 --bandwidth 1 -o r.txt --picture c.pdf", "STATISTICALLY ROBUST"),
@@ -120,10 +121,19 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("model bla.npz --poles 2 --above steep -o m.json", "above must be a number"),
         ("model bla.npz --poles 2 -o nowhere/m.json", "existing folder"),
         ("model bla.npz --poles 2 -o m.json --picture m.xyz", "picture must be a file that matplotlib writes"),
-        ("design bla.npz --bandwidth 5 -o K.json", "path must be a whole JSON file"),
+        (
+            "design bla.npz --bandwidth 5 -o K.json",
+            "path must hold a model, got bla.npz, which is a BLA; go on with: robust model bla.npz",
+        ),
         ("check m.json nothing.json", "nothing.json"),
-        ("check K.json K.json", "must hold a robust-model file"),
-        ("check m.json m.json", "must hold a robust-controller file"),
+        (
+            "check K.json K.json",
+            "must hold a model, got K.json, which is a controller; go on with: robust check MODEL K.json",
+        ),
+        (
+            "check m.json m.json",
+            "must hold a controller, got m.json, which is a model; go on with: robust design m.json",
+        ),
         ("check m.json K.json --solver MOSEK", "solver must be one of"),
         ("check m.json K.json --delay -1", "delay must be zero or positive"),
         ("check m.json K.json --bandwidth 0", "bandwidth must be positive, got 0"),
@@ -132,7 +142,7 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("design m.json --method lqg -o K2.json", "method must be one of"),
         ("design m.json --method pid --structure PIDD -o K2.json", "structure must be one of"),
         ("export m.json -o m.xyz", "out must end in .mat or .csv"),
-        ("export m.json -o m.csv", "file must be a controller"),
+        ("export m.json -o m.csv", "path must hold a controller"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_two(robust_command, command, message, tmp_path):
@@ -245,6 +255,9 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     assert not code, err
     assert load_model(tmp_path / "n.json").source.count("random-odd multisine") == 2
     assert (tmp_path / "n.png").read_bytes().startswith(b"\x89PNG")
+    code, _, err = robust_command("design m.json --bandwidth 3 --delay 0.004 -o K.json")
+    assert code == 2
+    assert "delay must be in the nominal of several channels (robust model --delay)" in err
     code, _, err = robust_command("model G.npz bla.npz --poles 2 -o n.json")
     assert code == 2
     assert "bla must be BLAs or matrices, all of one kind, got bla.npz with Bla" in err
@@ -268,3 +281,56 @@ def test_messages_name_the_option_in_its_own_unit(robust_command, command, messa
     code, _, err = robust_command(command)
     assert code == 2
     assert message in err
+
+
+def test_a_controller_is_checked_with_the_delay_it_was_designed_for(robust_command):
+    assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
+    assert robust_command("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.002 -o K.json")[0] == 0
+    assert json.loads(Path("K.json").read_text())["delay"] == 0.002
+    _, stored, err = robust_command("check m.json K.json --no-certify")
+    assert "designed for" not in err
+    assert "zero-order hold and a delay of 0.002 s in the plant" in " ".join(stored.split())
+    assert robust_command("check m.json K.json --no-certify --delay 0.002")[1] == stored
+    _, without, err = robust_command("check m.json K.json --no-certify --delay 0")
+    assert "K.json was designed for a computation delay of 0.002 s, and --delay says 0 s" in err
+    assert "zero-order hold in the plant" in " ".join(without.split())
+    save_controller(load_controller("K.json"), "old.json")  # says nothing of a delay, as every file of before
+    assert robust_command("check m.json old.json --no-certify")[1] == without
+
+
+def test_a_continuous_design_has_its_delay(robust_command):
+    """The delay was left out of a loop shaping without --sample-time."""
+    assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
+    orders = []
+    for delay in ("0", "0.004"):
+        assert robust_command(f"design m.json --bandwidth 6 --delay {delay} -o K.json")[0] == 0
+        orders.append(load_controller("K.json").nstates)
+    assert orders[1] == orders[0] + 4  # of the Pade approximation
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.5 -o K.json", "0.5 ms is --delay 0.0005"),
+        ("design bla.npz --method pid --positive --sample-time 0.001 --delay 0.5 -o K.json", "periods of 0.001 s"),
+        ("check m.json old.json --delay 0.5", "at most 50 sampling periods of 0.001 s, got 0.5 s, which is 500 of"),
+        ("shape m.json --sample-time 0.001 --delay 0.5 -o s.html", "delay must be in seconds"),
+        ("check md.json 2.json", "robust.lti.discretize(K, 0.001), or robust design --sample-time 0.001"),
+    ],
+)
+def test_units_and_clocks_are_named(robust_command, command, message):
+    assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
+    assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 --sample-time 0.001 -o md.json")[0] == 0
+    save_controller(control.tf([1], [1, 0], 0.001), "old.json")
+    save_controller(control.tf([1], [1, 1]), "2.json")
+    code, _, err = robust_command(command)
+    assert code == 2
+    assert message in err
+
+
+def test_limits_that_are_not_met_are_not_called_held(robust_command):
+    code, out, _ = robust_command("design bla.npz --method pid --peak 0.9 --sample-time 0.001 -o K.json")
+    assert code == 1
+    assert "LIMITS NOT MET" in out
+    assert "held" not in out
+    assert "limits tried: on the 60 measured lines only" in out

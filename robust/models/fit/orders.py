@@ -76,7 +76,7 @@ class OrderScan:
             row += f"  cost {self.cost[i]:10.4g}  {self.cost[i] / self.expected_cost[i]:9.4g} times scatter"
             doubt = describe_doubtful_poles(fit)
             rows.append(
-                f"{row}  criterion {self.criterion[i]:10.4g}" + " <-" * (i == best) + f"  {doubt}" * bool(doubt)
+                f"{row}  criterion {self.criterion[i]:10.4g}" + " (lowest)" * (i == best) + f"  {doubt}" * bool(doubt)
             )
         return "\n".join(rows)
 

@@ -41,7 +41,7 @@ from robust.models.fit.nominal import (
 from robust.models.fit.weights import WeightOrderError, fit_weight
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, MATRIX_FORMS, Form
 from robust.models.sets.joint import attach_records
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, count_channels, format_channels, own_weights_call
 from robust.models.sets.radius import (
     Extrapolation,
     RadiusSpec,
@@ -143,10 +143,28 @@ def uncertainty(
     >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0, above="flat")
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.35))
     ('multiplicative', 'statistical', True)
+
+    A set by weights of your own is an `UncertaintyModel`. A plant of two inputs and outputs, its inputs wrong by up to
+    20 %, all at once and with any coupling (for a perturbation of each input by itself: `interconnection`):
+
+    >>> from robust import UncertaintyModel, check
+    >>> G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.3], [0.2, 1.0]], np.zeros((2, 2)))
+    >>> model = UncertaintyModel(
+    ...     G, form="input", left=(0.2, 0.2), right=(1, 1), omega=np.logspace(-2, 2), perturbation="LTI")
+    >>> K = control.ss(np.zeros((2, 2)), np.eye(2), 2 * np.eye(2), 2 * np.eye(2))    # 2 (1 + 1/s) in both loops
+    >>> report = check(model, K)
+    >>> report.verdict, round(report.margin_rs, 2)                                  # 5 would be 100 %
+    ('robust', 4.99)
     """
     bla = bla_of_fit(bla, nominal)
     recorded: list[Bla] = matrices_given(bla)
     several = bool(recorded)
+    given = nominal.G if isinstance(nominal, NominalFit) else nominal
+    if not several and count_channels(given) != (1, 1):
+        raise ValueError(
+            f"bla must be a measured Bla for a nominal of {format_channels(given)}, got {short_form(bla)}; a set by "
+            f"weights of your own is {own_weights_call(given, form)}"
+        )
     if several and form == DEFAULT_FORM:
         form = ELEMENTS
     if several and form == AUTO:  # the price of looking at both: what may go wrong is shared between them

@@ -23,6 +23,12 @@ from robust.lti.stability import is_stable
 from robust.models.sets.forms import PERTURBATIONS
 from robust.mu.blocks import KINDS
 
+#: What lets a block read an input of a plant that no system drives, as in an open loop.
+PASS_ON = (
+    ", which no system drives: add control.ss([], [], [], [[1]], inputs='{0}_in', outputs='{0}') to the systems, and "
+    "'{0}_in' to the inputs"
+)
+
 __all__ = ["Block", "UncertainSystem", "interconnection"]
 
 
@@ -99,7 +105,8 @@ class UncertainSystem:
     Fields
     ------
     N : control.StateSpace
-        From (what the blocks drive, inputs) to (what the blocks read, outputs), sizes inside.
+        From (what the blocks drive, inputs) to (what the blocks read, outputs), sizes inside. Its signals have the
+        names of `inputs` and `outputs`; those of a block begin with its name: "actuator:u".
     blocks : dict of str to Block
         In the order in which N is cut.
     inputs, outputs : tuple of str
@@ -123,6 +130,21 @@ class UncertainSystem:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
+    def __post_init__(self) -> None:
+        N, (read, driven) = self.N, self._signals()
+        held = self.__dict__
+        held["N"] = control.StateSpace(
+            N.A, N.B, N.C, N.D, N.dt, inputs=[*driven, *self.inputs], outputs=[*read, *self.outputs]
+        )
+
+    def _signals(self) -> tuple[list[str], list[str]]:
+        """Return names of what the blocks read and of what they drive: that of the block before that of the signal."""
+        named = self.blocks.items()
+        return (
+            [f"{name}:{signal}" for name, block in named for signal in block.reads],
+            [f"{name}:{signal}" for name, block in named for signal in block.drives],
+        )
+
     @property
     def structure(self) -> list[tuple[int, int] | tuple[int, int, str]]:
         """Return blocks as `mu_upper` takes them, for the part of N they close."""
@@ -139,7 +161,8 @@ class UncertainSystem:
         rows = sum(block[0] for block in self.structure)
         cols = sum(block[1] for block in self.structure)
         N = self.N
-        return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt)
+        read, driven = self._signals()
+        return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt, inputs=driven, outputs=read)
 
     def at(self, **values: float) -> control.StateSpace:
         """Return the system with numbers in [-1, 1] in place of perturbations of one signal; those not named are zero.
@@ -165,7 +188,10 @@ class UncertainSystem:
         N = self.N
         if not self.inputs:
             N = control.StateSpace(N.A, np.tile(N.B, (1, 2)), np.tile(N.C, (2, 1)), np.tile(N.D, (2, 2)), N.dt)
-        return upper_lft(N, control.StateSpace([], [], [], Delta, N.dt))
+        found = upper_lft(N, control.StateSpace([], [], [], Delta, N.dt))
+        read, driven = self._signals()
+        inputs, outputs = (self.inputs, self.outputs) if self.inputs else (driven, read)
+        return control.StateSpace(found, inputs=list(inputs), outputs=list(outputs))
 
 
 def interconnection(
@@ -212,6 +238,8 @@ def interconnection(
     ...     {"pole": Block("y", "pole", 0.5, kind="real"), "actuator": Block("u", "u", 0.2)})
     >>> system.structure, system.N.poles().tolist()
     ([(1, 1, 'real'), (1, 1)], [(-5+0j)])
+    >>> system.N.input_labels
+    ['pole:pole', 'actuator:u']
     """
     if not isinstance(systems, Sequence) or not systems:
         raise ValueError(f"systems must hold at least one system, as a list, got {short_form(systems)}")
@@ -241,6 +269,7 @@ def require_known_signals(named_in: list[str], named_out: list[str], *, read: li
         if label not in named_out:
             raise ValueError(
                 f"blocks and outputs must read outputs of the systems ({', '.join(named_out)}), got {label!r}"
+                + (PASS_ON.format(label) if label in named_in else "")
             )
     for label in external:
         if label not in named_in:

@@ -41,6 +41,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import (
+    format_count,
     random_generator,
     require_choice,
     require_integer,
@@ -84,8 +85,12 @@ from robust.models.sets.records import RecordSummary, format_probability
 __all__ = [
     "MatrixUncertainty",
     "UncertaintyModel",
+    "count_channels",
+    "describe_no_set",
+    "format_channels",
     "has_several_channels",
     "is_within_set",
+    "own_weights_call",
     "require_one_channel",
     "require_parametric",
 ]
@@ -116,7 +121,8 @@ class UncertaintyModel:
     omega : (W,) ndarray
         Frequencies of the radius [rad/s].
     radius : (W,) or (n, W) ndarray
-        What the weights cover, in the unit of the form; those of `left` before those of `right`.
+        What the weights cover, in the unit of the form; those of `left` before those of `right`. |weight| when not
+        given, for weights of your own.
     confidence : float
         Probability with which a line of another realisation lies in its disc (with several channels: of another set of
         experiments, in the set); nan where none is claimed.
@@ -228,14 +234,21 @@ class UncertaintyModel:
                 held[name] = tuple(state_space(name, weight) for weight in getattr(self, name))
             G = held["nominal"] = multivariable("nominal", self.nominal)
             if one := (G.ninputs, G.noutputs) == (1, 1) and reduce_to_one_channel(
-                self.form, self.left, right=self.right, radius=np.asarray(self.radius)
+                self.form, self.left, right=self.right, radius=self._given_radius()
             ):
                 held.update(one, left=(), right=())
+        elif count_channels(self.nominal) != (1, 1):
+            raise ValueError(
+                f"left and right must hold the weights of a plant of {format_channels(self.nominal)}, got weight "
+                f"{short_form(self.weight)}: {own_weights_call(self.nominal, self.form)}"
+            )
         single = self.is_single
         require_choice("form", self.form, tuple(FORMS) if single else MATRIX_FORMS)
         require_choice("perturbation", self.perturbation, PERTURBATIONS)
         if not np.isnan(self.confidence):
             require_probability("confidence", self.confidence)
+        if self.omega is None:
+            raise ValueError("omega must be the frequencies of the set [rad/s], got None")
         held["omega"] = omega = require_real_array("omega", self.omega, ndim=1)
         if np.any(np.diff(omega) <= 0) or not omega.size or omega[0] <= 0:
             raise ValueError("omega must be positive and increasing")
@@ -255,6 +268,13 @@ class UncertaintyModel:
                 raise ValueError(f"{name} must be left out but for the coprime form, got one with {self.form}")
         known = (("u",), ("y",)) if single else signal_names(self.nominal)
         held["inputs"], held["outputs"] = tuple(self.inputs) or known[0], tuple(self.outputs) or known[1]
+
+    def _given_radius(self) -> np.ndarray:
+        """Return the radius that was given, else that of the weights."""
+        if self.radius is not None:
+            return np.asarray(self.radius)
+        rows = [np.abs(response(weight, np.asarray(self.omega, dtype=float))) for weight in self.weights]
+        return rows[0] if self.is_single else np.array(rows)
 
     def _check_blocks(self) -> None:
         """Refuse weights of several channels that are not as many as the form has."""
@@ -276,7 +296,7 @@ class UncertaintyModel:
     def _check_radius(self) -> None:
         """Refuse radii, weights and parts that do not fit each other or the nominal."""
         omega, dt = self.omega, 0.0 if self.measured_only else timebase(self.nominal)
-        radius = require_real_array("radius", self.radius, ndim=1 if self.is_single else 2)
+        radius = require_real_array("radius", self._given_radius(), ndim=1 if self.is_single else 2)
         shape = omega.shape if self.is_single else (len(self.weights), omega.size)
         if radius.shape != shape:
             raise ValueError(f"radius must have one value per frequency, the shape {shape}, got {radius.shape}")
@@ -588,6 +608,30 @@ class UncertaintyModel:
         return {f"{out} by {name}": Block(f"z{k}", f"d{k}", **of) for k, (out, name) in enumerate(pairs)}
 
 
+def count_channels(nominal: AnySystem) -> tuple[int, int]:
+    """Return outputs and inputs of a plant, also of a number or a matrix."""
+    if isinstance(nominal, control.InputOutputSystem | control.FrequencyResponseData):
+        return int(nominal.noutputs), int(nominal.ninputs)
+    rows, columns = np.atleast_2d(nominal).shape if np.ndim(nominal) <= 2 else (1, 1)
+    return rows, columns
+
+
+def format_channels(nominal: AnySystem) -> str:
+    """Return the outputs and inputs of a plant in words."""
+    n_y, n_u = count_channels(nominal)
+    return f"{format_count(n_y, 'output')} by {format_count(n_u, 'input')}"
+
+
+def own_weights_call(nominal: AnySystem, form: str) -> str:
+    """Return the call that makes a set of several channels from weights of the user."""
+    n_y, n_u = count_channels(nominal)
+    form = form if form in MATRIX_FORMS else INPUT if n_y == n_u else ADDITIVE
+    left, right = {ELEMENTS: ("()", f"(w,) * {n_y * n_u}"), ADDITIVE: (f"(w,) * {n_y}", f"(1,) * {n_u}")}.get(
+        form, (f"(w,) * {n_u}", f"(1,) * {n_u}")
+    )
+    return f"UncertaintyModel(G, form={form!r}, left={left}, right={right}, omega=omega)"
+
+
 #: The name of `UncertaintyModel` for several channels before one type took any number of them.
 MatrixUncertainty = UncertaintyModel
 
@@ -603,11 +647,21 @@ def require_several_channels(model: UncertaintyModel, purpose: str, instead: str
         raise ValueError(f"model must be of several channels to {purpose}, got one of one input and output: {instead}")
 
 
+def describe_no_set(thing: object) -> str:
+    """Return the end of a refusal of what is no set; of an interconnection with the call that takes it."""
+    if not isinstance(thing, UncertainSystem):
+        return short_form(thing)
+    return (
+        "an UncertainSystem: check_structure(system) checks it, and print of its report gives the worst perturbation "
+        "found; worst_gain_bounds(system.N, system.structure, omega) bounds the largest gain"
+    )
+
+
 def require_parametric(model: object, purpose: str) -> None:
     """Refuse what is no set, or one that is known on its lines only."""
     if not isinstance(model, UncertaintyModel) or model.measured_only:
         raise ValueError(
-            f"model must be an UncertaintyModel with a parametric nominal {purpose}, got {short_form(model)}"
+            f"model must be an UncertaintyModel with a parametric nominal {purpose}, got {describe_no_set(model)}"
         )
 
 
@@ -620,7 +674,7 @@ def require_one_channel(model: object, instead: str, purpose: str, *, parametric
     if parametric:
         require_parametric(model, purpose)
     elif not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel {purpose}, got {short_form(model)}")
+        raise ValueError(f"model must be an UncertaintyModel {purpose}, got {describe_no_set(model)}")
 
 
 def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:

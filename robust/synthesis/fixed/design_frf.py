@@ -57,7 +57,7 @@ def design_frf(
 
     Parameters
     ----------
-    plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them; MatrixUncertainty
+    plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them
         An FRF is known on its lines only, and interpolated between two of them where the controller has a mode; below
         the first one it is taken to go on as its slope says (flat, or as integrators). A list is a family: one
         controller for all. Discs of a Bla or model are part of every demand: it holds for each plant in them. Of a
@@ -170,7 +170,7 @@ def design_frf(
         return close_in_turn(plant, structure, cast("LoopOptions", asked))
     if isinstance(plant, list | tuple) and any(has_several_channels(one) or is_matrix(one) for one in plant):
         raise ValueError(
-            "plant must be one Bla of several channels (or MatrixUncertainty) or a list of single loops, got a list "
-            "of matrices"
+            "plant must be one Bla or UncertaintyModel of several channels or a list of single loops, got a list of "
+            "matrices"
         )
     return design_loop(plant, cast("str", structure), **cast("LoopOptions", asked))

@@ -177,7 +177,7 @@ def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
     step = timebase(plant.nominal)
     if options["delay"] or (dt and dt != step):
         raise ValueError(
-            f"dt and delay must be in the nominal of a MatrixUncertainty, by sampled(), got {dt:g} s and "
+            f"dt and delay must be in the nominal of several channels, by sampled(), got {dt:g} s and "
             f"{options['delay']:g} s on top of a nominal at {step:g} s"
         )
     wild = unstable_pole_values(plant.nominal, step)

@@ -6,11 +6,17 @@ from collections.abc import Iterator
 from typing import Any
 
 import control
+import numpy as np
 
 from nlfrf._base.values import value
 from robust.proofs.search.certificate import Certificate
 
-__all__ = ["Design"]
+__all__ = ["Design", "describe_controller"]
+
+
+def describe_controller(K: control.StateSpace) -> str:
+    """Return the order and the clock of a controller in words."""
+    return f"controller of order {K.nstates}, {f'sampled at {1 / K.dt:g} Hz' if K.dt else 'continuous'}"
 
 
 @value
@@ -50,6 +56,8 @@ class Design:
     >>> design = ncfsyn(control.tf([1], [1, 1]), 10)
     >>> bool(design.gamma_min < design.gamma < 4)
     True
+    >>> print(design)
+    controller of order 1, continuous: gamma 1.469 proved, at best 1.349
     """
 
     K: control.StateSpace
@@ -64,6 +72,12 @@ class Design:
     def __iter__(self) -> Iterator[Any]:
         """Unpack as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
         return iter((self.K, self.CL, self.gamma, self))
+
+    def __str__(self) -> str:
+        text = f"{describe_controller(self.K)}: gamma {self.gamma:.4g}{' proved' if self.certified else ''}"
+        text += f", at best {self.gamma_min:.4g}" if np.isfinite(self.gamma_min) else ""
+        text += "" if self.met else "; LIMITS NOT MET"
+        return f"{text}\n  {self.reason}" if self.reason else text
 
     @property
     def certified(self) -> bool:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_integer, require_positive
+from nlfrf._base.arguments import format_count, require_integer, require_positive
 from nlfrf._base.values import value
 from robust._base.types import Blocks, LinearSystem, Weight
 from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
@@ -23,12 +23,14 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.models.fit.weights import minimum_phase
+from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
+from robust.synthesis.hinf.design import describe_controller
 from robust.synthesis.hinf.hinfsyn import synthesise
 from robust.synthesis.hinf.mixsyn import weight_on_time_base
 
@@ -81,6 +83,9 @@ class DkDesign:
     >>> found = dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1)
     >>> bool(found.mu < 1), found.K.nstates > 0
     (True, True)
+    >>> print(found)
+    controller of order 1, continuous: mu 0.5417 (robust performance), proved below 0.5472 at all frequencies
+      1 round made
     """
 
     K: control.StateSpace
@@ -92,6 +97,17 @@ class DkDesign:
     reason: str
     CL: control.StateSpace | None = None
 
+    def __str__(self) -> str:
+        if not np.isfinite(self.mu):
+            return f"no controller: {self.reason}"
+        proved = self.certificate is not None and self.certificate.holds
+        below = "robust performance" if self.mu < 1 else "robust performance not reached, as it is not below 1"
+        return (
+            f"{describe_controller(self.K)}: mu {self.mu:.4g} ({below}), "
+            f"{f'proved below {1.01 * self.mu:.4g} at all frequencies' if proved else 'on a grid, not proved'}\n"
+            f"  {self.reason}"
+        )
+
     def __iter__(self) -> Iterator[Any]:
         """Unpack as in MATLAB and python-control: K, CL, mu, info = ..., info the whole result."""
         return iter((self.K, self.CL, self.mu, self))
@@ -102,7 +118,7 @@ Scaling: TypeAlias = control.StateSpace | tuple[control.StateSpace, control.Stat
 
 
 def dk_iteration(
-    P: UncertaintyModel | LinearSystem,
+    P: UncertaintyModel | UncertainSystem | LinearSystem,
     blocks: Blocks | None = None,
     n_y: int = 0,
     n_u: int = 0,
@@ -118,13 +134,14 @@ def dk_iteration(
 
     Parameters
     ----------
-    P : UncertaintyModel or control.StateSpace
-        A measured set; or a system from (what the perturbations and the performance drive, u) to (what they read, y).
+    P : UncertaintyModel, UncertainSystem or control.StateSpace
+        A set of several channels; an `interconnection` without the controller; or a system from (what the perturbations
+        and the performance drive, u) to (what they read, y).
     blocks : list
         Of a system; as for `mu_upper`, the performance being a full block. Repeated and real blocks are designed for as
         full complex ones, and judged as what they are.
     n_y, n_u : int
-        Of a system: how many of the last outputs are measured, of the last inputs controlled.
+        Of a system or an interconnection: how many of the last outputs are measured, of the last inputs controlled.
     w_P, w_u : control system or float, optional
         Of a set, the performance: mu < 1 keeps the norm of [w_P S; w_u K S] under one for all its plants. One weight
         for all channels alike, or a matrix that takes them all; w_P has to be given.
@@ -157,6 +174,18 @@ def dk_iteration(
     >>> bool(dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1).mu < 1)
     True
 
+    The same by the names of its signals. K reads e and drives u, the last output and the last input:
+
+    >>> from robust import Block, interconnection
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
+    >>> drive = control.ss([], [], [], [[1.0]], inputs="u_in", outputs="u")      # what the block reads
+    >>> error = control.summing_junction(["r", "-y"], "e")
+    >>> weight = control.ss([], [], [], [[0.5]], inputs="e", outputs="z")
+    >>> system = interconnection([lag, drive, error, weight], {"gain": Block("u", "u", 0.5)},
+    ...                          inputs=["r", "u_in"], outputs=["z", "e"])
+    >>> bool(dk_iteration(system, n_y=1, n_u=1, n_rounds=1).mu < 1)
+    True
+
     Notes
     -----
     Without omega the frequencies are those of the poles of the loop of each round. Each round also tries scalings that
@@ -167,7 +196,12 @@ def dk_iteration(
     if has_several_channels(P):
         P, blocks, n_y, n_u = performance_plant(P, w_P, w_u=w_u, blocks=blocks)
     elif w_P is not None or w_u is not None:
-        raise ValueError("w_P and w_u must be left out but for a MatrixUncertainty: of a system they are part of P")
+        raise ValueError(
+            "w_P and w_u must be left out but for an UncertaintyModel of several channels: of a system they are part "
+            "of P"
+        )
+    elif isinstance(P, UncertainSystem):
+        P, blocks = open_interconnection(P, blocks, n_y=n_y, n_u=n_u)
     P = multivariable("P", P)
     n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
     order, n_rounds = require_integer("order", order, least=0), require_integer("n_rounds", n_rounds, least=1)
@@ -175,7 +209,7 @@ def dk_iteration(
     blocks = () if blocks is None else blocks
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     dt = timebase(P)
-    best, reason = empty_design(P, n_y, n_u), f"{n_rounds} rounds were made"
+    best, reason = empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
     scaling, used, history, stretch = [identity_scaling(dt)] * len(s.kinds), 0, [], 1.0
     found, failed, idle = None, "", 0
     for _ in range(n_rounds):
@@ -225,13 +259,29 @@ def performance_plant(
 ) -> tuple[control.StateSpace, Blocks, int, int]:
     """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
     if w_P is None or blocks is not None:
-        raise ValueError("w_P must be given for a MatrixUncertainty, and no blocks: they are its own")
+        raise ValueError("w_P must be given for an UncertaintyModel, and no blocks: they are its own")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
     weights = [("e", weight_on_time_base("w_P", w_P, dt=dt, n=n_y))]
     weights += [] if w_u is None else [("u", weight_on_time_base("w_u", w_u, dt=dt, n=n_u))]
     P = weighted_plant(model.open_loop(), n_y, n_u=n_u, weights=weights)
     of_performance = (sum(w.noutputs for _, w in weights), n_y)
     return P, [*model.structure, of_performance], n_y, n_u
+
+
+def open_interconnection(
+    system: UncertainSystem, blocks: Blocks | None, *, n_y: int, n_u: int
+) -> tuple[control.StateSpace, Blocks]:
+    """Return P and blocks of an interconnection whose last inputs and outputs are those of the controller."""
+    performance = len(system.outputs) - n_y, len(system.inputs) - n_u
+    if blocks is not None:
+        raise ValueError("blocks must be left out for an interconnection, which has its own")
+    if min(n_y, n_u, *performance) < 1 and performance != (0, 0):
+        raise ValueError(
+            f"n_y and n_u must be how many of the last outputs {', '.join(system.outputs) or 'none'} K reads, and of "
+            f"the last inputs {', '.join(system.inputs) or 'none'} it drives, got {n_y} and {n_u}; those before them "
+            "are the performance, and K is not among the systems"
+        )
+    return system.N, [*system.structure, *[performance] * (performance != (0, 0))]
 
 
 def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:

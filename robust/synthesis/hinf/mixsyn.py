@@ -133,8 +133,8 @@ def is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
     """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
     if has_several_channels(model):
         raise ValueError(
-            "model must be a plant or an UncertaintyModel, got a MatrixUncertainty: dk_iteration designs for its "
-            "perturbation, mixsyn for its nominal alone (model.nominal)"
+            "model must be a plant or an UncertaintyModel, got one of several channels: dk_iteration designs for "
+            "its perturbation, mixsyn for its nominal alone (model.nominal)"
         )
     if isinstance(model, UncertaintyModel) and model.measured_only:
         raise ValueError("model must have a parametric nominal to synthesise for, got an FRF: see design_frf")

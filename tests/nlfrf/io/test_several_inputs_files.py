@@ -110,7 +110,7 @@ def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
     assert "n_samples must be that of the record, 256, got 128" in refusal(n_samples=128)
     assert "n_discard must be less than the 2 periods" in refusal(n_discard=2)
     assert "path must be a record of one input" in refusal(load=nlfrf.load_record, u="µ/2")
-    assert "nlfrf-multirecord" in refusal(load=nlfrf.load_bla)
+    assert "which is a record; go on with: nlfrf identify" in refusal(load=nlfrf.load_bla)
     whole = dict(np.load(path))
     for missing in ("u", "shape", "odd", "outputs"):
         write_arrays(path, {name: array for name, array in whole.items() if name != missing})

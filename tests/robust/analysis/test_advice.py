@@ -52,7 +52,7 @@ def loop_at(f0):
         (0.1, 40.0, {"noise": 0.7, "misfit": 0.3}, "above the measured band", "average more periods"),
         (0.1, 3.0, {"misfit": 0.7, "odd": 0.3}, "where the radius is misfit 70 %, odd 30 %", "robust orders"),
         (0.1, 3.0, {"level": 1.0}, "where the radius is level 100 %", "narrow the range of levels"),
-        (0.3, 3.0, {"noise": 1.0}, "The weight lies 9.5 dB over the radius there.", "give it a higher order"),
+        (0.3, 3.0, {"noise": 1.0}, "The weight lies 9.5 dB over the radius there.", "fit one of a higher order"),
         (0.1, 3.0, {}, "the model does not say what its radius is made of there", ""),
     ],
 )

@@ -132,10 +132,10 @@ def damaged(text):
     content = json.loads(text)
     yield "truncated", text[: len(text) // 2], "must be a whole JSON file"
     yield "empty", "", "must be a whole JSON file"
-    yield "another schema", json.dumps(content | {"schema": "nlfrf-bla"}), "must hold a robust-model file"
+    yield "another schema", json.dumps(content | {"schema": "nlfrf-bla"}), "must hold a model, got .*, which is a BLA"
     yield "newer", json.dumps(content | {"version": 2}), "must hold version 1"
     yield "no weight", json.dumps({k: v for k, v in content.items() if k != "weight"}), "must hold a whole robust-model"
-    yield "a list", "[1, 2]", "must hold a robust-model file"
+    yield "a list", "[1, 2]", "must hold robust-model or"
     yield "wrong shapes", json.dumps(content | {"radius": [1.0]}), "radius must have one value per frequency"
     yield "text for numbers", json.dumps(content | {"omega": "many"}), "omega must be a list, got 'many'"
     yield "no matrix", json.dumps(content | {"weight": {"kind": "ss", "dt": 0}}), "must hold a whole robust-model"
@@ -162,7 +162,7 @@ def test_damaged_files_are_refused_in_one_line(case, tmp_path):
     with pytest.raises(ValueError, match=message) as refusal:
         load_model(tmp_path / "bad.json")
     assert "\n" not in str(refusal.value)
-    with pytest.raises(ValueError, match=r"robust-controller|JSON"):
+    with pytest.raises(ValueError, match=r"must hold a controller|robust-controller|JSON"):
         load_controller(tmp_path / "bad.json")
 
 

@@ -80,11 +80,11 @@ def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: dk_iteration(column("input")), "w_P must be given for a MatrixUncertainty"),
+        (lambda: dk_iteration(column("input")), "w_P must be given for an UncertaintyModel"),
         (lambda: dk_iteration(column("input"), [(2, 2)], w_P=1.0), "and no blocks: they are its own"),
         (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, w_P=1.0), "w_P and w_u must be left out but for"),
         (lambda: dk_iteration(column("input"), w_P=np.eye(3)), "w_P must have 1 input, for all channels alike, or 2"),
-        (lambda: mixsyn(column("input"), 1.0), "got a MatrixUncertainty: dk_iteration designs for its perturbation"),
+        (lambda: mixsyn(column("input"), 1.0), "got one of several channels: dk_iteration designs for its"),
     ],
 )
 def test_refusals_of_sets(call, message):

@@ -129,7 +129,7 @@ def test_a_delay_is_tried_where_the_phase_asks_for_one_and_compared():
     assert abs(scan.fit.delay - 5e-3) < 4 * scan.fit.uncertainty.std_delay
     assert list(scan.n_poles) == [1, 1, 2, 2, 3, 3, 4, 4, 5, 5]
     assert scan.criterion[list(scan.fits).index(scan.fit)] < scan.criterion[scan.delay == 0].min()
-    assert str(scan).count("<-") == 1
+    assert str(scan).count("(lowest)") == 1
     assert f"delay {1e3 * scan.fit.delay:8.4g} ms" in str(scan)
 
 

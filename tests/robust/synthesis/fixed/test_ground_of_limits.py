@@ -40,7 +40,7 @@ def test_the_lines_are_named_and_the_commands_that_prove_run(command):
     """4aa289a said "every limit met" and left open on what; check then said NOT ROBUST of the same data."""
     code, out, _ = command("robust design bla.npz --method pid --peak 1.8 --sample-time 1e-3 --delay 1e-3 -o K.json")
     assert code == 0
-    assert "limits held: on the 158 measured lines only, 1 to 79.5 Hz, each with its bound at 95 %" in out
+    assert "limits tried: on the 158 measured lines only, 1 to 79.5 Hz, each with its bound at 95 %" in out
     (row,) = re.findall(r"prove it: +(.*)", out)
     for line in row.split("; "):
         code, out, err = command(line.replace("--poles N", "--poles 2 --zeros 0"))
@@ -52,7 +52,7 @@ def test_a_model_is_held_by_its_weight_on_a_grid(command):
     assert command("robust model bla.npz --poles 2 --zeros 0 -o m.json")[0] == 0
     code, out, _ = command("robust design m.json --method pid --peak 1.8 --sample-time 1e-3 -o K.json")
     assert code == 0
-    assert "limits held: on a grid, for every plant that the weight of m.json allows; a grid proves nothing" in out
+    assert "limits tried: on a grid, for every plant that the weight of m.json allows; a grid proves nothing" in out
     (line,) = re.findall(r"prove it: +(.*)", out)
     code, out, err = command(line)
     assert code == 0, err

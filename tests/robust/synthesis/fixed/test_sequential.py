@@ -134,7 +134,7 @@ def test_from_measured_lines_alone():
     ("G", "options", "message"),
     [
         (STAGE, {"M_S": [2.0]}, "M_S must have one of 2 loops each where it is a list, got 1"),
-        (STAGE, {"M_S": 2.0, "dt": 0.01}, "dt and delay must be in the nominal of a MatrixUncertainty"),
+        (STAGE, {"M_S": 2.0, "dt": 0.01}, "dt and delay must be in the nominal of several channels"),
         (STAGE, {"M_S": 2.0, "delay": 0.01}, "dt and delay must be in the nominal"),
         (STAGE, {"M_S": 2.0, "n_unstable": 1}, "n_unstable must be 0 for loops closed in turn, .*, got 1"),
         (STAGE, {"M_S": 2.0, "prove": 1}, "prove must be left out of a design for a matrix"),
@@ -149,7 +149,9 @@ def test_refusals(G, options, message):
 def test_a_list_of_matrices_is_refused_as_one():
     """An Frm in a list was said to be no plant, which an Frm alone is."""
     one = set_of(STAGE, "input", (0.1, 0.1), (1.0, 1.0))
-    with pytest.raises(ValueError, match=r"plant must be one Bla of several channels .* got a list of matrices"):
+    with pytest.raises(
+        ValueError, match=r"plant must be one Bla or UncertaintyModel of several .* got a list of matrices"
+    ):
         design_frf([one, one], "PI", M_S=2.0)
 
 

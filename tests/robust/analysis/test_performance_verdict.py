@@ -1,0 +1,61 @@
+"""The verdict line of a robustly stable loop that misses its performance says so."""
+
+import control
+import numpy as np
+import pytest
+
+import robust
+from robust import UncertaintyModel, check
+
+LAG = control.tf([1], [1, 1])
+
+
+def single(M_S):
+    model = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]), perturbation="LTI")
+    return check(model, 2.0, w_P=control.ss([], [], [], [[1 / M_S]]))
+
+
+def several(M_S):
+    G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    model = UncertaintyModel(
+        G, form="input", left=(0.2, 0.2), right=(1, 1), omega=np.array([1.0, 2.0]), perturbation="LTI"
+    )
+    return check(model, control.ss([], [], [], 2 * np.eye(2)), w_P=control.ss([], [], [], [[1 / M_S]]))
+
+
+@pytest.mark.parametrize(("judge", "missed"), [(single, "not met"), (several, "not proved")])
+def test_a_loop_that_misses_its_demand_is_not_called_robust_alone(judge, missed):
+    """|S| goes to one at high frequency: at most 0.25 asks for what no loop here has."""
+    report = judge(0.25)
+    assert report.verdict == "robust"
+    assert report.performance == missed
+    assert str(report).startswith(f"verdict:     ROBUST, PERFORMANCE {missed.upper()} (")
+    assert f"demand {missed} for the whole set" in " ".join(str(report).split())
+    if judge is several:
+        assert "above the 1 that is allowed" in " ".join(str(report).split())
+
+
+@pytest.mark.parametrize("judge", [single, several])
+def test_a_loop_that_meets_it_is(judge):
+    report = judge(2.0)
+    assert report.performance == "met"
+    assert str(report).startswith("verdict:     ROBUST (")
+    assert "demand met for the whole set" in " ".join(str(report).split())
+
+
+def test_without_a_demand_nothing_is_said():
+    model = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]))
+    report = check(model, 2.0)
+    assert (report.performance, report.missed_performance) == ("", "")
+    report = check(model, -2.0, w_P=control.ss([], [], [], [[4.0]]))  # unstable: the verdict says more than that
+    assert report.performance == ""
+
+
+def test_designs_and_worst_cases_print_what_they_found():
+    model = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]))
+    found = robust.mixsyn(LAG, 0.5, 1.0)
+    assert f"controller of order {found.K.nstates}, continuous: gamma {found.gamma:.4g} proved" in str(found)
+    failed = robust.worst_case(UncertaintyModel(LAG, 3.0, "multiplicative", np.array([1.0])), 2.0)
+    assert str(failed).startswith("a plant of the set, of ")
+    assert "makes the loop unstable" in str(failed)
+    assert f"{robust.worst_case(model, 2.0).achieved:.4g} at " in str(robust.worst_case(model, 2.0))
