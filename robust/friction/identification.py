@@ -83,9 +83,9 @@ MOST_UNEXPLAINED_SLIPPING = 0.012
 #: level.
 MOST_LATE, MOST_EARLY = 0.1, 0.2
 #: Where the outer part of the swing begins. What sticks throughout the swing is a spring. No free axis has one; beside
-#: a spring to ground it is read as part of that. Levels of 0.04, 0.12 and 0.6 times the break-away force make k too high
-#: by 25 to 48 % of K0 on 3 of 34 machines of benchmarks/read_machine.py, with one element unseen and the other up to
-#: 0.24, 0.32 and 0.4 of the swing. Of levels that slide all but one of 26 have less than 0.2.
+#: a spring to ground it is read as part of that. With a highest level of 0.6 times the break-away force k was 23, 25
+#: and 48 % of K0 too high on three random machines (benchmarks/read_machine.py): one element was not seen, the others
+#: broke away up to 0.32, 0.41 and 0.24 of the swing. Of 26 sets with one of 4 or 5.5 times 25 have less than 0.2.
 OUTER_OF_FREE, OUTER_WITH_SPRING = 0.75, 0.2
 #: Standard deviations by which a lag has to be longer than the delay that contains it, to be a mode.
 DISTINCT = 3.0
