@@ -53,7 +53,9 @@ def one_period_each():
         for rms in (0.025, 0.25, 2.5):
             ms = multisine(fs=4096, n_samples=16384, f_min=1, f_max=143.5, rms=rms, rng=1)
             drive, memory = force_over_period(ms, 1, "band-limited"), initial_memory(rig)
-            times.append(1e3 * best(lambda r=rig, m=memory, d=drive: integrate_rig(r, m, d, 1 / 4096, 1), 15))
+            times.append(
+                1e3 * best(lambda r=rig, m=memory, d=drive: integrate_rig(r, m, drive=d, h=1 / 4096, substeps=1), 15)
+            )
         print(f"  {name:<32}" + "".join(f"{t:8.1f} ms" for t in times))
 
 

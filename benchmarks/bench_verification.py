@@ -101,7 +101,7 @@ def above(n_loops, seed=1):
         if not 1e-9 < float(peak - 1) < 1e-6:
             continue
         count["above"] += 1
-        bad = verify_loop(stability_claim(model_of(case, w), case["K"], None, case["delay"])).verified
+        bad = verify_loop(stability_claim(model_of(case, w), case["K"], w_P=None, delay=case["delay"])).verified
         count["verified above"] += bad
         if bad:
             print(
@@ -111,7 +111,7 @@ def above(n_loops, seed=1):
         if highest(case, below) < 1:
             count["below"] += 1
             count["verified below"] += verify_loop(
-                stability_claim(model_of(case, below), case["K"], None, case["delay"])
+                stability_claim(model_of(case, below), case["K"], w_P=None, delay=case["delay"])
             ).verified
     print(f"peaks within 1e-9 to 1e-6 of one: {dict(count)}; target: none verified above")
 

@@ -261,7 +261,7 @@ def identify(
             raise ValueError(f"opinion must be left out for several inputs, got it with {of}")
         u, y = inputs if input else None, outputs if input or output else None
         record = nlfrf.load_multirecord(file, u=u, y=y, r=references, **cut)
-        identify_matrix(record, how, out, csv, json, decimal)
+        identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := nlfrf.load(design), nlfrf.axis.AxisExperiment):
         given = {
@@ -274,7 +274,7 @@ def identify(
         if extra := [name for name, one in given.items() if one]:
             raise ValueError(f"{extra[0]} must be left out for an experiment on a drive: its design says it")
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
-        identify_experiment(found, file, names, fs, how, out, csv, json, decimal)
+        identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return
     say, targets = printer(json), output_paths(out, outputs)
     require_writable(*targets, *map(table_path, targets * csv))
@@ -326,6 +326,7 @@ class HowToIdentify(TypedDict):
 def identify_experiment(
     experiment: nlfrf.axis.AxisExperiment,
     files: list[Path],
+    *,
     names: tuple[str, str],
     fs: float | None,
     how: HowToIdentify,
@@ -533,7 +534,7 @@ def suggest_lines(ms: nlfrf.Multisine | nlfrf.OrthogonalMultisine, kind: str, f_
         return f"a period of {ms.n_samples / ms.fs:g} s has no line below {ms.f0:g} Hz: ask for --period {n}"
     if kind not in SPARSE_GRIDS:
         return "a longer period has lines nearer to its ends"
-    lines = grid_lines(kind, 1, int(ms.f[0] / ms.f0 + 8.5), np.random.default_rng()).excited
+    lines = grid_lines(kind, 1, last=int(ms.f[0] / ms.f0 + 8.5), rng=np.random.default_rng()).excited
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
     below = lines[lines * ms.f0 <= f_min]
     ask = f"ask for --f-min {below[-1] * ms.f0:g}, " if below.size else "ask for "
@@ -544,7 +545,9 @@ def suggest_lines(ms: nlfrf.Multisine | nlfrf.OrthogonalMultisine, kind: str, f_
     )
 
 
-def identify_matrix(record: nlfrf.Record, how: HowToIdentify, out: Path, csv: bool, json: bool, decimal: str) -> None:
+def identify_matrix(
+    record: nlfrf.Record, how: HowToIdentify, *, out: Path, csv: bool, json: bool, decimal: str
+) -> None:
     """Identify a record of several inputs; write the matrix, and a table where `csv` is set."""
     is_table = out.suffix.lower() == ".csv"
     targets = [out, *[table_path(out)] * (csv and not is_table)]

@@ -209,7 +209,7 @@ def design(
     say = printer(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
     if method == "pid":
-        say(describe_limit_checks(plant, model, out, delay))
+        say(describe_limit_checks(plant, model, out=out, delay=delay))
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
@@ -540,7 +540,7 @@ def controller_file(controller: Path, out: Path | None, several: bool) -> Path |
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
-def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, delay: float) -> str:
+def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, *, out: Path, delay: float) -> str:
     """On what the limits of a design from the FRF were held, and the command that holds them against more.
 
     A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines

@@ -133,7 +133,9 @@ def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
     for one in made[-1]:
         one.set_xlabel(across)
     if entries:
-        legend_below(foot, list(entries.values()), list(entries), -34 if foot.get_subplotspec() is None else 0)
+        legend_below(
+            foot, list(entries.values()), labels=list(entries), down=-34 if foot.get_subplotspec() is None else 0
+        )
     return made
 
 
@@ -142,7 +144,7 @@ def finish_axes(ax: Axes) -> Axes:
     draw_grid(ax)
     handles, labels = ax.get_legend_handles_labels()
     if handles:
-        legend_below(ax, handles, labels)
+        legend_below(ax, handles, labels=labels)
     return ax
 
 
@@ -153,7 +155,7 @@ def draw_grid(ax: Axes) -> None:
         plain_numbers(ax)
 
 
-def legend_below(ax: Axes, handles: Sequence[Artist], labels: list[str], down: float = -34) -> None:
+def legend_below(ax: Axes, handles: Sequence[Artist], *, labels: list[str], down: float = -34) -> None:
     """A legend under the axes, so many points down."""
     from matplotlib.transforms import offset_copy
 

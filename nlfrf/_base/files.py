@@ -519,7 +519,7 @@ def object_with_unique_keys(pairs: list[tuple[str, Json]]) -> JsonObject:
     return found
 
 
-def require_schema(content: Json, path: str | os.PathLike[str], package: str, name: str) -> None:
+def require_schema(content: Json, path: str | os.PathLike[str], *, package: str, name: str) -> None:
     """Refuse what a file holds where it is not what the schema of that name says, which lies in the package.
 
     Raises

@@ -171,19 +171,22 @@ def svg_sketch(sketch: Sketch) -> str:
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px, py, strict=True))
         colour = COLOURS[i % len(COLOURS)]
         drawn.append(f"<polyline fill='none' stroke='{colour}' stroke-width='1.2' points='{points}'/>")
-        drawn.append(svg_text(left + 6 + 90 * i, 14, label, colour))
+        drawn.append(svg_text(left + 6 + 90 * i, 14, described=label, colour=colour))
     drawn += [
-        svg_text(2, 14, f"{y1:.3g}"),
-        svg_text(2, height - low - 6, f"{y0:.3g}"),
-        svg_text(2, height - 4, sketch.up),
+        svg_text(2, 14, described=f"{y1:.3g}"),
+        svg_text(2, height - low - 6, described=f"{y0:.3g}"),
+        svg_text(2, height - 4, described=sketch.up),
     ]
     low_x, high_x = (10**x0, 10**x1) if sketch.log else (x0, x1)
-    drawn += [svg_text(left, height - 10, f"{low_x:.3g}"), svg_text(width - 50, height - 10, f"{high_x:.3g}")]
-    drawn.append(svg_text(width / 2 - 20, height - 10, sketch.across))
+    drawn += [
+        svg_text(left, height - 10, described=f"{low_x:.3g}"),
+        svg_text(width - 50, height - 10, described=f"{high_x:.3g}"),
+    ]
+    drawn.append(svg_text(width / 2 - 20, height - 10, described=sketch.across))
     return f"<svg width='{width}' height='{height}' style='background:#fff'>{''.join(drawn)}</svg>"
 
 
-def svg_text(x: float, y: float, described: str, colour: str = "#444") -> str:
+def svg_text(x: float, y: float, *, described: str, colour: str = "#444") -> str:
     """A few words in a picture."""
     return f"<text x='{x:.0f}' y='{y:.0f}' font-size='10' fill='{colour}'>{html.escape(described)}</text>"
 
@@ -233,11 +236,11 @@ def value(
     ValueError: assignment destination is read-only
     """
     if cls is None:
-        return lambda c: value_class(c, kw_only, copy, in_sentences)
-    return value_class(cls, kw_only, copy, in_sentences)
+        return lambda c: value_class(c, kw_only, copy=copy, in_sentences=in_sentences)
+    return value_class(cls, kw_only, copy=copy, in_sentences=in_sentences)
 
 
-def value_class(cls: type[T], kw_only: bool, copy: bool, in_sentences: bool) -> type[T]:
+def value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) -> type[T]:
     """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
     validate = getattr(cls, "__post_init__", None)
 

@@ -108,9 +108,19 @@ def design_experiment(
     if strokes and not base_velocity:
         raise ValueError(f"base_velocity must not be zero where the axis goes back and forth, got {strokes} strokes")
     directions = np.tile([1.0, -1.0], strokes) if strokes else np.ones(1)
-    wanted = wanted_force(source, n_samples, f_min, f_max, amplitude, n_realizations, kind, n_log, rng)
+    wanted = wanted_force(
+        source,
+        n_samples,
+        f_min=f_min,
+        f_max=f_max,
+        amplitude=amplitude,
+        n_realizations=n_realizations,
+        kind=kind,
+        n_log=n_log,
+        rng=rng,
+    )
     segments = Segments(base_velocity * directions, np.ones(directions.size), n_periods, n_discard)
-    return experiment_within(source, wanted, segments, port, plant, rms, limits)
+    return experiment_within(source, wanted, segments=segments, port=port, plant=plant, rms=rms, limits=limits)
 
 
 def design_ramp(
@@ -173,9 +183,19 @@ def design_ramp(
     n_levels = require_integer("n_levels", n_levels, least=4)
     if not require_positive("span", span) > 1:
         raise ValueError(f"span must be above 1, got {span:g}")
-    wanted = wanted_force(source, n_samples, f_min, f_max, amplitude, 1, "special-odd", None, rng)
+    wanted = wanted_force(
+        source,
+        n_samples,
+        f_min=f_min,
+        f_max=f_max,
+        amplitude=amplitude,
+        n_realizations=1,
+        kind="special-odd",
+        n_log=None,
+        rng=rng,
+    )
     segments = Segments(np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard)
-    return experiment_within(source, wanted, segments, port, plant, rms, limits)
+    return experiment_within(source, wanted, segments=segments, port=port, plant=plant, rms=rms, limits=limits)
 
 
 class Segments(NamedTuple):
@@ -198,6 +218,7 @@ class Motion(NamedTuple):
 def wanted_force(
     source: ServoAxis | Record,
     n_samples: int,
+    *,
     f_min: float,
     f_max: float,
     amplitude: Spectrum | None,
@@ -226,6 +247,7 @@ def wanted_force(
 def experiment_within(
     source: ServoAxis | Record,
     wanted: Multisine,
+    *,
     segments: Segments,
     port: str,
     plant: Bla | None,
@@ -237,7 +259,7 @@ def experiment_within(
         require_kind("plant", plant, Bla)
     if limits is not None:
         require_kind("limits", limits, AxisLimits)
-    loop = drive_loop(source, require_choice("port", port, PORTS), wanted.f, plant)
+    loop = drive_loop(source, require_choice("port", port, PORTS), f=wanted.f, plant=plant)
     position, force = source.units if isinstance(source, ServoAxis) else (source.y_unit, source.u_unit)
     draft = AxisExperiment(
         ms=replace(wanted, amplitude=wanted.amplitude / np.abs(loop.force)),
@@ -252,7 +274,7 @@ def experiment_within(
         force_unit=force or "N",
     )
     base, one = base_motion(source, draft), multisine_motion(draft.ms, loop)
-    level = level_within(draft, base, one, AxisLimits() if limits is None else limits, rms)
+    level = level_within(draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms)
     return replace(
         draft,
         ms=replace(draft.ms, amplitude=level * draft.ms.amplitude),
@@ -284,7 +306,7 @@ def multisine_motion(ms: Multisine, loop: DriveLoop) -> Motion:
     return Motion(float(np.abs(force).max()), float(np.abs(velocity).max()), float(np.ptp(position, axis=1).max()))
 
 
-def level_within(draft: AxisExperiment, base: Motion, one: Motion, limits: AxisLimits, rms: float | None) -> float:
+def level_within(draft: AxisExperiment, base: Motion, *, one: Motion, limits: AxisLimits, rms: float | None) -> float:
     """The level of the force set point: as given, or the largest that the limits allow; `one` is that of a level 1."""
     units = Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
     taken, each = base._asdict(), one._asdict()

@@ -36,7 +36,7 @@ class DriveLoop:
     position: np.ndarray
 
 
-def drive_loop(source: ServoAxis | Record, port: str, f: np.ndarray, plant: Bla | None) -> DriveLoop:
+def drive_loop(source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: Bla | None) -> DriveLoop:
     """Return the loop on the lines f [Hz], of a drive with a rough plant or as a record measured it.
 
     Raises
@@ -45,8 +45,8 @@ def drive_loop(source: ServoAxis | Record, port: str, f: np.ndarray, plant: Bla 
         Another source; a record without reference; lines outside what was measured.
     """
     if isinstance(source, ServoAxis):
-        G = plant_frf(source, f) if plant is None else interpolate_frf(plant.f, np.asarray(plant.G), f, "plant")
-        force = port_frf(source, G, port, f)
+        G = plant_frf(source, f) if plant is None else interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
+        force = port_frf(source, G, port=port, f=f)
         return DriveLoop(f=f, force=force, position=G * force)
     if not isinstance(source, Record):
         raise ValueError(f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}")
@@ -55,7 +55,8 @@ def drive_loop(source: ServoAxis | Record, port: str, f: np.ndarray, plant: Bla 
     U, Y, R = record_spectra(source)
     f_record = source.lines.excited * source.f0
     force, position = (
-        interpolate_frf(f_record, np.mean(one / R, axis=0), f, "the record") for one in (U.mean(axis=1), Y.mean(axis=1))
+        interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
+        for one in (U.mean(axis=1), Y.mean(axis=1))
     )
     return DriveLoop(f=f, force=force, position=position)
 
@@ -68,7 +69,7 @@ def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return U, Y, R.mean(axis=1)
 
 
-def interpolate_frf(known: np.ndarray, H: np.ndarray, f: np.ndarray, what: str) -> np.ndarray:
+def interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: str) -> np.ndarray:
     """H at the frequencies f, by straight lines through its logarithm."""
     if f[0] < known[0] * (1 - 1e-9) or f[-1] > known[-1] * (1 + 1e-9):
         raise ValueError(
@@ -110,7 +111,7 @@ def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
     return np.array([C @ np.linalg.solve(one * np.eye(order) - Phi, b) for one, b in zip(z, inputs, strict=True)])
 
 
-def port_frf(axis: ServoAxis, G: np.ndarray, port: str, f: np.ndarray) -> np.ndarray:
+def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:
     """(F,) force set point of one unit at a port, the loop closed around G; the equations of docs/guide/axis.md.
 
     A position loop that runs in every nth period is taken as its mean over them: what it folds down is left out.

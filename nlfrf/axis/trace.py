@@ -126,7 +126,7 @@ def load_trace(
         experiment = load_experiment(experiment)
     require_kind("experiment", experiment, AxisExperiment)
     start = require_real("start", start)
-    runs = [read_run(read_channels(to_path(one)), u, y, fs) for one in to_paths(path)]
+    runs = [read_run(read_channels(to_path(one)), u, y=y, fs=fs) for one in to_paths(path)]
     if len(runs) != experiment.ms.n_realizations:
         raise ValueError(f"path must be one trace a realisation, {experiment.ms.n_realizations}, got {len(runs)}")
     return records_of_runs(runs, experiment, start)
@@ -137,7 +137,7 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
     fs, lines = runs[0].fs, experiment.ms.lines
     N = design_period(experiment.ms, fs)
     require_fast_trace(experiment, fs, N)
-    cut = [cut_run(run, experiment, N, start) for run in runs]
+    cut = [cut_run(run, experiment, N=N, start=start) for run in runs]
     labels = [label for label in experiment.groups if all(label in one for one in cut)]
     if not labels or (len(labels) < len(experiment.groups) and not experiment.is_ramp):
         raise ValueError(
@@ -161,7 +161,7 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
     if not experiment.is_ramp:
         for label, record in zip(labels, records, strict=True):
             require_even_periods(record)
-            examine_motion(experiment, label, record, max((one[label].drift for one in cut), key=abs))
+            examine_motion(experiment, label, record=record, off=max((one[label].drift for one in cut), key=abs))
     if examine_trace(experiment, records[-1]) and not experiment.is_ramp:
         for label, record in zip(labels, records, strict=True):
             warn_of_other_level(experiment, label, record)
@@ -185,7 +185,7 @@ class Periods(NamedTuple):
     drift: float
 
 
-def read_run(file: Channels, u: str, y: str, fs: float | None) -> Run:
+def read_run(file: Channels, u: str, *, y: str, fs: float | None) -> Run:
     """The two channels of a file; a force in a unit of motion is refused."""
     run = Run(file.signal("u", u), file.signal("y", y), file.sampling_frequency(fs, (u, y)), file.labels(u, y))
     unit = run.labels["u_unit"]
@@ -214,7 +214,7 @@ def require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
         )
 
 
-def cut_run(run: Run, experiment: AxisExperiment, N: int, start: float) -> dict[str, Periods]:
+def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> dict[str, Periods]:
     """The kept periods of each group that the trace reaches, the base motion and the rest of its trend taken off."""
     first = round(start * run.fs)
     block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
@@ -269,7 +269,7 @@ def match_realizations(parts: list[Periods], drawn: np.ndarray, lines: np.ndarra
     return order
 
 
-def same_signal(A: np.ndarray, R: np.ndarray, lines: np.ndarray, N: int) -> float:
+def same_signal(A: np.ndarray, R: np.ndarray, *, lines: np.ndarray, N: int) -> float:
     """Share of the power of spectra A (F,) that is not R with one gain and a delay of a few samples."""
     delays = np.exp(-2j * np.pi * np.outer(np.arange(-4, 5), lines) / N)
     gain = np.max(np.abs(np.sum(A * (R * delays).conj(), axis=1).real)) ** 2 / np.sum(squared_modulus(R))
@@ -288,8 +288,8 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
         ("y", Y, experiment.position_response, "trace the actual position"),
     ):
         if (
-            same_signal(A[0], R[0], lines, N) < SAME_SIGNAL
-            and same_signal(expected * R[0], R[0], lines, N) > OTHER_SIGNAL
+            same_signal(A[0], R[0], lines=lines, N=N) < SAME_SIGNAL
+            and same_signal(expected * R[0], R[0], lines=lines, N=N) > OTHER_SIGNAL
         ):
             raise ValueError(f"{name} must be measured in the loop, got the multisine that was played: {cure}")
     warn_about_channel("u", np.ascontiguousarray(record.u[0]).ravel(), N)
@@ -362,7 +362,7 @@ def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) 
         )
 
 
-def examine_motion(experiment: AxisExperiment, label: str, record: Record, off: float) -> None:
+def examine_motion(experiment: AxisExperiment, label: str, *, record: Record, off: float) -> None:
     """Refuse a base motion at another velocity, and warn of an axis that turns back in it."""
     velocity = float(experiment.velocities[experiment.groups[label][0]])
     if not velocity:

@@ -537,7 +537,7 @@ class Bla(Channels):
             raise ValueError(f"bla must be of one input and output, got {self.G.shape}; take entry(output, input)")
         if self.f.size < MIN_FIT_LINES or np.isfinite(self.coherence).any():
             return np.full(self.f.size, np.nan)
-        return fit_locally(self.G[None], np.ones((1, self.f.size)), index_lines(self.lines)).variance[0]
+        return fit_locally(self.G[None], np.ones((1, self.f.size)), index=index_lines(self.lines)).variance[0]
 
     def __str__(self) -> str:
         """Describe the result in a few lines."""

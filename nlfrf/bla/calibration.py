@@ -96,7 +96,9 @@ def cubic_bla(amplitude: np.ndarray) -> np.ndarray:
     return 3 * np.sum(amplitude**2) / 2 - 0.75 * amplitude**2
 
 
-def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.ndarray, window: np.ndarray) -> np.ndarray:
+def variance_ratio(
+    amplitude: np.ndarray, excited: np.ndarray, *, detection: np.ndarray, window: np.ndarray
+) -> np.ndarray:
     """Return the variance at each excited line over the mean on its window of detection lines, for a cubic.
 
     Parameters

@@ -69,6 +69,7 @@ class ChannelMismatch:
 def warn_of_mismatch(
     record: Record,
     excited: Spectra,
+    *,
     residual: NonlinearResidual,
     level: np.ndarray,
     retained: float,
@@ -81,7 +82,7 @@ def warn_of_mismatch(
         return False
     found = [
         one
-        for one in estimate_mismatches(record, excited, residual, level, retained)
+        for one in estimate_mismatches(record, excited, residual=residual, level=level, retained=retained)
         if one.significance > MIN_SIGNIFICANCE
     ]
     if not found:
@@ -105,6 +106,7 @@ def warn_of_mismatch(
 def estimate_mismatches(
     record: Record,
     excited: Spectra,
+    *,
     residual: NonlinearResidual,
     level: np.ndarray,
     retained: float,

@@ -155,14 +155,14 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     n_detection = require_integer("n_detection", n_detection, least=3)
     grid = record.lines
     index = index_lines(grid, n_detection)
-    spectra, _ = period_spectra(record, index, transient)
+    spectra, _ = period_spectra(record, index, transient=transient)
     spectra, excited, _ = check_experiments(record, spectra)
     frm = estimate_frm(excited)
     fit, gamma = fit_sets(frm, excited), frm.gamma_of_set[0]
     rough = fit.variance.mean(axis=0)[0, 0]
     detected, law = np.full(rough.size, np.nan), ""
     if grid.odd.size >= n_detection:
-        residual = nonlinear_residual(spectra, excited, frm.G, fit.G.mean(axis=0))
+        residual = nonlinear_residual(spectra, excited, measured=frm.G, smooth=fit.G.mean(axis=0))
         detected = variance_from_detection_lines(excited, residual, frm) * gamma
         law = detect_nonlinearity(excited, residual).describe(residual.gain_varies[0], record.n_periods < 2)
     window = index.excited_windows

@@ -240,6 +240,7 @@ class OutputData(NamedTuple):
 def estimate_distortion_variance(
     source: str,
     excited: Spectra,
+    *,
     residual: NonlinearResidual,
     frm: FrmEstimate,
     fit: LocalFit | None,
@@ -269,14 +270,16 @@ def estimate_distortion_variance(
     """
     n_y, R = len(residual.Y), len(frm.G_each)
     nu = excited.experiments_per_set * (R - 1)
-    rows = [collect_output_data(j, excited, residual, frm, fit) for j in range(n_y)]
-    found = [estimate_output_variance(source, excited, row, frm, n_independent, nu) for row in rows]
+    rows = [collect_output_data(j, excited, residual=residual, frm=frm, fit=fit) for j in range(n_y)]
+    found = [estimate_output_variance(source, excited, row=row, frm=frm, M=n_independent, nu=nu) for row in rows]
     even = np.array([variance_on_even_lines(excited.index, row) * frm.level_scale for row in rows])
     dof, scale = found[0].dof, np.array([one.var_bound for one in found])
     rho: np.ndarray | float = 1.0
     rho_even: np.ndarray | float = 1.0
     if n_y > 1:
-        rho, count = pool_correlations(source, excited.index, residual, frm, fit, found, n_independent, nu)
+        rho, count = pool_correlations(
+            source, excited.index, residual=residual, frm=frm, fit=fit, found=found, M=n_independent, nu=nu
+        )
         rho_even = correlation_on_lines(excited.index.even_windows[:, 0], residual) if excited.index.even.size else 1.0
         dof, scale = pool_dof(found, count)
     return DistortionVariance(
@@ -290,7 +293,7 @@ def estimate_distortion_variance(
 
 
 def collect_output_data(
-    j: int, excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None
+    j: int, excited: Spectra, *, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None
 ) -> OutputData:
     """Return the data of output j."""
     rough = dof_rough = None
@@ -311,17 +314,17 @@ def collect_output_data(
 
 
 def estimate_output_variance(
-    source: str, excited: Spectra, row: OutputData, frm: FrmEstimate, M: int, nu: int
+    source: str, excited: Spectra, *, row: OutputData, frm: FrmEstimate, M: int, nu: int
 ) -> OutputVariance:
     """Estimate the variance of an output, from M independent experiments and a scatter of nu degrees of freedom."""
     F = excited.lines.size
     ones, detected = np.ones(F), np.full(F, np.nan)
     if source == "detection":
-        mixture = level_from_detection_lines(excited, row, frm.level_scale, M)
+        mixture = level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=M)
         log_level, dof, log_weight, factors, detected = mixture
     elif row.rough is not None and row.dof_rough is not None:
         log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
-        log_level, dof = level_from_roughness(excited.index, row.rough, row.dof_rough, log_gamma)
+        log_level, dof = level_from_roughness(excited.index, row.rough, nu=row.dof_rough, log_gamma=log_gamma)
         log_weight, factors = np.zeros(log_level.shape), ones[None]
     else:
         return OutputVariance(
@@ -334,7 +337,9 @@ def estimate_output_variance(
         )
     n_as_distortion = len(log_level) - len(factors)
     if nu:
-        log_level, dof, log_weight = update_by_scatter(log_level, dof, log_weight, len(factors), row.scatter, nu)
+        log_level, dof, log_weight = update_by_scatter(
+            log_level, dof, log_weight=log_weight, n_hypotheses=len(factors), scatter=row.scatter, nu=nu
+        )
     weight, level = normalize_weights(log_weight), np.exp(log_level)
     var_bound, dof = match_scaled_f(level, dof, weight)
     by_hypothesis = np.add.reduce(weight.reshape(-1, len(factors), F))
@@ -350,8 +355,8 @@ def estimate_output_variance(
 
 def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
     """Return the (F,) expected variance of the first output's residual by detection lines alone, noise included."""
-    row = collect_output_data(0, excited, residual, frm, None)
-    return level_from_detection_lines(excited, row, frm.level_scale, excited.U.shape[1]).detected
+    row = collect_output_data(0, excited, residual=residual, frm=frm, fit=None)
+    return level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=excited.U.shape[1]).detected
 
 
 def scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
@@ -365,6 +370,7 @@ def scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarr
 def pool_correlations(
     source: str,
     index: LineIndex,
+    *,
     residual: NonlinearResidual,
     frm: FrmEstimate,
     fit: LocalFit | None,
@@ -423,7 +429,7 @@ def normalize_weights(log_weight: np.ndarray) -> np.ndarray:
 
 
 def level_from_detection_lines(
-    excited: Spectra, row: OutputData, level_scale: np.ndarray | float, M: int
+    excited: Spectra, row: OutputData, *, level_scale: np.ndarray | float, M: int
 ) -> LevelMixture:
     """Fit the log level under every hypothesis to the detection lines, and update it by the roughness if known."""
     index = excited.index
@@ -438,8 +444,10 @@ def level_from_detection_lines(
     if row.noise is None:
         shape /= factors[:, None]
     else:
-        shape, spread = expected_total(power, row.noise.take(near), shape, factors, row.noise.take(here))
-    log_level, slope, likelihood = fit_log_level(power * level_scale / shape, np.log(shape), windows, M)
+        shape, spread = expected_total(
+            power, row.noise.take(near), shape=shape, factors=factors, noise_here=row.noise.take(here)
+        )
+    log_level, slope, likelihood = fit_log_level(power * level_scale / shape, np.log(shape), windows=windows, M=M)
     evidence = windowed_mean(likelihood, EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
     zeros = np.zeros(log_level.shape)
     detected = np.asarray(np.add.reduce(normalize_weights(evidence) * np.exp(log_level)))
@@ -539,7 +547,7 @@ MIN_RELATIVE_POWER = 1e-10  # of the largest expected one in a window
 
 
 def expected_total(
-    power: np.ndarray, noise: np.ndarray, shape: np.ndarray, factors: np.ndarray, noise_here: np.ndarray
+    power: np.ndarray, noise: np.ndarray, *, shape: np.ndarray, factors: np.ndarray, noise_here: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the expected power on the lines of a window (H, n, F) over that at its excited line, and that (H, F).
 
@@ -562,7 +570,7 @@ def expected_total(
 
 
 def fit_log_level(
-    y: np.ndarray, log_shape: np.ndarray, windows: WindowCoordinates, M: int
+    y: np.ndarray, log_shape: np.ndarray, *, windows: WindowCoordinates, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit the log level at each line, its slope and the log likelihood (H, F) to whitened powers y (H, n, F).
 
@@ -599,7 +607,7 @@ def fit_log_level(
 
 
 def level_from_roughness(
-    index: LineIndex, rough: np.ndarray, nu: np.ndarray, log_gamma: np.ndarray
+    index: LineIndex, rough: np.ndarray, *, nu: np.ndarray, log_gamma: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, of nu degrees of freedom.
 
@@ -622,7 +630,7 @@ def level_from_roughness(
 
 
 def update_by_scatter(
-    log_level: np.ndarray, dof: np.ndarray, log_weight: np.ndarray, n_hypotheses: int, scatter: np.ndarray, nu: int
+    log_level: np.ndarray, dof: np.ndarray, *, log_weight: np.ndarray, n_hypotheses: int, scatter: np.ndarray, nu: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Update the components (C, F) by the scatter over realisations (F,), of nu complex degrees of freedom.
 
@@ -810,7 +818,9 @@ def variance_on_even_lines(index: LineIndex, row: OutputData) -> np.ndarray:
     shape = (row.gain.take(near) / row.gain.take(here))[None]
     if row.noise is not None:
         ones = np.ones((1, here.size))
-        shape = expected_total(power + TINY, row.noise.take(near), shape, ones, row.noise.take(here))[0]
+        shape = expected_total(
+            power + TINY, row.noise.take(near), shape=shape, factors=ones, noise_here=row.noise.take(here)
+        )[0]
     return np.asarray(np.add.reduce(power / shape[0]) / len(near))
 
 
@@ -826,10 +836,10 @@ def fit_sets(frm: FrmEstimate, excited: Spectra) -> LocalFit:
     """Fit the matrix of each set locally over the excited lines: the residual is its roughness."""
     gamma = diagonal(frm.gamma_each)[:, None]
     noise = frm.noise_each[:, :, None] * gamma if np.isfinite(frm.noise_each).all() else None
-    return fit_locally(frm.G_each, 1 / np.sqrt(gamma), excited.index, noise)
+    return fit_locally(frm.G_each, 1 / np.sqrt(gamma), index=excited.index, noise=noise)
 
 
-def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
+def choose_source(level_from: str, excited: Spectra, *, grid: LineGrid, n_detection: int) -> str:
     """Choose the source of the distortion variance, with a warning where detection lines are not used."""
     if level_from == "detection" and grid.odd.size < n_detection:
         raise ValueError(
@@ -855,7 +865,9 @@ def can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
         return True
     if np.any(grid.excited % 2 == 0):
         return False
-    ratio = variance_ratio(excited.amplitude, grid.excited, excited.index.detection, excited.index.odd_windows)
+    ratio = variance_ratio(
+        excited.amplitude, grid.excited, detection=excited.index.detection, window=excited.index.odd_windows
+    )
     return bool(np.mean(ratio <= MAX_SPECIAL_ODD_RATIO) >= 0.95)
 
 

@@ -102,10 +102,10 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
         )
     elif before.R is not None:
         warn_of_lost_input(before)
-    return spectra, excited, correct_for_crest(record, before, excited, played[:, :, 0])
+    return spectra, excited, correct_for_crest(record, before, excited=excited, played=played[:, :, 0])
 
 
-def correct_for_crest(record: Record, before: Spectra, excited: Spectra, played: np.ndarray) -> CrestCorrection:
+def correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, played: np.ndarray) -> CrestCorrection:
     """Return the correction for the crest factor of each input as played (n_u, M, N), averaged over the inputs.
 
     Warns of the first input whose crest factor is lower than that of random phases.
@@ -119,7 +119,7 @@ def correct_for_crest(record: Record, before: Spectra, excited: Spectra, played:
             size, u, U = rms(known), u[played_experiments(U)], U[played_experiments(U)]
         if excited.is_zippered:
             own = size > MIN_PLAYED_AMPLITUDE * size.max()
-        peaks = warn_of_low_crest(u, size[own], lines[own], name)
+        peaks = warn_of_low_crest(u, size[own], lines=lines[own], name=name)
         low = have_low_crest(peaks)
         corrections.append(crest_correction(U[:, own], lines[own], low))
         any_low |= low

@@ -160,7 +160,7 @@ def split_into_sets(X: np.ndarray, n_u: int) -> np.ndarray:
 
 
 def warn_of_rough_frf(
-    rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G", share: float = MAX_ROUGHNESS_OVER_GAIN
+    rough: np.ndarray, level: np.ndarray, *, size: np.ndarray, what: str = "G", share: float = MAX_ROUGHNESS_OVER_GAIN
 ) -> bool:
     """Warn where an FRF varies from line to line by more than its distortion explains.
 
@@ -193,6 +193,7 @@ def warn_of_rough_frf(
 def warn_of_outlier_lines(
     G: np.ndarray,
     fitted: np.ndarray,
+    *,
     level: np.ndarray,
     index: LineIndex,
     f: np.ndarray,
@@ -254,7 +255,7 @@ def warn_of_outlier_lines(
 
 
 def check_outputs_follow_input(
-    frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, outputs: Sequence[str]
+    frm: FrmEstimate, excited: Spectra, *, fit: LocalFit | None, outputs: Sequence[str]
 ) -> bool:
     """Refuse outputs that follow the input of another realisation, or its negative; warn of one that follows none.
 
@@ -289,7 +290,7 @@ def check_outputs_follow_input(
         if spread is not None and np.add.reduce(spread) <= MIN_RELATIVE_SCATTER * power(frm.G[j, 0]):
             continue  # one that follows another input would scatter by more
         noise = frm.noise_each[:, j] * frm.gamma_each[:, 0, 0].real / np.maximum(squared_modulus(each), TINY)
-        has_warned |= check_follows(name, excited.Y[j], "u", excited.U[0], noise, steps)
+        has_warned |= check_follows(name, excited.Y[j], input_name="u", U=excited.U[0], noise=noise, steps=steps)
     return has_warned
 
 
@@ -298,11 +299,13 @@ def check_input_follows_reference(excited: Spectra) -> None:
     if excited.R is not None and len(excited.U) == 1:
         scatter = np.add.reduce(squared_modulus(excited.dU[0]), axis=1)
         noise = (scatter if excited.dU.shape[2] else np.nan) / np.maximum(excited.power_U[0], TINY)
-        check_follows("u", excited.U[0], "r", excited.R[0], noise, pair_equal_steps(excited.index))
+        check_follows(
+            "u", excited.U[0], input_name="r", U=excited.R[0], noise=noise, steps=pair_equal_steps(excited.index)
+        )
 
 
 def check_follows(
-    output_name: str, Y: np.ndarray, input_name: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray
+    output_name: str, Y: np.ndarray, *, input_name: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray
 ) -> bool:
     """Check that Y (M, F) of each realisation follows its own U.
 

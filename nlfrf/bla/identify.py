@@ -112,7 +112,7 @@ def identify(
     require_choice("level_from", level_from, ("auto", "detection", "roughness"))
     n_detection = require_integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):
-        return identify_record(record, None, transient, level_from, n_detection)
+        return identify_record(record, None, transient=transient, level_from=level_from, n_detection=n_detection)
     if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
         raise ValueError(
             f"record must be a Record or a list of them, got {short_form(record)}; see record_from_samples"
@@ -124,20 +124,20 @@ def identify(
         if U is None:
             U = channel_dft(one.u, index_lines(one.lines, n_detection).lines)
             known.append((one, U))
-        blas.append(identify_record(one, U, transient, level_from, n_detection))
+        blas.append(identify_record(one, U, transient=transient, level_from=level_from, n_detection=n_detection))
     return blas
 
 
-def identify_record(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
+def identify_record(record: Record, U: np.ndarray | None, *, transient: str, level_from: str, n_detection: int) -> Bla:
     """Identify one record; U are the spectra of its inputs where they are known already."""
-    spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient, U)
+    spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient=transient, U=U)
     spectra, excited, crest = check_experiments(record, spectra)
     check_input_follows_reference(excited)
     zippered = excited.is_zippered
     frm, between = estimate_zippered_frm(excited) if zippered else (estimate_frm(excited), None)
     if spectra.n_periods < 2 and not record.is_single:
         data_warning("one period does not tell noise from distortion: noise counts as distortion; record two")
-    source = choose_source(level_from, excited, record.lines, n_detection)
+    source = choose_source(level_from, excited, grid=record.lines, n_detection=n_detection)
     if zippered and source == "roughness":
         raise ValueError(
             "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, got a "
@@ -145,28 +145,44 @@ def identify_record(record: Record, U: np.ndarray | None, transient: str, level_
         )
     smooth, fit = smooth_frm(frm, excited, source == "roughness")
     names = ("y",) if record.is_single else record.outputs
-    mispaired = record.n_inputs == 1 and check_outputs_follow_input(frm, excited, fit, names)
-    residual = nonlinear_residual(spectra, excited, frm.G, smooth)
+    mispaired = record.n_inputs == 1 and check_outputs_follow_input(frm, excited, fit=fit, outputs=names)
+    residual = nonlinear_residual(spectra, excited, measured=frm.G, smooth=smooth)
     # chosen phases leave more of the distortion to one gain on all lines, and that is not rough
     rough = None if zippered or (crest.has_low_crest and source == "detection") else fit
     distortion = estimate_distortion_variance(
-        source, excited, residual, frm, rough, crest.coherent_share, count_independent_experiments(excited)
+        source,
+        excited,
+        residual=residual,
+        frm=frm,
+        fit=rough,
+        coherent=crest.coherent_share,
+        n_independent=count_independent_experiments(excited),
     )
     if source == "detection" and not mispaired:
-        distortion = add_outlier_power(record, excited, frm, fit, residual, distortion)
+        distortion = add_outlier_power(record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion)
     if not record.is_single:
         warn_of_noisy_experiment(excited, distortion.cov)
     gamma, cov_bound = frm.gamma, distortion.cov_bound
     if between is not None:
-        gamma, cov_bound = bound_interpolated_columns(between, gamma, cov_bound, len(frm.G_each))
+        gamma, cov_bound = bound_interpolated_columns(between, gamma, cov=cov_bound, n_sets=len(frm.G_each))
     return assemble_bla(
-        record, treatment, source, excited, frm, residual, distortion, crest.distortion_ratio, gamma, cov_bound
+        record,
+        treatment,
+        source=source,
+        excited=excited,
+        frm=frm,
+        residual=residual,
+        distortion=distortion,
+        typical=crest.distortion_ratio,
+        gamma=gamma,
+        cov_bound=cov_bound,
     )
 
 
 def add_outlier_power(
     record: Record,
     excited: Spectra,
+    *,
     frm: FrmEstimate,
     fit: LocalFit | None,
     residual: NonlinearResidual,
@@ -183,7 +199,7 @@ def add_outlier_power(
         own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES  # of a line in its own fit
         # zippered: what experiments differ by does not jump
         left = 1.0 if zippered else 1 - own * record.n_inputs / excited.U.shape[1]
-        if left > 0 and warn_of_mismatch(record, excited, residual, distortion.detected, left):
+        if left > 0 and warn_of_mismatch(record, excited, residual=residual, level=distortion.detected, retained=left):
             return distortion
     if fit is None or zippered:
         return distortion
@@ -193,20 +209,26 @@ def add_outlier_power(
     labels = ("G",) if record.is_single else [f"G of {name}" for name in record.outputs]
     share = MAX_ROUGHNESS_OVER_GAIN if record.is_single else MAX_MATRIX_ROUGHNESS_OVER_GAIN
     for j, what in enumerate(labels):
-        if warn_of_rough_frf(rough[j] / R, distortion.detected[j] / R, size[j], what, share) and not record.is_single:
+        if (
+            warn_of_rough_frf(rough[j] / R, distortion.detected[j] / R, size=size[j], what=what, share=share)
+            and not record.is_single
+        ):
             return distortion
     if R > 1:
         return distortion
     for j, what in enumerate(labels):
         level = distortion.detected[j] + OUTPUT_ROUNDING**2 * power(excited.Y[j]).max()
         f = record.lines.excited * record.f0
-        outlier_power[j] = warn_of_outlier_lines(frm.G_each[0, j], fit.G[0, j], level, excited.index, f, gamma, what)
+        outlier_power[j] = warn_of_outlier_lines(
+            frm.G_each[0, j], fit.G[0, j], level=level, index=excited.index, f=f, gamma=gamma, what=what
+        )
     return distortion.with_minimum(outlier_power)
 
 
 def assemble_bla(
     record: Record,
     treatment: str,
+    *,
     source: str,
     excited: Spectra,
     frm: FrmEstimate,

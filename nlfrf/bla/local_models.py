@@ -79,7 +79,7 @@ class LocalFit(NamedTuple):
     residual: np.ndarray | None
 
 
-def fit_locally(G: np.ndarray, weight: np.ndarray, index: LineIndex, noise: np.ndarray | None = None) -> LocalFit:
+def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: np.ndarray | None = None) -> LocalFit:
     """Fit each FRF at each line over the nine lines around it.
 
     The poles of a machine are those of all its entries: the entries of a row share their denominators (Voorhoeve and
@@ -128,14 +128,14 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, index: LineIndex, noise: np.n
     if noise is not None:
         smooth = local_mean(noise.reshape(G.shape) * weight**2, NOISE_SMOOTHING_LINES)
         # and not far under the noise that is known to be there
-        share = noise_correction(variance, denominator, smooth, index.excited_windows)
+        share = noise_correction(variance, denominator, smooth=smooth, window=index.excited_windows)
         least = MIN_NOISE_SHARE * smooth
         variance = np.maximum(variance * share, least)
     value, square = both.value_at_line(), weight**2
     variance, least = variance / square, least / square
     if index.excited.size < FEW_LINES:
         value, variance = apply_global_model(
-            value, variance, G, weight, index.lines[index.excited].astype(float), least
+            value, variance, G=G, weight=weight, lines=index.lines[index.excited].astype(float), noise_variance=least
         )
     return LocalFit(
         G=value.reshape(shape),
@@ -148,6 +148,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, index: LineIndex, noise: np.n
 def apply_global_model(
     value: np.ndarray,
     variance: np.ndarray,
+    *,
     G: np.ndarray,
     weight: np.ndarray,
     lines: np.ndarray,
@@ -323,7 +324,7 @@ def local_powers(index: LineIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def noise_correction(
-    variance: np.ndarray, denominator: np.ndarray | float, smooth: np.ndarray, window: np.ndarray
+    variance: np.ndarray, denominator: np.ndarray | float, *, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
     """Return the factor (M, F) on a variance whose smoothed noise differs over the window, weighted as the residual."""
     there = np.add.reduce(denominator**2 * smooth.take(window, axis=-1), axis=-1) / window.shape[1]

@@ -94,14 +94,14 @@ def identify_noise(
     >>> bool(abs(bla.G.mean() - 3) < 0.1)
     True
     """
-    u, y = check_signals(u, y, n_samples, method)
+    u, y = check_signals(u, y, n_samples=n_samples, method=method)
     fs, n_samples = require_positive("fs", fs), require_integer("n_samples", n_samples, least=16)
-    lines = band_lines(require_positive("f_min", f_min), require_positive("f_max", f_max), fs, n_samples)
+    lines = band_lines(require_positive("f_min", f_min), require_positive("f_max", f_max), fs=fs, n_samples=n_samples)
     u, y = u - u.mean(), y - y.mean()
-    frf = estimate_frf_local(u, y, n_samples, lines, fs)
+    frf = estimate_frf_local(u, y, n=n_samples, lines=lines, fs=fs)
     warn_of_nonstationary_input(u)
     if method == "welch":
-        G_local, frf = frf.G, estimate_frf_welch(u, y, n_samples, lines)
+        G_local, frf = frf.G, estimate_frf_welch(u, y, n=n_samples, lines=lines)
         warn_of_coarse_segments(lines * fs / n_samples, frf, G_local=G_local)
     nan = np.full(lines.size, np.nan)
     return Bla(
@@ -151,7 +151,7 @@ class NoiseFrf(NamedTuple):
     output_power: np.ndarray
 
 
-def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> tuple[np.ndarray, np.ndarray]:
+def check_signals(u: np.ndarray, y: np.ndarray, *, n_samples: int, method: str) -> tuple[np.ndarray, np.ndarray]:
     """Return u and y as arrays; refuse unequal lengths and records too short for the resolution."""
     u, y = require_real_array("u", u, ndim=1), require_real_array("y", y, ndim=1)
     if u.size != y.size:
@@ -163,7 +163,7 @@ def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> 
     return u, y
 
 
-def band_lines(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndarray:
+def band_lines(f_min: float, f_max: float, *, fs: float, n_samples: int) -> np.ndarray:
     """Return the (F,) lines of the band, both ends included whatever the rounding of the frequencies."""
     first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
     lines = np.arange(max(1, first), last + 1)
@@ -188,7 +188,7 @@ def output_amplitudes(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
     )
 
 
-def estimate_frf_welch(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> NoiseFrf:
+def estimate_frf_welch(u: np.ndarray, y: np.ndarray, *, n: int, lines: np.ndarray) -> NoiseFrf:
     """Estimate the FRF on `lines` from half-overlapping Hann segments of n samples."""
     from scipy import signal  # takes a second to import
 
@@ -209,7 +209,7 @@ def estimate_frf_welch(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) 
     )
 
 
-def estimate_frf_local(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray, fs: float) -> NoiseFrf:
+def estimate_frf_local(u: np.ndarray, y: np.ndarray, *, n: int, lines: np.ndarray, fs: float) -> NoiseFrf:
     """Estimate the FRF on `lines` by local polynomials over the lines of the whole record around each frequency."""
     ratio = u.size / n
     U, Y = np.fft.rfft(u), np.fft.rfft(y)

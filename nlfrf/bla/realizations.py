@@ -38,7 +38,7 @@ ENOUGH_STEP_PAIRS = 30
 MAX_REFERENCES = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> np.ndarray:
+def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray, name: str = "u") -> np.ndarray:
     """Warn of inputs (M, N) whose crest factor is lower than that of random phases: optimised, or clipped.
 
     Returns
@@ -51,7 +51,7 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, n
     middle = np.add.reduce(u, axis=1) / u.shape[1]
     peak = np.maximum(u.max(axis=1) - middle, middle - u.min(axis=1))
     crest = peak / np.sqrt(power(amplitude) / 2)
-    peaks = expected_peaks(crest, lines, amplitude, u.shape[1])
+    peaks = expected_peaks(crest, lines, amplitude=amplitude, n_samples=u.shape[1])
     if is_improbable(peaks):
         data_warning(
             f"{name} must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, "

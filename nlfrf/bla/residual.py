@@ -68,7 +68,7 @@ def gain_varies(gain: np.ndarray) -> bool:
 
 
 def nonlinear_residual(
-    spectra: Spectra, excited: Spectra, measured: np.ndarray, smooth: np.ndarray
+    spectra: Spectra, excited: Spectra, *, measured: np.ndarray, smooth: np.ndarray
 ) -> NonlinearResidual:
     """Return the outputs less their linear part, by a matrix (n_y, n_u, F) as measured and one that is smoothed."""
     index = spectra.index

@@ -49,14 +49,14 @@ def choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) 
         if is_transient(one, other):
             return False
         rise = (np.add.reduce(y[:, -1], axis=1) - np.add.reduce(y[:, first], axis=1)) / y.shape[2]
-        return not has_drift(one, other, rise / (n_periods - 1 - first), lines)
+        return not has_drift(one, other, slope=rise / (n_periods - 1 - first), lines=lines)
 
     if n_periods < 2 or is_settled(0):
         return "none"
     return "discard" if n_periods > 2 and is_settled(1) else "local"
 
 
-def has_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.ndarray) -> bool:
+def has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines: np.ndarray) -> bool:
     """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so periods agree.
 
     Parameters
@@ -215,7 +215,7 @@ def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
 
 
 def period_spectra(
-    record: Record, index: LineIndex, transient: str = "none", U: np.ndarray | None = None
+    record: Record, index: LineIndex, *, transient: str = "none", U: np.ndarray | None = None
 ) -> tuple[Spectra, str]:
     """Return the spectra of a record on all its excited and detection lines, and the treatment of the transient.
 

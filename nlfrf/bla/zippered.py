@@ -62,7 +62,7 @@ def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpol
     owner = (size / size.max(axis=1, keepdims=True)).argmax(axis=0)
     measured = Y / U[owner, :, k].T  # (n_y, M, F) of the column that the line drives
     column = measured.mean(axis=1)
-    G, between = interpolate_columns(column, lines, owner, 1 / (M * size[owner, k] ** 2))
+    G, between = interpolate_columns(column, lines, owner=owner, line_variance=1 / (M * size[owner, k] ** 2))
     each = np.broadcast_to(G, (M, *G.shape)).copy()
     each[:, :, owner, k] = np.moveaxis(measured, 1, 0)
     V = (measured - column[:, None]) * size[owner, k]
@@ -85,7 +85,7 @@ def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, ColumnInterpol
 
 
 def interpolate_columns(
-    column: np.ndarray, lines: np.ndarray, owner: np.ndarray, line_variance: np.ndarray
+    column: np.ndarray, lines: np.ndarray, *, owner: np.ndarray, line_variance: np.ndarray
 ) -> tuple[np.ndarray, ColumnInterpolation]:
     """Return (n_y, n_u, F) with every column on every line, from (n_y, F) the column that each line drives."""
     n_y, F = column.shape
@@ -101,7 +101,7 @@ def interpolate_columns(
     ]  # of each column, in the units of its input
     size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + TINY)
     D = fit_denominator(r, g, size)
-    plain, rational = (residual_power(r, g, one, size) for one in (np.ones(D.shape), D))
+    plain, rational = (residual_power(r, g, D=one, size=size) for one in (np.ones(D.shape), D))
     dof = n_y * n_u * (width - POLYNOMIAL_ORDER - 1)
     better = local_mean(RATIONAL_VARIANCE_RATIO * plain / dof - rational / (dof - 2), N_POOLED_WINDOWS) > 0
     D = np.where(better[:, None, None] & (width >= 2 * POLYNOMIAL_ORDER + 4), D, 1.0)
@@ -168,7 +168,7 @@ def numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
     return np.asarray(x - (x @ basis.conj()) @ np.swapaxes(basis, -1, -2))
 
 
-def residual_power(r: np.ndarray, g: np.ndarray, D: np.ndarray, size: np.ndarray) -> np.ndarray:
+def residual_power(r: np.ndarray, g: np.ndarray, *, D: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Return the (F,) power of the residual under a denominator D, each row over its size."""
     return np.asarray(np.sum(np.abs((g - fit_numerator(r, g, D).fit) / size) ** 2, axis=(1, 2, 3)))
 
@@ -190,14 +190,14 @@ def fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarra
         there = 1 + r * trial[:, 0, None, None] + r**2 * trial[:, 1, None, None]
         good = np.abs(there).min(axis=(1, 2)) > MIN_ZIPPERED_DENOMINATOR
         if turn >= N_REWEIGHTED_ROUNDS:
-            good &= residual_power(r, g, there, size) <= residual_power(r, g, D, size)
+            good &= residual_power(r, g, D=there, size=size) <= residual_power(r, g, D=D, size=size)
         a = np.where(good[:, None], trial, a)
         D = np.where(good[:, None, None], there, D)
     return D
 
 
 def bound_interpolated_columns(
-    interpolation: ColumnInterpolation, gamma: np.ndarray, cov: np.ndarray, n_sets: int
+    interpolation: ColumnInterpolation, gamma: np.ndarray, *, cov: np.ndarray, n_sets: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return gamma and a covariance that bound those of every column, measured or interpolated.
 

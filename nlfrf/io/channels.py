@@ -419,7 +419,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         raise ValueError(
             f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHER_WAY}"
         ) from None
-    arrays, units, clocks, notes = clean_names(arrays, units, clocks, notes)
+    arrays, units, clocks, notes = clean_names(arrays, units, clocks=clocks, notes=notes)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
         listing = "; ".join(f"{name!r} {why}" for name, why in notes.items())
@@ -461,6 +461,7 @@ def read_compressed(path: Path) -> Channels:
 def clean_names(
     arrays: Mapping[str, np.ndarray],
     units: Mapping[str, str],
+    *,
     clocks: Mapping[str, float | str],
     notes: Mapping[str, str],
 ) -> Contents:

@@ -233,7 +233,9 @@ def own_contents(file: Channels) -> FileContents:
     channels: tuple[Channel, ...] = ()
     if isinstance(content, Record):
         fs = content.fs
-        channels = tuple(channel_statistics(name, unit, fs, one) for name, unit, one in record_signals(content))
+        channels = tuple(
+            channel_statistics(name, unit, fs=fs, stream=one) for name, unit, one in record_signals(content)
+        )
     return FileContents(
         path=file.path,
         channels=channels,
@@ -285,10 +287,10 @@ def describe_stream(file: Channels, name: str, stream: np.ndarray) -> Channel:
         fs = file.sampling_frequency(None, (name,))
     except ValueError:
         fs = float("nan")
-    return channel_statistics(name, file.unit(name), fs, stream)
+    return channel_statistics(name, file.unit(name), fs=fs, stream=stream)
 
 
-def channel_statistics(name: str, unit: str, fs: float, stream: np.ndarray) -> Channel:
+def channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> Channel:
     """A channel by its samples."""
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]

@@ -65,7 +65,9 @@ def contents(path: Path) -> Contents:
                 headers[name] = member, header
         for name, (member, header) in headers.items():
             plain = member.compress_type == ZIP_STORED and member.file_size == member.compress_size > LARGE_MEMBER
-            arrays[name] = map_member(path, archive, member, header) if plain else read_member(archive, member)
+            arrays[name] = (
+                map_member(path, archive, member=member, header=header) if plain else read_member(archive, member)
+            )
     return arrays, {}, {}, notes
 
 
@@ -86,7 +88,7 @@ def read_member(archive: ZipFile, member: ZipInfo) -> np.ndarray:
         return npy.read_array(stream, allow_pickle=False)
 
 
-def map_member(path: Path, archive: ZipFile, member: ZipInfo, header: Header) -> np.ndarray:
+def map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: Header) -> np.ndarray:
     """An array that lies in the file as it is."""
     with archive.open(member) as opened:
         head = opened.read(header.length)

@@ -139,6 +139,7 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
 def keep_whole_periods(
     times: Sequence[np.ndarray | None],
     groups: Sequence[list[np.ndarray]],
+    *,
     excitation: np.ndarray,
     fs: float,
     options: Cutting,
@@ -366,7 +367,7 @@ def load_record(
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
     if (u, y, r) == ("u", "y", None) and all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
-        return stored_multirecord(files, None, None, fs, options)
+        return stored_multirecord(files, None, y=None, fs=fs, options=options)
     if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
         raise ValueError(
             f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "
@@ -407,7 +408,12 @@ def measured_records(
     groups = [*(streams[signal] for signal in names), *measured["y"].values()]
     times = [file.seconds(names["u"]) for file in files]
     options = keep_whole_periods(
-        times, groups, streams.get("r", streams["u"])[0], clocks[0], options, [f.path for f in files]
+        times,
+        groups,
+        excitation=streams.get("r", streams["u"])[0],
+        fs=clocks[0],
+        options=options,
+        paths=[f.path for f in files],
     )
     del groups  # which would hold the streams until the records are made
     trim_missing({signal: streams[signal] for signal in names}, measured["y"])
@@ -537,7 +543,9 @@ def load_multirecord(
             raise ValueError(
                 f"r must be left out for a record that has its own references or none, got {short_form(r)}"
             )
-        return stored_multirecord(files, u, y, fs, Cutting(n_samples, lines, n_discard, resample, design, hold))
+        return stored_multirecord(
+            files, u, y=y, fs=fs, options=Cutting(n_samples, lines, n_discard, resample, design, hold)
+        )
     if isinstance(u, str) or isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
@@ -553,10 +561,10 @@ def load_multirecord(
     options = keep_whole_periods(
         [file.seconds(u[0]) for file in files],
         list(signals.values()),
-        signals.get("r", signals["u"])[0][0],
-        clocks[0],
-        Cutting(n_samples, lines, n_discard, resample, design, hold),
-        [file.path for file in files],
+        excitation=signals.get("r", signals["u"])[0][0],
+        fs=clocks[0],
+        options=Cutting(n_samples, lines, n_discard, resample, design, hold),
+        paths=[file.path for file in files],
     )
     return record_from_samples(
         signals["u"],

@@ -241,7 +241,7 @@ def value_in(file: Channels) -> StoredValue:
     if schema == RECORD_SCHEMA:
         return stored_records([file], {"u": "u"}, ["y"], None, Cutting())[0]
     if schema == MULTIRECORD_SCHEMA:
-        return stored_multirecord([file], None, None, None, Cutting())
+        return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
         raise ValueError(
             f"path must be a multisine, experiment, record, BLA or FRM that this package wrote, got {file.path!r}"

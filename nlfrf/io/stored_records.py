@@ -124,7 +124,7 @@ def stored_records(
     """A record for each output, of files that `save_record` wrote."""
     records: list[Record] = []
     for output in outputs:
-        runs = [stored_record(file, {**names, "y": output}, fs, options) for file in files]
+        runs = [stored_record(file, {**names, "y": output}, fs=fs, options=options) for file in files]
         record = runs[0] if len(runs) == 1 else join_records(runs)
         if records:  # the very same input, so that what is known of it need not be found again
             record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
@@ -132,7 +132,7 @@ def stored_records(
     return records
 
 
-def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, options: Cutting) -> Record:
+def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None, options: Cutting) -> Record:
     """A record as `save_record` wrote it, already cut into periods, with its grid."""
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
@@ -157,14 +157,14 @@ def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, op
 
 
 def stored_multirecord(
-    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: Cutting
+    files: list[Channels], u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
     """A record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
-    return join_records([stored_experiments(file, u, y, fs, options) for file in files])
+    return join_records([stored_experiments(file, u, y=y, fs=fs, options=options) for file in files])
 
 
 def stored_experiments(
-    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: Cutting
+    file: Channels, u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
     """The experiments of one such file; of the outputs those that are asked for."""
     require_known_version(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)

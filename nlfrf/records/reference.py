@@ -84,7 +84,10 @@ def reconstruct_references(design: Design, u: np.ndarray) -> np.ndarray:
     for m in range(U.shape[1]):
         found = np.array(
             [
-                [align_spectra(mine, drawn, k, n_samples) for mine, drawn in zip(U[:, m], D[:, e], strict=True)]
+                [
+                    align_spectra(mine, drawn, k=k, n_samples=n_samples)
+                    for mine, drawn in zip(U[:, m], D[:, e], strict=True)
+                ]
                 for e in range(D.shape[1])
             ]
         )
@@ -109,7 +112,7 @@ def design_spectra(design: Design) -> np.ndarray:
     return design.spectrum
 
 
-def align_spectra(U: np.ndarray, D: np.ndarray, k: np.ndarray, n_samples: int) -> tuple[float, float]:
+def align_spectra(U: np.ndarray, D: np.ndarray, *, k: np.ndarray, n_samples: int) -> tuple[float, float]:
     """The largest correlation of an input with a design over all shifts, and that shift [samples]."""
     cross = np.zeros(n_samples // 2 + 1, dtype=complex)
     cross[k] = U * D.conj()

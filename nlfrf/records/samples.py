@@ -137,7 +137,7 @@ def record_from_samples(
     if r is not None:
         signals["r"] = r
     if inputs or outputs or isinstance(design, OrthogonalMultisine) or any(map(has_channels, signals.values())):
-        return record_of_channels(signals, fs, options, inputs, outputs)
+        return record_of_channels(signals, fs, options=options, inputs=inputs, outputs=outputs)
     (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, options=options)
     return record
 
@@ -162,6 +162,7 @@ def has_channels(signal: Samples) -> bool:
 def record_of_channels(
     signals: dict[str, Samples],
     fs: float,
+    *,
     options: Cutting,
     inputs: Sequence[str],
     outputs: Sequence[str],
@@ -186,7 +187,7 @@ def record_of_channels(
     known = "r" if "r" in streams else "u"
     names = {"u": inputs, "y": outputs, "r": inputs}
     lines = options.lines
-    found, fs = cut_together(streams, known, names, fs, options)
+    found, fs = cut_together(streams, known, names=names, fs=fs, options=options)
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
@@ -209,7 +210,7 @@ multirecord_from_samples = record_from_samples
 
 
 def cut_together(
-    streams: Streams, known: str, names: dict[str, tuple[str, ...]], fs: float, options: Cutting
+    streams: Streams, known: str, *, names: dict[str, tuple[str, ...]], fs: float, options: Cutting
 ) -> tuple[dict[str, np.ndarray], float]:
     """Every signal (channels, M, P, N) cut where the known ones show that the periods stand, and what fs is by them.
 
@@ -278,7 +279,7 @@ def records_from_streams(
     for name, given, kind in (("design", design, Multisine), ("lines", lines, LineGrid)):
         if given is not None:
             require_kind(name, given, kind)
-    streams = check_streams(u, outputs, r, named)
+    streams = check_streams(u, outputs, r=r, named=named)
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     del u, outputs, r  # long streams are held once
     excitation = streams.get("r", streams["u"])
@@ -301,7 +302,7 @@ def records_from_streams(
     n_periods = min(one.size for one in kept["u"]) // n_samples
     # what may be cut once more is kept
     cut = {
-        name: cut_stream(kept[name] if resample else kept.pop(name), tracks, n_periods, n_samples)
+        name: cut_stream(kept[name] if resample else kept.pop(name), tracks, n_periods=n_periods, n_samples=n_samples)
         for name in list(kept)
     }
     with add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
@@ -311,11 +312,15 @@ def records_from_streams(
         lines = recognise_grid(cut.get("r", cut["u"])) if design is None else design.lines
     require_equal_gaps(kept, tracks)
     for _ in range(MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
-        if not examine_outputs(kept, cut, tracks, lines, resample):
+        if not examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):
             break
-        cut = {name: cut_stream(signal, tracks, n_periods, n_samples) for name, signal in kept.items()}
+        cut = {
+            name: cut_stream(signal, tracks, n_periods=n_periods, n_samples=n_samples) for name, signal in kept.items()
+        }
     else:
-        examine_outputs(kept, cut, tracks, lines, resample=False)  # what is left after all cures is refused
+        examine_outputs(
+            kept, cut, tracks=tracks, lines=lines, resample=False
+        )  # what is left after all cures is refused
     if resample and n_periods > 1 and cut["u"].shape[1] == 1:
         data_warning(
             f"resample leaves one period of {n_periods}: the others hold lost or repeated samples. In one period noise "
@@ -355,7 +360,7 @@ def track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -
 
 
 def cut_stream(
-    streams: list[np.ndarray], tracks: list[PeriodAlignment | None], n_periods: int, n_samples: int
+    streams: list[np.ndarray], tracks: list[PeriodAlignment | None], *, n_periods: int, n_samples: int
 ) -> np.ndarray:
     """(M, P, N) of a signal: each period where it stands, or one after the other; as many as all have."""
     rows = [
@@ -371,7 +376,12 @@ def cut_stream(
 
 
 def examine_outputs(
-    streams: Streams, cut: dict[str, np.ndarray], tracks: list[PeriodAlignment | None], lines: LineGrid, resample: bool
+    streams: Streams,
+    cut: dict[str, np.ndarray],
+    *,
+    tracks: list[PeriodAlignment | None],
+    lines: LineGrid,
+    resample: bool,
 ) -> bool:
     """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
     if cut["u"].shape[1] < 2:
@@ -440,7 +450,7 @@ def require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
         )
 
 
-def check_streams(u: Samples, outputs: Mapping[str, Samples], r: Samples | None, named: bool) -> Streams:
+def check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | None, named: bool) -> Streams:
     """The streams of each signal, one per realisation, once they are known to belong together.
 
     Outputs that are named are called so in messages, others y.

@@ -95,15 +95,22 @@ def reduce_crest(
         n_draws = (
             max_harmless_draws(ms.n_realizations) if n_draws is None else require_integer("n_draws", n_draws, least=1)
         )
-        phases = [best_draw(ms, phase, n_draws, n_fine, rng) for phase in ms.phase]
+        phases = [best_draw(ms, phase, n_draws=n_draws, n_fine=n_fine, rng=rng) for phase in ms.phase]
     else:
         target, starts = (
             require_positive("target", target),
             [schroeder_phases(ms.amplitude)],
         )  # for one: it is the same for all
-        phases = [reduce_one_realization(ms, phase, starts, target, n_iterations, n_fine, rng) for phase in ms.phase]
+        phases = [
+            reduce_one_realization(
+                ms, phase, starts=starts, target=target, n_iterations=n_iterations, n_fine=n_fine, rng=rng
+            )
+            for phase in ms.phase
+        ]
     found = replace(ms, phase=np.array(phases))
-    if is_improbable(expected_peaks(found.crest_factor, found.lines.excited, found.amplitude, found.n_samples)):
+    if is_improbable(
+        expected_peaks(found.crest_factor, found.lines.excited, amplitude=found.amplitude, n_samples=found.n_samples)
+    ):
         warnings.warn(
             f"target asks for a crest factor of {found.crest_factor.mean():.2f}, lower than random phases have it: "
             "neither the distortion level nor the BLA of a record of it is that of random phases, and the bound of "
@@ -114,7 +121,7 @@ def reduce_crest(
     return found
 
 
-def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, n_samples: int) -> np.ndarray:
+def expected_peaks(crest: np.ndarray, lines: np.ndarray, *, amplitude: np.ndarray, n_samples: int) -> np.ndarray:
     """Return the (M,) expected number of peaks above `crest` times the rms in a period of random phases.
 
     Rice's rates, of crossings or where they are fewer of its envelope's, never above those of independent samples;
@@ -166,7 +173,7 @@ def max_harmless_draws(n_realizations: int) -> int:
     return max(1, int(0.6 / beyond))
 
 
-def best_draw(ms: Multisine, phase: np.ndarray, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
+def best_draw(ms: Multisine, phase: np.ndarray, *, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
     """The phases with the lowest peaks of n draws, the given ones among them."""
     draws = [phase, *(rng.uniform(0, 2 * np.pi, phase.size) for _ in range(n_draws - 1))]
     return min(draws, key=lambda one: fine_crest_factor(ms, one, n_fine))
@@ -175,6 +182,7 @@ def best_draw(ms: Multisine, phase: np.ndarray, n_draws: int, n_fine: int, rng: 
 def reduce_one_realization(
     ms: Multisine,
     phase: np.ndarray,
+    *,
     starts: list[np.ndarray],
     target: float,
     n_iterations: int,
@@ -187,7 +195,7 @@ def reduce_one_realization(
         start = phase if own else starts.pop() if starts else rng.uniform(0, 2 * np.pi, phase.size)
         own = False
         steps = min(500, n_iterations - done)
-        found, its_crest = clip_and_restore(ms, start, steps, n_fine, target)
+        found, its_crest = clip_and_restore(ms, start, n_steps=steps, n_fine=n_fine, target=target)
         done += steps
         if its_crest < lowest:
             best, lowest = found, its_crest
@@ -195,7 +203,7 @@ def reduce_one_realization(
 
 
 def clip_and_restore(
-    ms: Multisine, phase: np.ndarray, n_steps: int, n_fine: int, target: float
+    ms: Multisine, phase: np.ndarray, *, n_steps: int, n_fine: int, target: float
 ) -> tuple[np.ndarray, float]:
     """Clip in time, restore the amplitudes in frequency, n_steps times; the best phases on the way."""
     lines, half = ms.lines.excited, n_fine / 2

@@ -104,7 +104,7 @@ def line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
     return array
 
 
-def grid_lines(kind: str, first: int, last: int, rng: np.random.Generator) -> LineGrid:
+def grid_lines(kind: str, first: int, *, last: int, rng: np.random.Generator) -> LineGrid:
     """The grid of one kind on the lines first..last (both included where the kind excites them).
 
     ``random-odd`` leaves one line, drawn by `rng`, out of every four consecutive odd lines.

@@ -259,8 +259,10 @@ def multisine(
     n_samples = require_integer("n_samples", n_samples, least=4)
     n_realizations = require_integer("n_realizations", n_realizations, least=1)
     rng = random_generator("rng", rng)
-    first, last = band_lines(fs, n_samples, require_positive("f_min", f_min), require_positive("f_max", f_max))
-    grid = grid_in_band(kind, lines, first, last, rng)
+    first, last = band_lines(
+        fs, n_samples, f_min=require_positive("f_min", f_min), f_max=require_positive("f_max", f_max)
+    )
+    grid = grid_in_band(kind, lines, first=first, last=last, rng=rng)
     if n_log is not None:
         grid = thin_grid(grid, require_integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
@@ -268,10 +270,10 @@ def multisine(
         return orthogonal_multisine(
             fs,
             n_samples,
-            kind,
-            grid,
-            relative_amplitudes(amplitude, f, n_inputs),
-            rms_per_input(rms, n_inputs),
+            kind=kind,
+            grid=grid,
+            amplitude=relative_amplitudes(amplitude, f, n_inputs),
+            rms=rms_per_input(rms, n_inputs),
             n_realizations=n_realizations,
             design=design,
             transform=transform,
@@ -295,7 +297,7 @@ def multisine(
 
 
 def grid_in_band(
-    kind: str, lines: LineGrid | np.ndarray | None, first: int, last: int, rng: np.random.Generator
+    kind: str, lines: LineGrid | np.ndarray | None, *, first: int, last: int, rng: np.random.Generator
 ) -> LineGrid:
     """The grid of a kind from the first to the last line of the band, or the one that was given."""
     if kind == "custom":
@@ -311,7 +313,7 @@ def grid_in_band(
     if lines is not None:
         raise ValueError(f'lines must only be given with kind="custom", got kind={kind!r}')
     try:
-        return grid_lines(kind, first, last, rng)
+        return grid_lines(kind, first, last=last, rng=rng)
     except ValueError:
         raise ValueError(
             f"f_min and f_max must hold at least one line of a {kind} grid between them, got lines {first} to {last}"
@@ -327,7 +329,7 @@ def thin_grid(grid: LineGrid, n_log: int) -> LineGrid:
     return LineGrid(excited=excited[np.unique(right - left_is_nearer)])
 
 
-def band_lines(fs: float, n_samples: int, f_min: float, f_max: float) -> tuple[int, int]:
+def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tuple[int, int]:
     """First and last line of the band f_min..f_max, tolerant of rounding in the frequencies."""
     f0 = fs / n_samples
     if f_max < f_min:

@@ -157,11 +157,11 @@ class OrthogonalMultisine:
 def orthogonal_multisine(
     fs: float,
     n_samples: int,
+    *,
     kind: str,
     grid: LineGrid,
     amplitude: np.ndarray,
     rms: np.ndarray,
-    *,
     n_realizations: int,
     design: str,
     transform: str,
@@ -177,7 +177,7 @@ def orthogonal_multisine(
     if design == "zippered":
         if mixing is not None:
             raise ValueError(f"mixing must be left out for a zippered design: a line drives one input, got {mixing}")
-        amplitude = amplitude * assign_lines(kind, grid, n_inputs, rng)
+        amplitude = amplitude * assign_lines(kind, grid, n_inputs=n_inputs, rng=rng)
         T = None
     else:
         T = np.angle(orthogonal_matrix(n_inputs, transform))
@@ -188,7 +188,7 @@ def orthogonal_multisine(
 
     def drawn() -> OrthogonalMultisine:
         """One draw of all phases."""
-        phases = [set_phases(n_inputs, grid.excited.size, T, rng) for _ in range(n_realizations)]
+        phases = [set_phases(n_inputs, grid.excited.size, T=T, rng=rng) for _ in range(n_realizations)]
         return OrthogonalMultisine(
             fs=fs,
             n_samples=n_samples,
@@ -206,7 +206,7 @@ def orthogonal_multisine(
     return min((drawn() for _ in range(n_draws)), key=lambda ms: float(ms.crest_factor.max()))
 
 
-def set_phases(n_inputs: int, n_lines: int, T: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
+def set_phases(n_inputs: int, n_lines: int, *, T: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
     """(n_u, n_u or 1, F) phases of one set: phi_i + psi_e + arg T_ie, all of them from 0 to 2 pi."""
     phi = rng.uniform(0, 2 * np.pi, size=(n_inputs, 1, n_lines))
     if T is None:
@@ -215,7 +215,7 @@ def set_phases(n_inputs: int, n_lines: int, T: np.ndarray | None, rng: np.random
     return np.mod(phi + psi + T[:, :, None], 2 * np.pi)
 
 
-def assign_lines(kind: str, grid: LineGrid, n_inputs: int, rng: np.random.Generator) -> np.ndarray:
+def assign_lines(kind: str, grid: LineGrid, *, n_inputs: int, rng: np.random.Generator) -> np.ndarray:
     """(n_u, F) one where a zippered line drives the input: every input once in every n_u excited lines, at random.
 
     On a grid that repeats, what u1^3 sends to the detection lines would never be what it sends to its own lines.

@@ -210,7 +210,7 @@ class Aliases:
         if self.inverse:
             return np.full(omega.size, np.nan)
         one = np.ones(omega.size)
-        point = evaluate_aliases(self, omega, one, one, sampled)
+        point = evaluate_aliases(self, omega, S=one, KS=one, sampled=sampled)
         return stability_measure(self, point.magnitudes, point.alias_sums())
 
     def alias_terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -237,6 +237,7 @@ class Aliases:
 def sum_over_aliases(
     hold: np.ndarray,
     hG: np.ndarray,
+    *,
     F: np.ndarray,
     tails: AliasSums,
     sin_half_angle: np.ndarray,
@@ -293,12 +294,12 @@ def stability_measure(aliases: Aliases, magnitudes: LoopMagnitudes, others: Alia
             return own + multiply_or_zero(magnitudes.KS + magnitudes.FKS, others.GF)
         F, G = np.sqrt(others.FF), np.sqrt(others.GG)
         return largest_singular_value_2x2(
-            own, magnitudes.GKS * F, magnitudes.FKS * G, others.F_max + magnitudes.KS * G * F
+            own, magnitudes.GKS * F, c=magnitudes.FKS * G, d=others.F_max + magnitudes.KS * G * F
         )
 
 
 def squared_performance_gain(
-    magnitudes: LoopMagnitudes, others: AliasSums, PS: np.ndarray, PFS: np.ndarray, scaling: float
+    magnitudes: LoopMagnitudes, others: AliasSums, *, PS: np.ndarray, PFS: np.ndarray, scaling: float
 ) -> np.ndarray:
     """Return the squared gain (I,) from (p, r) to (input of Delta, w_P e) under one scaling; not for inverse forms.
 
@@ -314,7 +315,7 @@ def multiply_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
     return np.where(size == 0, 0.0, size * total)
 
 
-def largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+def largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, *, c: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Return the largest singular value (I,) of [[a, b], [c, d]], all nonnegative."""
     return (np.sqrt((a + d) ** 2 + (b - c) ** 2) + np.sqrt((a - d) ** 2 + (b + c) ** 2)) / 2
 
@@ -373,7 +374,12 @@ class AliasedLoop:
             at = np.abs(self.omega[:, None] + self.aliases.spacing * self.aliases.single_indices)
             beyond, inside = NO_ALIASES, (at >= band[0]) & (at <= band[1])
         return sum_over_aliases(
-            self.hold[:, 1:], np.abs(self.hG[:, 1:]), self.F[:, 1:], beyond, self.sin_half_angle, inside
+            self.hold[:, 1:],
+            np.abs(self.hG[:, 1:]),
+            F=self.F[:, 1:],
+            tails=beyond,
+            sin_half_angle=self.sin_half_angle,
+            inside=inside,
         )
 
     def least_return_difference(self, m: np.ndarray) -> np.ndarray:
@@ -414,7 +420,7 @@ class AliasedLoop:
 
 
 def evaluate_aliases(
-    aliases: Aliases, omega: np.ndarray, S: np.ndarray, KS: np.ndarray, sampled: np.ndarray
+    aliases: Aliases, omega: np.ndarray, *, S: np.ndarray, KS: np.ndarray, sampled: np.ndarray
 ) -> AliasedLoop:
     """Evaluate the aliases of a loop at omega (W,) [rad/s] from responses of the nominal loop and sampled plant."""
     h, hG, F = aliases.alias_terms(omega, sampled)
@@ -529,7 +535,7 @@ def power_law_bound(G: Magnitude, low: float) -> tuple[float, int]:
 
 
 def aliases_of_set(
-    form: str, plant: control.StateSpace, weight: control.StateSpace, perturbation: str, dt: float, delay: float
+    form: str, plant: control.StateSpace, *, weight: control.StateSpace, perturbation: str, dt: float, delay: float
 ) -> Aliases:
     """Return the aliases of a set around a continuous plant under a controller of sampling time dt [s]."""
     row = FORMS[form]

@@ -196,6 +196,7 @@ def reciprocal_peak(peak: float) -> float:
 def loop_curves(
     form: str,
     omega: np.ndarray,
+    *,
     G: np.ndarray,
     K: np.ndarray,
     w: np.ndarray,
@@ -204,7 +205,7 @@ def loop_curves(
 ) -> Curves:
     """Compute the curves of a loop from the responses of its parts; they are finite at poles of the plant and of K."""
     W = np.ones(omega.size) if W is None or not FORMS[form].depends_on_units else W
-    S, a, b = perturbed_sensitivity_terms(form, w, replace_infinite(G), replace_infinite(K), W)
+    S, a, b = perturbed_sensitivity_terms(form, w, G=replace_infinite(G), K=replace_infinite(K), W=W)
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
 
 

@@ -204,7 +204,9 @@ def disk_margin(
     """
     skew, n_unstable = require_real("skew", skew), require_integer("n_unstable", n_unstable, least=0)
     S, reason = sensitivity_if_stable(L, n_unstable)
-    return margin_of_sensitivity(S, reason, skew, None if channels is None else checked_channels(S.ninputs, channels))
+    return margin_of_sensitivity(
+        S, reason, skew=skew, channels=None if channels is None else checked_channels(S.ninputs, channels)
+    )
 
 
 def disk_margins(
@@ -257,7 +259,7 @@ def disk_margins(
     skew = require_real("skew", skew)
 
     def of(*channels: int) -> DiskMargin:
-        return margin_of_sensitivity(S, reason, skew, channels)
+        return margin_of_sensitivity(S, reason, skew=skew, channels=channels)
 
     into, out = range(n_u), range(n_u, n_u + n_y)
     return LoopMargins(
@@ -276,7 +278,7 @@ def loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.State
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
         omega = np.asarray(G.omega, dtype=float)
-        require_sampling_time("K", K, "G", common_sampling_time(G))
+        require_sampling_time("K", K, reference="G", wanted=common_sampling_time(G))
         dt = timebase(K)
         L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
         if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
@@ -301,7 +303,7 @@ def checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
 
 
 def margin_of_sensitivity(
-    S: control.StateSpace | control.FrequencyResponseData, reason: str, skew: float, channels: Sequence[int] | None
+    S: control.StateSpace | control.FrequencyResponseData, reason: str, *, skew: float, channels: Sequence[int] | None
 ) -> DiskMargin:
     """Compute the margin of some channels of a sensitivity; without one where `reason` says why there is none."""
     if reason:
@@ -341,7 +343,7 @@ def smallest_margin(
     else:
         some = block[1][0]
         M = control.StateSpace(S.A, S.B[:, some], S.C[some], S.D[block] + shift, S.dt)
-        omega, mu = refine_grid(M, blocks, structure_grid(M))
+        omega, mu = refine_grid(M, blocks, omega=structure_grid(M))
     k = int(mu.argmax())
     return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf
 
@@ -367,7 +369,7 @@ def sensitivity_if_stable(
     unit = balancing_scales(np.asarray(L.frdata))
     difference = np.eye(L.ninputs) + response * unit / unit[:, None]
     static = control.StateSpace([], [], [], 1.0, 0)
-    turns, clear = winding_number(omega, np.linalg.det(difference) - 1, static, 0.0)
+    turns, clear = winding_number(omega, np.linalg.det(difference) - 1, K=static, dt=0.0)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
     if not clear:
         return S, "the lines are too far apart, or end too early, to tell whether the loop is stable"

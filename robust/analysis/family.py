@@ -106,8 +106,8 @@ def sample_loops(
     require_parametric(model, "to make plants of")
     n = require_integer("n", n, least=1)
     if not model.is_single:
-        return sample_matrix_loops(model, K, n, delay, rng)
-    loop = assemble_loop(model, K, None, delay)
+        return sample_matrix_loops(model, K, n=n, delay=delay, rng=rng)
+    loop = assemble_loop(model, K, w_P=None, delay=delay)
     plants = model.sample(n, rng)
     omega = loop.grid(model.omega)
     omega = omega[omega >= model.omega[0] / 10]
@@ -124,7 +124,7 @@ def sample_loops(
 
 
 def sample_matrix_loops(
-    model: UncertaintyModel, K: Controller, n: int, delay: float, rng: np.random.Generator | int | None
+    model: UncertaintyModel, K: Controller, *, n: int, delay: float, rng: np.random.Generator | int | None
 ) -> LoopFamily:
     """Close the loop around n random plants of several channels."""
     K, band = multivariable("K", K), model.omega[[0, -1]]

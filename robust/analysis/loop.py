@@ -154,7 +154,7 @@ class Loop:
         G, K, w = self.plant_response(omega), of["K"](omega), of["w"](omega)
         # the set is one about the plant without its delay, which stands with the controller
         W = of["W"](omega) * np.exp(1j * omega * self.plant_delay) if FORMS[self.form].depends_on_units else None
-        found = loop_curves(self.form, omega, G, K, w, w_P, W)
+        found = loop_curves(self.form, omega, G=G, K=K, w=w, w_P=w_P, W=W)
         if self.aliases is None:
             return found
         folded = fold_aliases(self.with_aliases(found), w_P)
@@ -170,27 +170,34 @@ class Loop:
         """Return the aliases of a set of continuous plants under a sampled controller; None for any other loop."""
         if self.continuous_plant is None:
             return None
-        return aliases_of_set(self.form, self.continuous_plant, self.weight, self.perturbation, self.dt, self.delay)
+        return aliases_of_set(
+            self.form,
+            self.continuous_plant,
+            weight=self.weight,
+            perturbation=self.perturbation,
+            dt=self.dt,
+            delay=self.delay,
+        )
 
     def with_aliases(self, curves: Curves) -> AliasedLoop:
         """Evaluate every alias at the frequencies of the curves."""
         assert self.aliases is not None
-        return evaluate_aliases(self.aliases, curves.omega, curves.S, curves.K_S, curves.G)
+        return evaluate_aliases(self.aliases, curves.omega, S=curves.S, KS=curves.K_S, sampled=curves.G)
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Return a frequency grid [rad/s]: the lines, a log grid, every resonance of the loop."""
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
         folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
-        return loop_grid(lines, self.modes, parts, self.dt, self.plant_delay, folded)
+        return loop_grid(lines, self.modes, systems=parts, dt=self.dt, delay=self.plant_delay, folded=folded)
 
     def peak(
         self, curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, band: tuple[float, float]
     ) -> tuple[float, float]:
         """Find the largest value of a curve of this loop and its frequency (`find_peak`)."""
-        return find_peak(curve, omega, band, self.omega_max)
+        return find_peak(curve, omega, band=band, top=self.omega_max)
 
 
-def assemble_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None, delay: float) -> Loop:
+def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> Loop:
     """Put plant and controller on one time base, or refuse what does not fit together."""
     K = state_space("K", K)
     delay = require_nonnegative("delay", delay)
@@ -228,7 +235,7 @@ def assemble_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None, de
         G = delayed(G, delay, order=DELAY_ORDER)
     K = control.StateSpace(K.A, K.B, K.C, K.D, dt)
     if w_P is not None:
-        w_P = stable_weight("w_P", w_P, dt)
+        w_P = stable_weight("w_P", w_P, dt=dt)
     loop = Loop(
         G=G,
         K=K,
@@ -300,7 +307,9 @@ def find_curve_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> P
         return np.array([getattr(of, name) for name in names])
 
     def along(names: list[str]) -> list[tuple[float, float]]:
-        return refine_peaks(lambda at: stacked(loop.curves(at), names), curves.omega, stacked(curves, names), band)
+        return refine_peaks(
+            lambda at: stacked(loop.curves(at), names), curves.omega, values=stacked(curves, names), band=band
+        )
 
     rs, half_disk, *performance = along(names)
     margin_rp = (np.nan, np.nan)

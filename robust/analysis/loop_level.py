@@ -389,7 +389,7 @@ def band_density(name: str, signal: NoiseSignal, dt: float) -> PowerDensity:
 
 def shaped_density(name: str, shaping: control.StateSpace, dt: float) -> PowerDensity:
     """Return the density of filtered white noise: T |F|^2 / pi up to Nyquist where sampled, else |F|^2 / pi."""
-    require_sampling_time(name, shaping, "the loop", dt)
+    require_sampling_time(name, shaping, reference="the loop", wanted=dt)
     scale = (dt or 1.0) / np.pi
     roots = poles(shaping)
     places = np.abs(np.log(roots[roots != 0].astype(complex))) / dt if timebase(shaping) else np.abs(roots)
@@ -649,13 +649,13 @@ def predict_level(
     """
     require_one_channel_loop(model)
     require_kind("signals", signals, LoopSignals)
-    loop = assemble_loop(model, K, None, delay)
+    loop = assemble_loop(model, K, w_P=None, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must stabilise the nominal plant for its loop to have a level, got one that is {nominal}")
     band = (float(model.omega[0]), float(model.omega[-1]))
     found = tuple(
-        signal_level(name, find_spectrum(name, signal, loop.dt), loop, model.omega, band)
+        signal_level(name, find_spectrum(name, signal, loop.dt), loop=loop, lines=model.omega, band=band)
         for name, signal in signals.named().items()
     )
     totals = {
@@ -702,7 +702,7 @@ def find_state(rms: float, low: float, high: float) -> LevelState:
 
 
 def signal_level(
-    name: str, spectrum: Spectrum, loop: Loop, lines: np.ndarray, band: tuple[float, float]
+    name: str, spectrum: Spectrum, *, loop: Loop, lines: np.ndarray, band: tuple[float, float]
 ) -> SignalLevel:
     """Return what one signal does to plant input and output."""
     if isinstance(spectrum, Transient):
@@ -718,7 +718,7 @@ def signal_level(
         total = powers.sum(axis=1)
         inside = powers[:, (spectrum.omega >= band[0]) & (spectrum.omega <= band[1])].sum(axis=1)
     else:
-        total, inside = integrate_density(name, spectrum, gains, loop, lines, band)
+        total, inside = integrate_density(name, spectrum, gains=gains, loop=loop, lines=lines, band=band)
     with np.errstate(invalid="ignore"):
         share = np.where(total > 0, inside / total, np.nan)
     rms = np.sqrt(total)
@@ -740,7 +740,7 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     `worst_sensitivity` bounds exactly as it does S_p.
     """
     G, S, a, b = replace_infinite(curves.G), curves.S, curves.a, curves.b
-    g = plant_numerator(form, curves.w, G, curves.W) / curves.W
+    g = plant_numerator(form, curves.w, G=G, W=curves.W) / curves.W
     with np.errstate(all="ignore"):
         # where G is zero only the part of the set is left: S g D/(1 + b D)
         GS = np.where(G == 0, 0.0, G * S)
@@ -758,6 +758,7 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
 def integrate_density(
     name: str,
     spectrum: PowerDensity,
+    *,
     gains: Callable[[np.ndarray], np.ndarray],
     loop: Loop,
     lines: np.ndarray,

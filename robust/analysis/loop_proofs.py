@@ -37,7 +37,9 @@ __all__ = ["LoopProofs", "prove_set", "stability_claim"]
 # ---- The claim of a check as exact numbers, so that it can be proved again independently.
 
 
-def stability_claim(model: UncertaintyModel, K: Controller, w_P: control.StateSpace | None, delay: float) -> LoopClaim:
+def stability_claim(
+    model: UncertaintyModel, K: Controller, *, w_P: control.StateSpace | None, delay: float
+) -> LoopClaim:
     """Return the claim of robust stability of a model with its controller, in the numbers that were given."""
     form = FORMS[model.form]
     return LoopClaim(
@@ -149,12 +151,14 @@ def best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float
         sizes, others, PFS = point.magnitudes, point.alias_sums(), point.F[:, 0] * PS
 
         def largest(log: float) -> float:
-            return float(squared_performance_gain(sizes, others, PS, PFS, float(np.exp(log))).max())
+            return float(squared_performance_gain(sizes, others, PS=PS, PFS=PFS, scaling=float(np.exp(log))).max())
     else:
         terms = terms_of_curves(curves)
 
         def largest(log: float) -> float:
-            left = claim_inequalities(OPERATOR_PERFORMANCE, claim.reads, claim.inverse, terms, np.exp(2 * log))
+            left = claim_inequalities(
+                OPERATOR_PERFORMANCE, claim.reads, inverse=claim.inverse, t=terms, scaling=np.exp(2 * log)
+            )
             return -float(np.nanmin(left[-1] / terms.closed))
 
     logs = np.linspace(-30.0, 30.0, 31)  # the units of plant and weights may lie decades apart

@@ -379,7 +379,7 @@ def step_response(
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
     final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(loop, None if duration is None else require_positive("duration", duration))
-    step = measure_step(t, out[j], out[n_y], final, cut=duration is None)
+    step = measure_step(t, out[j], u=out[n_y], final=final, cut=duration is None)
     kept = step.t.size
     return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
 
@@ -394,7 +394,7 @@ def simulate_step(system: control.StateSpace, duration: float | None = None) -> 
         t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, MAX_SAMPLES))) * dt
         x = propagate_states(A, B, np.zeros(A.shape[0]), t.size)
     else:
-        t, x = simulate_in_growing_steps(A, B, 1 / (STEPS_PER_RADIAN * fast) if fast else 1.0, horizon)
+        t, x = simulate_in_growing_steps(A, B, step=1 / (STEPS_PER_RADIAN * fast) if fast else 1.0, horizon=horizon)
     return t, C @ x + D
 
 
@@ -411,7 +411,7 @@ def simulate_samples(system: control.StateSpace, samples: np.ndarray, fs: float)
 
 
 def simulate_in_growing_steps(
-    A: np.ndarray, B: np.ndarray, step: float, horizon: float
+    A: np.ndarray, B: np.ndarray, *, step: float, horizon: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate a step of a continuous loop exactly, in steps that double: a fast rise and a slow tail are both seen."""
     t, x = [np.zeros(1)], [np.zeros((A.shape[0], 1))]
@@ -441,7 +441,7 @@ def propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.
     return found[:, :n]
 
 
-def measure_step(t: np.ndarray, y: np.ndarray, u: np.ndarray, final: float, *, cut: bool) -> StepResponse:
+def measure_step(t: np.ndarray, y: np.ndarray, *, u: np.ndarray, final: float, cut: bool) -> StepResponse:
     """Measure overshoot, rise and settling time of a simulated step; cut: leave out what lies long after it settled."""
     size = abs(final)
     relative = y / final if size else np.full(y.size, np.nan)

@@ -72,6 +72,7 @@ MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
 def advise_on_margin(
     model: UncertaintyModel,
     omega_rs: float,
+    *,
     weight: Callable[[np.ndarray], np.ndarray],
     folding: RsBreakdown | None = None,
 ) -> str:
@@ -184,7 +185,7 @@ def verdict_meaning(verdict: Verdict, probability: str) -> str:
     )
 
 
-def proof_sentences(model: UncertaintyModel, loop: Loop, stable: bool, performance: bool) -> tuple[str, str]:
+def proof_sentences(model: UncertaintyModel, loop: Loop, *, stable: bool, performance: bool) -> tuple[str, str]:
     """Return what was proved and what was not, one sentence each."""
     where = "at all frequencies"
     if loop.dt:
@@ -288,15 +289,17 @@ class Words(TypedDict):
 
 
 def texts_of_stable_loop(
-    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, *, certify: bool
+    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, certify: bool
 ) -> Words:
     """Return the text fields of the report on a loop whose nominal is stable."""
-    verdict, reason = decide_verdict(model, loop, peaks, proofs, folding, certify)
-    proved, not_proved = proof_sentences(model, loop, proofs.stability_proved, proofs.performance_proved)
+    verdict, reason = decide_verdict(model, loop, peaks=peaks, proofs=proofs, folding=folding, certify=certify)
+    proved, not_proved = proof_sentences(
+        model, loop, stable=proofs.stability_proved, performance=proofs.performance_proved
+    )
     return {
         "verdict": verdict,
         "reason": reason,
-        "advice": advise_on_margin(model, peaks.rs[1], loop.responders["w"], folding)
+        "advice": advise_on_margin(model, peaks.rs[1], weight=loop.responders["w"], folding=folding)
         + advise_on_weight(model, loop, peaks),
         "proved": proved,
         "not_proved": not_proved,
@@ -350,7 +353,7 @@ def texts_of_frf(
 
 
 def decide_verdict(
-    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, certify: bool
+    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, certify: bool
 ) -> tuple[Verdict, str]:
     """Decide the verdict on stability and give its reason."""
     if folding is not None and folding.total >= 1:
@@ -599,7 +602,7 @@ class RobustnessReport:
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (W,) centre and (W,) radius of the disc that L fills over the set."""
         shaping = 1.0 if self.shaping is None else self.shaping
-        centre, radius = loop_discs(self.form, self.radius, self.G, self.K, shaping)
+        centre, radius = loop_discs(self.form, self.radius, G=self.G, K=self.K, W=shaping)
         if self.folding and not FORMS[self.form].inverse:  # with every alias, L + K sum_k h_k F_k Delta_k
             radius = self.rs * np.abs(1 + centre)
         return centre, radius

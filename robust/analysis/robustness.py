@@ -73,18 +73,18 @@ def check_lines(
     omega, G, form, w, perturbation, W = parts_on_lines(model)
     dt, sampled_frf = timebase(K), frf_sampling_time(model) or None
     require_usable_frf(omega, G, dt)
-    require_sampling_time("K", K, "the FRF", sampled_frf)
+    require_sampling_time("K", K, reference="the FRF", wanted=sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
-        require_sampling_time("w_P", w_P, "the loop", sampled_frf or common_sampling_time(K))
-    encirclements, clear = winding_number(omega, add_hold_and_delay(model, omega, G, dt, delay), K, dt)
+        require_sampling_time("w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K))
+    encirclements, clear = winding_number(omega, add_hold_and_delay(model, omega, G=G, dt=dt, delay=delay), K=K, dt=dt)
     at, lines = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1]))), omega
     measured, w, W = (interpolate_frf(at, lines, part) for part in (G, w, W))
-    G = add_hold_and_delay(model, at, measured, dt, delay)
+    G = add_hold_and_delay(model, at, G=measured, dt=dt, delay=delay)
     W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
     wanted = n_unstable + unstable_poles(K, dt)
     stable, has_set = clear and encirclements == wanted, bool(np.isfinite(w).all())
-    curves = loop_curves(form, at, G, response(K, at), w, None if w_P is None else response(w_P, at), W)
+    curves = loop_curves(form, at, G=G, K=response(K, at), w=w, w_P=None if w_P is None else response(w_P, at), W=W)
     peaks = peaks_on_lines(curves) if stable else Peaks()
     hold = " with zero-order hold" if dt and not frf_sampling_time(model) else ""
     words = texts_of_frf(
@@ -185,14 +185,14 @@ def check(
     if signals is not None:
         require_one_channel_loop(model)
     if has_several_channels(model):
-        return check_matrix(model, K, w_P, delay, certify)
+        return check_matrix(model, K, w_P=w_P, delay=delay, certify=certify)
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(
             f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {short_form(model)}"
         )
-    loop = assemble_loop(model, K, w_P, delay)
+    loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
@@ -203,7 +203,7 @@ def check(
         "unit": model.unit,
         "probability": describe_confidence(model),
     }
-    claim = stability_claim(model, K, loop.w_P, delay)
+    claim = stability_claim(model, K, w_P=loop.w_P, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         return fill_report(
@@ -225,7 +225,7 @@ def check(
     found = fill_report(
         curves,
         peaks,
-        texts_of_stable_loop(model, loop, peaks, proofs, folding, certify=certify),
+        texts_of_stable_loop(model, loop, peaks=peaks, proofs=proofs, folding=folding, certify=certify),
         perturbation=model.perturbation,
         stable=True,
         **of,
@@ -248,7 +248,7 @@ def rs_breakdown_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) ->
 
 
 def check_matrix(
-    model: UncertaintyModel, K: Controller, w_P: Weight | None, delay: float, certify: bool
+    model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float, certify: bool
 ) -> RobustnessReport:
     """Check several channels by the blocks of the best form, with the margins of every loop."""
     forms = [

@@ -116,7 +116,7 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
             'weights do not fall off, and what folds down has no bound. Take form="input", or a sampled nominal '
             "(fit_nominal(..., dt=))"
         )
-    left, right, share = folded_radii(model, nominal, omega, dt, k, tails)
+    left, right, share = folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)
     rows = np.concatenate([left, right])
     weights = tuple(fit_sampled_weight(omega, row, dt) for row in rows)
     # on the grid, as that is where they cover: what was measured is of the continuous set
@@ -148,7 +148,7 @@ def sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float
     folded = np.abs((modes.imag + top) % step - top)
     lines = model.omega[model.omega < top]
     lines = lines if lines.size else np.array([top / 10])
-    found = loop_grid(lines, poles(nominal), [], dt, 0.0, modes.real + 1j * folded)
+    found = loop_grid(lines, poles(nominal), systems=[], dt=dt, delay=0.0, folded=modes.real + 1j * folded)
     found = found[(found >= GRID_START_RATIO * lines[0]) & (found < top * (1 - 1e-9))]
     return np.append(found, top * (1 - 1e-9))
 
@@ -170,7 +170,13 @@ def alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndar
 
 
 def folded_radii(
-    model: UncertaintyModel, nominal: control.StateSpace, omega: np.ndarray, dt: float, k: np.ndarray, tails: np.ndarray
+    model: UncertaintyModel,
+    nominal: control.StateSpace,
+    *,
+    omega: np.ndarray,
+    dt: float,
+    k: np.ndarray,
+    tails: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the radii (n, W) of the sampled set, left and right, and the share (W,) of the frequency itself."""
     at = omega[:, None] + 2 * np.pi / dt * k

@@ -108,10 +108,14 @@ def check_structure(
         else None
     )
     if cut is not None:
-        broken, worst, certificates = apply_parameter_margin(system, cut, broken, worst, certificates)
+        broken, worst, certificates = apply_parameter_margin(
+            system, cut, broken=broken, worst=worst, certificates=certificates
+        )
     stable = bool(certificates and certificates[0].holds)
     performs = len(certificates) == 2 and certificates[1].holds
-    verdict, reason = decide_structure_verdict(system, curves, broken, certify, certificates, cut)
+    verdict, reason = decide_structure_verdict(
+        system, curves, broken=broken, certify=certify, certificates=certificates, cut=cut
+    )
     proved, not_proved = structure_proof_sentences(system, stable, performs)
     return RobustnessReport(
         omega=curves.omega,
@@ -138,6 +142,7 @@ def check_structure(
 def decide_structure_verdict(
     system: UncertainSystem,
     curves: MuCurves,
+    *,
     broken: float,
     certify: bool,
     certificates: tuple[Certificate, ...],
@@ -212,15 +217,15 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) ->
     """Compute both bounds on one grid with the peaks of each, and the real parameters that break the loop."""
     now = time.monotonic()
     half = now + (0.4 if system.inputs else 0.7) * (deadline - now)
-    first, known = refine_grid(system.loop, system.structure, omega, half)
-    parameters = find_parameter_crossing(system, first, float(known.max()), deadline)
+    first, known = refine_grid(system.loop, system.structure, omega=omega, deadline=half)
+    parameters = find_parameter_crossing(system, first, peak=float(known.max()), deadline=deadline)
     omega = first if parameters is None else np.union1d(first, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
-        seen, rp_seen = refine_grid(system.N, system.with_performance, omega, deadline)
+        seen, rp_seen = refine_grid(system.N, system.with_performance, omega=omega, deadline=deadline)
         omega = np.union1d(omega, seen)
-        rp = complete_bounds(system.N, system.with_performance, omega, (seen, rp_seen), deadline)
-    mu = complete_bounds(system.loop, system.structure, omega, (first, known), deadline)
+        rp = complete_bounds(system.N, system.with_performance, omega=omega, known=(seen, rp_seen), deadline=deadline)
+    mu = complete_bounds(system.loop, system.structure, omega=omega, known=(first, known), deadline=deadline)
     if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
     return MuCurves(
@@ -234,12 +239,15 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) ->
 
 def stability_bound_at(system: UncertainSystem, omega: float, time_cap: float = 10.0) -> float:
     """Return the upper bound of mu for stability at one frequency [rad/s]."""
-    return float(mu_bound_at(system.loop, system.structure, np.array([omega]), time.monotonic() + time_cap)[0])
+    return float(
+        mu_bound_at(system.loop, system.structure, omega=np.array([omega]), deadline=time.monotonic() + time_cap)[0]
+    )
 
 
 def complete_bounds(
     N: control.StateSpace,
     blocks: Blocks,
+    *,
     omega: np.ndarray,
     known: tuple[np.ndarray, np.ndarray],
     deadline: float,
@@ -250,7 +258,7 @@ def complete_bounds(
     found[np.searchsorted(omega, at)] = values
     new = np.isnan(found)
     if new.any():
-        found[new] = mu_bound_at(N, blocks, omega[new], deadline)
+        found[new] = mu_bound_at(N, blocks, omega=omega[new], deadline=deadline)
     return found
 
 
@@ -258,10 +266,19 @@ def prove_stability_and_performance(
     system: UncertainSystem, curves: MuCurves, deadline: float
 ) -> tuple[Certificate, ...]:
     """Prove stability, and performance where stability is proved and the grid does not contradict it."""
-    stability = prove_bound(system, system.loop, system.structure, "robust stability", curves.omega, deadline)
+    stability = prove_bound(
+        system, system.loop, blocks=system.structure, subject="robust stability", omega=curves.omega, deadline=deadline
+    )
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
-    performance = prove_bound(system, system.N, system.with_performance, "robust performance", curves.omega, deadline)
+    performance = prove_bound(
+        system,
+        system.N,
+        blocks=system.with_performance,
+        subject="robust performance",
+        omega=curves.omega,
+        deadline=deadline,
+    )
     return stability, performance
 
 
@@ -280,6 +297,7 @@ def subdivide_parameters(system: UncertainSystem, gap: float, deadline: float) -
 def apply_parameter_margin(
     system: UncertainSystem,
     cut: ParameterMargin,
+    *,
     broken: float,
     worst: dict[str, float] | None,
     certificates: tuple[Certificate, ...],
@@ -295,7 +313,7 @@ def apply_parameter_margin(
 
 
 def find_parameter_crossing(
-    system: UncertainSystem, omega: np.ndarray, peak: float, deadline: float
+    system: UncertainSystem, omega: np.ndarray, *, peak: float, deadline: float
 ) -> Crossing | None:
     """Find real parameters that break the loop: they do so between the lines of any grid, where mu misses them."""
     blocks = system.structure
@@ -304,15 +322,15 @@ def find_parameter_crossing(
     complex_ = [(*b[:2], "repeated") if b[-1] == "real" else b for b in blocks]
     now = time.monotonic()
     least = float(
-        mu_bound_at(system.loop, complex_, omega, now + 0.3 * (deadline - now)).max()
+        mu_bound_at(system.loop, complex_, omega=omega, deadline=now + 0.3 * (deadline - now)).max()
     )  # as complex numbers they would have to be this small
     if least == 0:
         return None
     return find_crossing(
         system.loop,
         block_structure("blocks", blocks),
-        1 / least,
-        min(2 / max(peak, 1e-300), MAX_PARAMETER_RATIO / least),
+        least=1 / least,
+        limit=min(2 / max(peak, 1e-300), MAX_PARAMETER_RATIO / least),
     )
 
 
@@ -324,7 +342,7 @@ def find_worst_perturbation(
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
     responses = np.moveaxis(response_by_channel(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
     cut = block_structure("blocks", system.structure)
-    found = search_perturbation(responses, cut, 2, np.random.default_rng(0), deadline)
+    found = search_perturbation(responses, cut, n_starts=2, rng=np.random.default_rng(0), deadline=deadline)
     k = int(found.value.argmax())
     assert found.delta is not None  # of a lower bound
     size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
@@ -344,6 +362,7 @@ def find_worst_perturbation(
 def prove_bound(
     system: UncertainSystem,
     N: control.StateSpace,
+    *,
     blocks: Blocks,
     subject: str,
     omega: np.ndarray,

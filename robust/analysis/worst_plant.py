@@ -134,8 +134,8 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     """
     require_parametric(model, "to make plants of")
     if not model.is_single:
-        return worst_case_matrix(model, K, w_P, delay)
-    loop = assemble_loop(model, K, w_P, delay)
+        return worst_case_matrix(model, K, w_P=w_P, delay=delay)
+    loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
@@ -204,7 +204,7 @@ N_PEAKS = 3  # frequencies at which the worst perturbation is searched
 MAX_GAIN_FREQUENCIES = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
 
 
-def worst_case_matrix(model: UncertaintyModel, K: Controller, w_P: Weight | None, delay: float) -> WorstCase:
+def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> WorstCase:
     """Find the worst case of several channels: the bound by mu, and the worst perturbation found where it peaks."""
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, w_P)
@@ -360,7 +360,7 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> BreakingPer
     if not nominal.stable:
         raise ValueError(f"K must leave the nominal loop stable, got one that is {nominal}")
     N = system.loop
-    omega, mu = refine_grid(N, system.structure, structure_grid(N))
+    omega, mu = refine_grid(N, system.structure, omega=structure_grid(N))
     dt = timebase(N)
     # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
     some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *phase_band(omega, dt)))

@@ -302,7 +302,7 @@ def motion_of_record(record: Any, upsampling: int, shrinkage: float = 2.0) -> Mo
     if np.all(excited % 2 == 1):  # even lines hold noise alone
         lines = lines[lines % 2 == 1]
     omega = 2 * np.pi * f0 * lines
-    hold = hold_correction(omega, record.hold, record.fs, 0.0)
+    hold = hold_correction(omega, record.hold, fs=record.fs, dt=0.0)
     return Motion(
         omega=omega,
         U=U.mean(axis=1)[:, lines] / hold,
@@ -322,7 +322,7 @@ def smoothed(values: np.ndarray) -> np.ndarray:
     return np.convolve(np.pad(values, half, mode="reflect"), np.full(2 * half + 1, 1 / (2 * half + 1)), "valid")
 
 
-def element_spectra(motion: Motion, breakaway: np.ndarray, stiction: float, vs: float) -> np.ndarray:
+def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, vs: float) -> np.ndarray:
     """(E, M, W) spectra of the forces of elements of unit stiffness along a motion."""
     if not breakaway.size:
         return np.zeros((0, *motion.U.shape), dtype=complex)
@@ -405,7 +405,7 @@ def residual_of(motion: Motion, candidate: Candidate) -> np.ndarray:
     left = actuated_force(motion, candidate.numbers)
     for name, column in zip(candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True):
         left = left - candidate.numbers[name] * column
-    spectra = element_spectra(motion, candidate.breakaway, candidate.stiction, candidate.vs)
+    spectra = element_spectra(motion, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs)
     return np.asarray(left - np.tensordot(candidate.stiffness, spectra, axes=1) - reaction_of_load(motion, candidate))
 
 
@@ -421,19 +421,19 @@ def slopes_of(motion: Motion, candidate: Candidate) -> np.ndarray:
     columns.append(-1j * omega * force)
     if terms.lag:
         columns.append(-(omega**2) / 2 * force)  # to first order in T^2
-    base = element_spectra(motion, D, candidate.stiction, candidate.vs)
+    base = element_spectra(motion, D, stiction=candidate.stiction, vs=candidate.vs)
     if terms.stiction:
         ahead = np.exp(STEP)
         for stiction, vs in (
             (1 + (candidate.stiction - 1) * ahead, candidate.vs),
             (candidate.stiction, candidate.vs * ahead),
         ):
-            moved = element_spectra(motion, D, stiction, vs)
+            moved = element_spectra(motion, D, stiction=stiction, vs=vs)
             columns.append(-np.tensordot(candidate.stiffness, moved - base, axes=1) / STEP)
     of_load = slopes_of_load(motion, candidate)
     columns += of_load[: len(LOAD) if terms.load else 0]
-    wider = element_spectra(motion, D * np.exp(STEP), candidate.stiction, candidate.vs)
-    narrower = element_spectra(motion, D * np.exp(-STEP), candidate.stiction, candidate.vs)
+    wider = element_spectra(motion, D * np.exp(STEP), stiction=candidate.stiction, vs=candidate.vs)
+    narrower = element_spectra(motion, D * np.exp(-STEP), stiction=candidate.stiction, vs=candidate.vs)
     weight = candidate.stiffness[:, np.newaxis, np.newaxis]
     columns += [*(-weight * base), *(-weight * (wider - narrower) / (2 * STEP)), *of_load[len(LOAD) :]]
     return np.stack(columns, axis=-1)
@@ -474,7 +474,9 @@ BOUNDS = {
 }
 
 
-def refine(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]) -> Candidate:
+def refine(
+    levels: list[Motion], stds: list[np.ndarray], *, candidate: Candidate, span: tuple[float, float]
+) -> Candidate:
     """Gauss-Newton steps from a candidate, the weights held."""
     names = candidate.terms.names
     free = np.full(len(names), np.inf)
@@ -511,12 +513,14 @@ def without_faint(candidate: Candidate) -> Candidate:
     """The candidate without elements that hold next to nothing, and with those joined that break away together."""
     k, D = candidate.all_elements
     total, strength = float(k.sum()), float(k @ D)
-    stiffness, breakaway = merged(candidate.stiffness, candidate.breakaway, total, strength)
-    k2, D2 = merged(np.asarray(candidate.load_stiffness), np.asarray(candidate.load_breakaway), total, strength)
+    stiffness, breakaway = merged(candidate.stiffness, candidate.breakaway, total=total, strength=strength)
+    k2, D2 = merged(
+        np.asarray(candidate.load_stiffness), np.asarray(candidate.load_breakaway), total=total, strength=strength
+    )
     return replace(candidate, stiffness=stiffness, breakaway=breakaway, load_stiffness=k2, load_breakaway=D2)
 
 
-def merged(k: np.ndarray, D: np.ndarray, total: float, strength: float) -> tuple[np.ndarray, np.ndarray]:
+def merged(k: np.ndarray, D: np.ndarray, *, total: float, strength: float) -> tuple[np.ndarray, np.ndarray]:
     """Elements of stiffness k and break-away D, sorted, without those that are faint in a total, close ones as one."""
     order = np.argsort(D)
     k, D = k[order], D[order]
@@ -578,7 +582,7 @@ def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring:
     ]
     for stiction, vs in choices:
         best: tuple[float, Candidate] | None = None
-        spectra = [np.moveaxis(element_spectra(level, tried, stiction, vs), 0, -1) for level in levels]
+        spectra = [np.moveaxis(element_spectra(level, tried, stiction=stiction, vs=vs), 0, -1) for level in levels]
         table = as_real(
             [
                 np.concatenate([one, part / scale], axis=-1)
@@ -653,7 +657,7 @@ def tangent_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidat
 
 
 def extend(
-    levels: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
+    levels: list[Motion], stds: list[np.ndarray], *, candidate: Candidate, span: tuple[float, float]
 ) -> Candidate | None:
     """The candidate with the term or element that is worth most; None where chance is worth as much."""
     Q, left = tangent_of(levels, stds, candidate)
@@ -679,7 +683,7 @@ def extend(
         offer(parts, lambda amount: replace(candidate, terms=wider, numbers=candidate.numbers | {"softening": amount}))
     if 0 < candidate.stiffness.size < MOST_ELEMENTS:
         tried = np.geomspace(*span, N_TRIED)
-        spectra = [element_spectra(level, tried, candidate.stiction, candidate.vs) for level in levels]
+        spectra = [element_spectra(level, tried, stiction=candidate.stiction, vs=candidate.vs) for level in levels]
         for i, D in enumerate(tried):
 
             def with_element(amount: float, D: float = D) -> Candidate:
@@ -711,14 +715,14 @@ def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, flo
     """Search from the first starts, until one explains all levels or `N_STARTS` have been tried; the likeliest."""
     found: list[tuple[float, Candidate]] = []
     for start in starts[:N_STARTS]:
-        candidate = refine(levels, reweight(levels, start), start, span)
+        candidate = refine(levels, reweight(levels, start), candidate=start, span=span)
         for _ in range(MOST_ELEMENTS + 4):
             levels = with_branches(levels, candidate)
             stds = reweight(levels, candidate)
-            more = extend(levels, stds, candidate, span)
+            more = extend(levels, stds, candidate=candidate, span=span)
             if more is None:
                 break
-            candidate = refine(levels, stds, more, span)
+            candidate = refine(levels, stds, candidate=more, span=span)
         powers = [float((np.abs(residual_of(level, candidate)) ** 2).mean()) for level in levels]
         Fs = float(np.dot(*candidate.all_elements))
         shares = [

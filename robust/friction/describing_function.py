@@ -201,7 +201,7 @@ def quasi_linear(
     loop = friction_loop(machine, K, delay)
     levels = measured_impedances(friction, machine) if isinstance(friction, (list, tuple)) else None
     a = amplitude_grid(amplitudes, levels)
-    stiffness, damping, pole, swings = equivalent_impedances(loop, friction, levels, a)
+    stiffness, damping, pole, swings = equivalent_impedances(loop, friction, levels=levels, a=a)
     growth = pole.real
     rises = np.flatnonzero((growth[:-1] <= 0) & (growth[1:] > 0))
     falls = np.flatnonzero((growth[:-1] > 0) & (growth[1:] <= 0))
@@ -218,7 +218,7 @@ def quasi_linear(
     outcome = (
         ""
         if burst is None
-        else final_amplitude(amplitude_after_burst(loop, machine, burst, (a, stiffness, damping)), a, growth)
+        else final_amplitude(amplitude_after_burst(loop, machine, burst=burst, at=(a, stiffness, damping)), a, growth)
     )
     grid = loop_frequencies(loop)
     integrates = np.any(np.abs(poles(K) - (1 if loop.T else 0)) < 1e-9)
@@ -253,7 +253,7 @@ def amplitude_grid(amplitudes: ArrayLike | None, levels: MeasuredImpedances | No
 
 
 def equivalent_impedances(
-    loop: FrictionLoop, friction: Law | list[Bla] | tuple[Bla, ...], levels: MeasuredImpedances | None, a: np.ndarray
+    loop: FrictionLoop, friction: Law | list[Bla] | tuple[Bla, ...], *, levels: MeasuredImpedances | None, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return k_eq, c_eq, the real part of the least damped loop pole and its frequency [rad/s] at each amplitude."""
     if levels is not None:
@@ -276,11 +276,11 @@ def equivalent_impedances(
             if abs(swings / omega[i] - 1) < SAME:
                 break
             omega[i] = swings
-        slides = slides or (i > 0 and only_slides(N.real, N.imag, a, i))
+        slides = slides or (i > 0 and only_slides(N.real, N.imag, a=a, i=i))
     return N.real, N.imag / omega, pole, omega
 
 
-def only_slides(stiffness: np.ndarray, reaction: np.ndarray, a: np.ndarray, i: int) -> bool:
+def only_slides(stiffness: np.ndarray, reaction: np.ndarray, *, a: np.ndarray, i: int) -> bool:
     """Whether the friction force no longer grows from an amplitude to the next, so that all elements slide."""
     grows = reaction[i] * a[i] / max(reaction[i - 1] * a[i - 1], 1e-300) - 1
     return bool(
@@ -318,7 +318,7 @@ def zero_growth_amplitude(a: np.ndarray, growth: np.ndarray, i: int) -> float:
 
 
 def amplitude_after_burst(
-    loop: FrictionLoop, machine: FrictionPlant, burst: ArrayLike, at: tuple[np.ndarray, np.ndarray, np.ndarray]
+    loop: FrictionLoop, machine: FrictionPlant, *, burst: ArrayLike, at: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> float:
     """Return the amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
     forces = require_real_array("burst", burst, ndim=1)
@@ -333,7 +333,7 @@ def amplitude_after_burst(
         i = min(int(np.searchsorted(a, envelope)), a.size - 1)
         if i not in steps:
             steps[i] = (
-                *step_with_impedance(loop, stiffness[i], damping[i], push),
+                *step_with_impedance(loop, stiffness[i], damping=damping[i], push=push),
                 oscillation_frequency(loop, stiffness[i], damping[i]),
             )
         xi = steps[i][0] @ xi + steps[i][1] * force
@@ -347,7 +347,7 @@ def amplitude_after_burst(
 
 
 def step_with_impedance(
-    loop: FrictionLoop, stiffness: float, damping: float, push: np.ndarray
+    loop: FrictionLoop, stiffness: float, *, damping: float, push: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the state map of one sample with a spring and a damper at the port, and the effect of a held force."""
     n = push.size

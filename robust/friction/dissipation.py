@@ -29,7 +29,7 @@ ROUNDED_UP = 1 + 1e-6
 
 
 def maxwell_slip_dissipation(
-    loop: FrictionLoop, rates: np.ndarray, mu: np.ndarray, K0: float, rho: float
+    loop: FrictionLoop, rates: np.ndarray, *, mu: np.ndarray, K0: float, rho: float
 ) -> Dissipation:
     """The inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out."""
     rho = max(rho, ROUNDED_UP)
@@ -103,7 +103,7 @@ def maxwell_slip_dissipation(
 
 
 def bristle_dissipation(
-    loop: FrictionLoop, rates: np.ndarray, weights: BristleMultipliers, K0: float, microdamping: float
+    loop: FrictionLoop, rates: np.ndarray, *, weights: BristleMultipliers, K0: float, microdamping: float
 ) -> Dissipation:
     """The inequality for a loop with weights of its forms; filters without weight are left out."""
     used = weights.nu > 0

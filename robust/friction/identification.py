@@ -391,7 +391,7 @@ def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBal
     """A level as a spring and a damper, measured and fitted; of two masses where they move as one."""
     chosen = level.excited
     left = residual_of(level, candidate)
-    spectra = element_spectra(level, candidate.breakaway, candidate.stiction, candidate.vs)
+    spectra = element_spectra(level, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs)
     fitted = np.tensordot(candidate.stiffness, spectra, axes=1) + reaction_of_load(level, candidate)
     rigid = chosen
     if candidate.terms.load:
@@ -444,9 +444,9 @@ ANOTHER_MACHINE = {
 def questions_of(
     levels: list[Motion],
     candidate: Candidate,
+    *,
     balances: list[LevelBalance],
     units: tuple[str, str],
-    *,
     stuck: float,
     mode: str | None,
     split: float,
@@ -594,7 +594,7 @@ def compliance_column(level: Motion, candidate: Candidate, mass_share: float, fr
 
 
 def sign_of_mode(
-    levels: list[Motion], weights: list[np.ndarray], candidate: Candidate, stds: dict[str, float], unit: str
+    levels: list[Motion], weights: list[np.ndarray], *, candidate: Candidate, stds: dict[str, float], unit: str
 ) -> str | None:
     """What shows that the machine is not one rigid mass; None where nothing does.
 
@@ -698,15 +698,15 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
     fine = [motion_of_record(record, FINE) for record in records]
     for _ in range(N_PASSES):
         fine = with_branches(fine, candidate)
-        candidate = refine(fine, reweight(fine, candidate), candidate, span)
+        candidate = refine(fine, reweight(fine, candidate), candidate=candidate, span=span)
     stds = reweight(fine, candidate)
-    numbers, spread = numbers_with_spread(records, fine, stds, candidate, span)
+    numbers, spread = numbers_with_spread(records, fine, stds=stds, candidate=candidate, span=span)
     balances = [balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
     units = units_of(records[0])
     stuck = stuck_stiffness(fine, stds, candidate) if free else 0.0
-    mode = None if two else sign_of_mode(fine, stds, candidate, spread, unit_of("F s^4/L", units))
+    mode = None if two else sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
-    questions = questions_of(fine, candidate, balances, units, stuck=stuck, mode=mode, split=split)
+    questions = questions_of(fine, candidate, balances=balances, units=units, stuck=stuck, mode=mode, split=split)
     for question in questions:
         spread |= {name: np.inf for name in LEFT_OPEN.get(question.kind, ()) if name in spread}
     if stuck:  # a spring of a free axis that never slips is friction, and more than K0 of its elements
@@ -738,7 +738,7 @@ LEFT_OPEN = {
 
 
 def numbers_with_spread(
-    records: list[Any], fine: list[Motion], stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
+    records: list[Any], fine: list[Motion], *, stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the numbers and their standard deviations.
 
@@ -754,7 +754,7 @@ def numbers_with_spread(
             replace(motion_of_record(record, steps, shrinkage), centred=level.centred)
             for record, level in zip(records, fine, strict=True)
         ]
-        other = refine(levels, stds, candidate, span)
+        other = refine(levels, stds, candidate=candidate, span=span)
         others.append(derived_numbers(pack(other), other))
     top, speed = float(fine[0].omega[-1]), max(float(np.std(level.v)) for level in fine)
     floors = {

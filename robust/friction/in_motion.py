@@ -204,11 +204,11 @@ def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:
     candidate = Candidate(terms=Terms(spring=False), numbers=numbers, stiffness=none, breakaway=none)
     stds = [np.full(motion.U.shape, np.sqrt((np.abs(motion.U) ** 2).mean()))]
     for _ in range(N_PASSES):
-        candidate = refine([motion], stds, candidate, (1e-9, 1.0))
+        candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
         stds = reweight([motion], candidate)
         if not candidate.terms.lag:  # which stands for a mode above the band, too: only one of them can be told
-            candidate = extend([motion], stds, candidate, (1e-9, 1.0)) or candidate
-    candidate = refine([motion], stds, candidate, (1e-9, 1.0))
+            candidate = extend([motion], stds, candidate=candidate, span=(1e-9, 1.0)) or candidate
+    candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
     covariance = covariance_of([motion], reweight([motion], candidate), candidate)
     x = pack(candidate)
     found, spread = derived_numbers(x, candidate), deviations(x, candidate, covariance)

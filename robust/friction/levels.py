@@ -195,7 +195,7 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
     spread = variance_inflation(best, misfit)
     tau, tau_std, left = fit_delay(reaction, best)
     softening, softening_std = fit_softening(reaction, best)
-    slow_low, slow_high = profile_interval(solutions, 0, best.chi, spread)
+    slow_low, slow_high = profile_interval(solutions, 0, least=best.chi, spread=spread)
     too_slow = best.rate <= reaction.omega[0] and plain.chi - best.chi > SIGMAS**2 * spread
     return LevelFit(
         force=float(np.sqrt((np.abs(bla.levels.excited / bla.G) ** 2).sum(axis=1).mean() / 2)),
@@ -220,8 +220,10 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
 
 def fit_rates(omega: np.ndarray, H: np.ndarray, std: np.ndarray) -> tuple[Solution, list[Solution]]:
     """The fit without a slipping element, and all that count: that one, and one for each rate with a >= 0."""
-    plain = least_squares(regressors(omega, np.nan), H, std, np.nan)
-    slipping = (least_squares(regressors(omega, b), H, std, b) for b in np.geomspace(omega[0], omega[-1], N_RATES))
+    plain = least_squares(regressors(omega, np.nan), H, std=std, rate=np.nan)
+    slipping = (
+        least_squares(regressors(omega, b), H, std=std, rate=b) for b in np.geomspace(omega[0], omega[-1], N_RATES)
+    )
     return plain, [plain, *(one for one in slipping if one.found[3] >= 0)]
 
 
@@ -233,7 +235,7 @@ def regressors(omega: np.ndarray, rate: float) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def least_squares(columns: np.ndarray, wanted: np.ndarray, std: np.ndarray, rate: float) -> Solution:
+def least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, rate: float) -> Solution:
     """Real parameters of complex columns, by QR of the columns scaled to unit length."""
     table = np.vstack([(columns / std[:, None]).real, (columns / std[:, None]).imag])
     target = np.concatenate([(wanted / std).real, (wanted / std).imag])
@@ -266,7 +268,7 @@ def variance_inflation(solution: Solution, misfit: float) -> float:
     return max(1.0, misfit) * (1 + autocorrelation) / (1 - autocorrelation)
 
 
-def profile_interval(solutions: list[Solution], i: int, least: float, spread: float) -> tuple[float, float]:
+def profile_interval(solutions: list[Solution], i: int, *, least: float, spread: float) -> tuple[float, float]:
     """Profile-likelihood interval of parameter i over all rates of the slipping element."""
     low, high = np.inf, -np.inf
     for one in solutions:
@@ -293,7 +295,7 @@ def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
     omega, tau, base = reaction.omega, 0.0, regressors(reaction.omega, best.rate)
     for _ in range(DELAY_STEPS):
         H, slope = reaction.delayed(tau)
-        solution = least_squares(np.column_stack([base, -slope]), H, reaction.std, best.rate)
+        solution = least_squares(np.column_stack([base, -slope]), H, std=reaction.std, rate=best.rate)
         tau += float(solution.found[-1])
     misfit = solution.chi / (2 * omega.size - 6)
     variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
@@ -311,7 +313,7 @@ def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
     """
     omega, H, std = reaction.omega, reaction.H, reaction.std
     columns = np.column_stack([regressors(omega, best.rate), -(omega**4)])
-    solution = least_squares(columns, H, std, best.rate)
+    solution = least_squares(columns, H, std=std, rate=best.rate)
     misfit = solution.chi / (2 * omega.size - columns.shape[1] - 1)
     variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
     precision = (omega**4 / std) ** 2  # of the lines for this term, and the model error that they may share
@@ -450,7 +452,7 @@ def class_from_blas(
     own = getattr(nominal, "position_unit", "")
     position_unit = require_one_position_unit("blas", [bla.y_unit or own for bla in blas])
     units = mechanical_units(position_unit)
-    blas = [bla.times(hold_correction(bla.omega, bla.hold, bla.fs, 0.0)) for bla in blas]
+    blas = [bla.times(hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=0.0)) for bla in blas]
     machines: tuple[FrictionPlant, ...] = ()
     description, fits = "", []
     if nominal is None:

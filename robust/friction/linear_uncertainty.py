@@ -139,7 +139,7 @@ def friction_frequency_test(
     rates = filter_rates(1.5 * machine.resonance or 100.0, fastest)[0]
 
     def holds(times: float) -> bool:
-        table, q = uncertain_rows(M, omega, rates, friction.K0, friction.stiction, times * error)
+        table, q = uncertain_rows(M, omega, rates=rates, K0=friction.K0, rho=friction.stiction, error=times * error)
         return loop.growth() < 0 and find_multipliers(table, q)
 
     found, times = holds(1.0), np.nan
@@ -152,12 +152,12 @@ def friction_frequency_test(
         mass=mass,
         stiffness=stiffness,
         margin=times,
-        description=describe_test(found, mass, stiffness, times, friction),
+        description=describe_test(found, mass, stiffness=stiffness, times=times, friction=friction),
     )
 
 
 def uncertain_rows(
-    mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float, error: np.ndarray
+    mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(W, 1 + J, 2, 2) hermitian rows of the friction in (f, p), and (W, 2, 2) that of |q|^2 - |p|^2.
 
@@ -195,7 +195,7 @@ def find_multipliers(table: np.ndarray, q: np.ndarray) -> bool:
     return mu.value is not None and share.value is not None and bool(share.value > MIN_SHARE)
 
 
-def describe_test(holds: bool, mass: float, stiffness: float, times: float, friction: AnyFriction) -> str:
+def describe_test(holds: bool, mass: float, *, stiffness: float, times: float, friction: AnyFriction) -> str:
     """Describe what was tested, and that it is no proof."""
     units = friction.units
     size = f"{mass:.2g} {units.mass} and {stiffness / 1e3:.3g} {units.stiffness}"

@@ -72,7 +72,7 @@ def start_with_load(levels: list[Motion], *, spring: bool) -> list[Candidate]:
         return sum(float((np.abs(part) ** 2).mean()) for part in parts)
 
     def tried(pair: tuple[float, float], excess: tuple[float, float], velocity: float) -> tuple[float, Candidate]:
-        candidate = candidate_of(machine, stiffness, pair, excess, velocity * fastest, spring=spring)
+        candidate = candidate_of(machine, stiffness, strength=pair, excess=excess, vs=velocity * fastest, spring=spring)
         return offset(candidate), candidate
 
     strengths = np.geomspace(2 * levels[-1].force, levels[0].force, N_STRENGTHS).tolist()
@@ -95,7 +95,7 @@ def fit_sliding_level(level: Motion, *, spring: bool) -> LinearLoad:
     omega, n = level.omega, level.x.shape[1]
     scale = float(np.sqrt((np.abs(level.U) ** 2).mean()))
     breakaway = level.half_swing * np.geomspace(*COULOMB)
-    at_motor = element_spectra(level, breakaway, 1.0, np.inf)
+    at_motor = element_spectra(level, breakaway, stiction=1.0, vs=np.inf)
     grid = 2 * np.pi * level.fs / n * np.arange(n // 2 + 1)
     X = np.fft.rfft(level.x)
     signed = linear_columns(level, Terms(spring=spring))[1:]
@@ -108,7 +108,7 @@ def fit_sliding_level(level: Motion, *, spring: bool) -> LinearLoad:
 
         behind = response(grid) * X
         moved = replace(level, x=np.fft.irfft(behind, n), v=np.fft.irfft(1j * grid * behind, n))
-        at_load = element_spectra(moved, breakaway, 1.0, np.inf) * response(omega)
+        at_load = element_spectra(moved, breakaway, stiction=1.0, vs=np.inf) * response(omega)
         inertia = -(omega**2) * level.Y
         columns = [inertia, inertia * response(omega), *(sign * one for one in signed for sign in (1, -1))]
         table = as_real([np.stack([*columns, *at_motor, *at_load], axis=-1) / scale])
@@ -159,10 +159,10 @@ def fit_sticking_level(level: Motion, machine: LinearLoad) -> tuple[float, float
 def candidate_of(
     machine: LinearLoad,
     stiffness: tuple[float, float],
+    *,
     strength: tuple[float, float],
     excess: tuple[float, float],
     vs: float,
-    *,
     spring: bool,
 ) -> Candidate:
     """A candidate with elements of these stiffnesses and strengths, and this stiction, at motor and load."""

@@ -50,7 +50,9 @@ def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
     return sets
 
 
-def multiplier_terms(mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float) -> np.ndarray:
+def multiplier_terms(
+    mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
+) -> np.ndarray:
     """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v first, then one a filter."""
     s = 1j * omega[:, None]
     stiction_row = (1 - rates / (rho * (rates - s))) * mobility[:, None]
@@ -83,13 +85,13 @@ def maxwell_slip_multipliers(table: np.ndarray) -> tuple[np.ndarray, float]:
     return mu / columns, float(-(A[:, :-1] @ mu).max())
 
 
-def largest_stiffness(loop: FrictionLoop, rates: np.ndarray, rho: float, top: float = 1e8) -> float:
+def largest_stiffness(loop: FrictionLoop, rates: np.ndarray, *, rho: float, top: float = 1e8) -> float:
     """Largest K0 [N/m] at which weights exist at every frequency of a grid, by bisection; 0 where none."""
     omega = loop_frequencies(loop)
     response = mobility(loop, omega)
 
     def exist(K0: float) -> bool:
-        return maxwell_slip_multipliers(multiplier_terms(response, omega, rates, K0, rho))[1] > 1e-9
+        return maxwell_slip_multipliers(multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho))[1] > 1e-9
 
     low, high = 1.0, top
     if not exist(low):
@@ -142,7 +144,7 @@ class BristleMultipliers:
 
 
 def bristle_terms(
-    mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, microdamping: float
+    mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, microdamping: float
 ) -> np.ndarray:
     """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q) of F v, of each filter and of each entry of M."""
     s = 1j * omega

@@ -68,7 +68,7 @@ class Damping:
 
 
 def passive_verdict(
-    machine: FrictionPlant, K: control.StateSpace, delay: float, loop: FrictionLoop
+    machine: FrictionPlant, K: control.StateSpace, *, delay: float, loop: FrictionLoop
 ) -> tuple[FrictionVerdict, str]:
     """Verdict and reason: "proved" where the loop is stable and leaves damping at the port at every frequency."""
     if loop.F.shape[0] > MAX_STATES:
@@ -270,14 +270,14 @@ def measured_impedances(blas: Sequence[Bla], machine: FrictionPlant) -> Measured
         left = np.linalg.norm(wanted - table @ [k, c]) / np.sqrt(wanted.size - 2)
         swing = np.sqrt((np.abs(bla.levels.excited) ** 2).sum(axis=1).mean())
         std = left / np.linalg.norm(table[:, 0])
-        rows.append((float(swing * port_ratio(xm, ym, peak, omega)), float(k), float(c), float(std)))
+        rows.append((float(swing * port_ratio(xm, ym, peak=peak, omega=omega)), float(k), float(c), float(std)))
     if not rows:
         raise ValueError("friction must be a law or at least one BLA, got none")
     amplitude, k, c, std = np.array(sorted(rows)).T
     return MeasuredImpedances(amplitude=amplitude, stiffness=k, damping=c, stiffness_std=float(std[-1]))
 
 
-def port_ratio(port: np.ndarray, measured: np.ndarray, peak: float, omega: np.ndarray) -> float:
+def port_ratio(port: np.ndarray, measured: np.ndarray, *, peak: float, omega: np.ndarray) -> float:
     """Return the displacement at the port over the measured one, at the peak of the response."""
     i = int(np.argmin(np.abs(omega - peak)))
     return float(np.abs(port[i] / measured[i]))

@@ -664,11 +664,11 @@ def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
 
 def mobility(loop: FrictionLoop, omega: np.ndarray) -> np.ndarray:
     """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out."""
-    return np.asarray(driven_states(loop, omega, loop.B, np.zeros(loop.B.size))[0] @ loop.v)
+    return np.asarray(driven_states(loop, omega, flow=loop.B, struck=np.zeros(loop.B.size))[0] @ loop.v)
 
 
 def driven_states(
-    loop: FrictionLoop, omega: np.ndarray, flow: np.ndarray, struck: np.ndarray
+    loop: FrictionLoop, omega: np.ndarray, *, flow: np.ndarray, struck: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the (W, n) state at the frequency of the force, and the (W, n) state just before a sample.
 

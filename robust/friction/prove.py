@@ -147,12 +147,21 @@ def certify_friction(
     set of filters only, and without the finest intervals.
     """
     if friction.kind == "bristle":
-        return certify_bristle(loop, friction.K0, friction.stiction, friction.microdamping, reference, quick=quick)
-    return certify_maxwell_slip(loop, friction.K0, friction.stiction, friction.bristle_time, reference, quick=quick)
+        return certify_bristle(
+            loop,
+            friction.K0,
+            rho=friction.stiction,
+            microdamping=friction.microdamping,
+            reference=reference,
+            quick=quick,
+        )
+    return certify_maxwell_slip(
+        loop, friction.K0, rho=friction.stiction, bristle_time=friction.bristle_time, reference=reference, quick=quick
+    )
 
 
 def certify_maxwell_slip(
-    loop: FrictionLoop, K0: float, rho: float, bristle_time: float, reference: float, *, quick: bool = False
+    loop: FrictionLoop, K0: float, *, rho: float, bristle_time: float, reference: float, quick: bool = False
 ) -> FrictionCertificate:
     """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
 
@@ -165,49 +174,52 @@ def certify_maxwell_slip(
     found = np.zeros((2, 0))
     form = np.full(omega.size, np.nan)
     for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
-        table = multiplier_terms(response, omega, rates, K0, rho)
+        table = multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho)
         mu, share = maxwell_slip_multipliers(table)
         if not share > 0 or not (mu[1:] > 0).any():
             continue
         mu[mu < 1e-9 * mu.max()] = 0
         found = np.vstack([np.append(0.0, rates), mu])[:, mu > 0]
         form = table @ mu / np.abs(table * mu).max(axis=1)
-        reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
+        reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho), quick)
         if not reason:
             used = np.append(True, mu[2:] > 0)
             numbers = Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0]))
-            return friction_certificate("", found, omega, form, numbers, energy)
-    return friction_certificate(reason, found, omega, form)
+            return friction_certificate("", found, omega=omega, form=form, numbers=numbers, energy=energy)
+    return friction_certificate(reason, found, omega=omega, form=form)
 
 
 def certify_bristle(
-    loop: FrictionLoop, K0: float, rho: float, microdamping: float, reference: float, *, quick: bool = False
+    loop: FrictionLoop, K0: float, *, rho: float, microdamping: float, reference: float, quick: bool = False
 ) -> FrictionCertificate:
     """The same of bristles that creep."""
     omega = loop_frequencies(loop, N_POINTS)
     response = mobility(loop, omega)
     reason, found, form = "no weights make every frequency dissipate", np.zeros((2, 0)), np.full(omega.size, np.nan)
     for rates in filter_rates(reference, np.inf)[: 1 if quick else 2]:
-        table = bristle_terms(response, omega, rates, K0, microdamping)
+        table = bristle_terms(response, omega, rates=rates, K0=K0, microdamping=microdamping)
         weights = bristle_multipliers(table, rho)
         if weights is None:
             continue
         chosen = np.concatenate([[weights.mu], weights.nu])
         found = np.vstack([np.append(0.0, rates), chosen])[:, chosen > 0]
         form = largest_share(table, weights)
-        reason, energy = certified_dissipation(bristle_dissipation(loop, rates, weights, K0, microdamping), quick)
+        reason, energy = certified_dissipation(
+            bristle_dissipation(loop, rates, weights=weights, K0=K0, microdamping=microdamping), quick
+        )
         if not reason:
             used = weights.nu > 0
             numbers = Multipliers(
                 rates=rates[used], weights=weights.nu[used], free=weights.mu, block=weights.block, bounds=weights.bounds
             )
-            return friction_certificate("", found, omega, form, numbers, energy)
-    return friction_certificate(reason, found, omega, form)
+            return friction_certificate("", found, omega=omega, form=form, numbers=numbers, energy=energy)
+    return friction_certificate(reason, found, omega=omega, form=form)
 
 
 def friction_certificate(
     reason: str,
     found: np.ndarray,
+    *,
     omega: np.ndarray,
     form: np.ndarray,
     numbers: Multipliers | None = None,
@@ -438,20 +450,24 @@ def prove_friction(
     if spring is not None:
         found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, friction))
     elif friction.kind in ("Maxwell slip", "bristle"):
-        found = certified_verdict(machine, K, delay, loop, friction, limits)
+        found = certified_verdict(machine, K, delay=delay, loop=loop, friction=friction, limits=limits)
         if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(Fs):
-            found = settling_verdict(machine, K, delay, loop, friction, Fs, error_bound, found)
+            found = settling_verdict(
+                machine, K, delay=delay, loop=loop, friction=friction, Fs=Fs, error_bound=error_bound, undecided=found
+            )
     elif friction.kind == "bounded":
         found = bounded_verdict(loop, error_bound)
     else:
-        verdict, reason = passive_verdict(machine, K, delay, loop)
+        verdict, reason = passive_verdict(machine, K, delay=delay, loop=loop)
         found = Finding(verdict=verdict, reason=reason)
     return FrictionProof(
         machine=machine,
         friction=friction,
         counterexample=spring,
         not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind]),
-        claim=describe_claim(machine, friction, K, delay, found, Fs, error_bound) if found.verdict in CLAIMED else "",
+        claim=describe_claim(machine, friction, K=K, delay=delay, found=found, Fs=Fs, error_bound=error_bound)
+        if found.verdict in CLAIMED
+        else "",
         kick_sure=kick_sure,
         error_bound=error_bound,
         verdict=found.verdict,
@@ -520,6 +536,7 @@ def bounded_verdict(loop: FrictionLoop, error_bound: float) -> Finding:
 def certified_verdict(
     machine: FrictionPlant,
     K: control.StateSpace,
+    *,
     delay: float,
     loop: FrictionLoop,
     friction: AnyFriction,
@@ -535,7 +552,7 @@ def certified_verdict(
     verdict = FrictionVerdict.PROVED if holds else FrictionVerdict.NOT_DECIDED
     certificate, K0_max, stiction_max = proof.certificate, np.nan, np.nan
     if proof.numbers is not None and proof.energy is not None:
-        exact = build_claim(machine, K, delay, friction, proof.numbers, proof.energy)
+        exact = build_claim(machine, K, delay=delay, friction=friction, numbers=proof.numbers, stored=proof.energy)
         certificate = replace(proof.certificate, claim=exact, again=verify_friction)
     if holds and limits:
         K0_max, stiction_max = proved_limits(loop, friction, reference)
@@ -554,6 +571,7 @@ def certified_verdict(
 def settling_verdict(
     machine: FrictionPlant,
     K: control.StateSpace,
+    *,
     delay: float,
     loop: FrictionLoop,
     friction: AnyFriction,
@@ -578,7 +596,7 @@ def settling_verdict(
         error = max((one.reach * largest_rest(Fs, friction.stiction) + held) * SETTLING_ROUNDED_UP, 1e-300)
         numbers = Multipliers(rates=one.rates, weights=one.weights, free=0.0)
         exact = replace(
-            build_claim(machine, K, delay, friction, numbers, one),
+            build_claim(machine, K, delay=delay, friction=friction, numbers=numbers, stored=one),
             settling=Settling(decay=one.decay, Fs=Fs, error=error),
         )
         if verify_friction(exact).verified:
@@ -600,6 +618,7 @@ def settling_verdict(
 def build_claim(
     machine: FrictionPlant,
     K: control.StateSpace,
+    *,
     delay: float,
     friction: AnyFriction,
     numbers: Multipliers,
@@ -666,6 +685,7 @@ def format_pole_modulus(size: float) -> str:
 def describe_claim(
     machine: FrictionPlant,
     friction: AnyFriction,
+    *,
     K: control.StateSpace,
     delay: float,
     found: Finding,
@@ -676,16 +696,16 @@ def describe_claim(
     if found.verdict is FrictionVerdict.SETTLES:
         bound = f"{found.settling_error:.3g} {machine.units.position}"
         most = f"of at most {Fs:g} {machine.units.force}"
-        return f"Settles within {bound} of rest from every state {describe_scope(machine, friction, K, delay)}, {most}."
+        return f"Settles within {bound} of rest from every state {describe_scope(machine, friction, K=K, delay=delay)}, {most}."
     rest = (
         f"Stays within {error_bound:.3g} {machine.units.position} of rest in the end"
         if friction.kind == "bounded"
         else "Comes to rest from every state"
     )
-    return f"{rest} {describe_scope(machine, friction, K, delay)}."
+    return f"{rest} {describe_scope(machine, friction, K=K, delay=delay)}."
 
 
-def describe_scope(machine: FrictionPlant, friction: AnyFriction, K: control.StateSpace, delay: float) -> str:
+def describe_scope(machine: FrictionPlant, friction: AnyFriction, *, K: control.StateSpace, delay: float) -> str:
     """State for which friction, machine and sampling time a claim holds."""
     dt = timebase(K)
     clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"

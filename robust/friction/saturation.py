@@ -64,7 +64,7 @@ __all__ = [
 ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
 
 
-def velocity_within_reach(energy: JudgedStorage, command_row: np.ndarray, hit: np.ndarray, reach: float) -> float:
+def velocity_within_reach(energy: JudgedStorage, command_row: np.ndarray, *, hit: np.ndarray, reach: float) -> float:
     """Return the initial velocity [m/s] up to which |c'y| stays below a reach [N]; hit .
 
     (n,) the state change of 1 m/s.
@@ -189,7 +189,7 @@ def embed_matrix(M: np.ndarray, size: int, diagonal: float = 0.0) -> np.ndarray:
 # at every sample, or in the flow with w as one input more: what an actuator never makes negative.
 
 
-def with_saturation(form: Dissipation, cut: LureLoop, share: float, sector: float, given: np.ndarray) -> Dissipation:
+def with_saturation(form: Dissipation, cut: LureLoop, *, share: float, sector: float, given: np.ndarray) -> Dissipation:
     """Add the dead zone to the dissipation inequality; form.
 
     That of the friction, whose first states are those of the open loop.
@@ -250,7 +250,7 @@ class SaturationMultipliers:
 
 
 def saturation_terms(
-    cut: LureLoop, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
+    cut: LureLoop, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
 ) -> np.ndarray:
     """Return (W, 1 + R + 1 + J, 2, 2) hermitian forms in (f, w).
 
@@ -258,11 +258,11 @@ def saturation_terms(
     """
     loop, s = cut.loop, 1j * omega
     none = np.zeros(loop.B.size)
-    by_f, before_f = driven_states(loop, omega, loop.B, none)
+    by_f, before_f = driven_states(loop, omega, flow=loop.B, struck=none)
     by_w, before_w = (
-        driven_states(loop, omega, none, -cut.input_column)
+        driven_states(loop, omega, flow=none, struck=-cut.input_column)
         if loop.T
-        else driven_states(loop, omega, -cut.input_column, none)
+        else driven_states(loop, omega, flow=-cut.input_column, struck=none)
     )
     v, command_row = np.stack([by_f, by_w], axis=1) @ loop.v, np.stack([before_f, before_w], axis=1) @ cut.command_row
     f, w = np.broadcast_to([1.0, 0.0], v.shape), np.broadcast_to([0.0, 1.0], v.shape)
@@ -360,17 +360,19 @@ class RegionOfAttraction:
 
 
 def largest_region(
-    machine: FrictionPlant, K: control.StateSpace, friction: AnyFriction, delay: float, left: float
+    machine: FrictionPlant, K: control.StateSpace, *, friction: AnyFriction, delay: float, left: float
 ) -> RegionOfAttraction | None:
     """Return the largest region of attraction that was found. left : limit less friction [N]."""
     cut = open_at_actuator(machine, K, delay)
     if cut.open_growth() < 0:
-        everywhere = region_for_sector(machine, K, friction, delay, cut, 1.0, np.inf)
+        everywhere = region_for_sector(machine, K, friction=friction, delay=delay, cut=cut, share=1.0, reach=np.inf)
         if everywhere is not None:
             return everywhere
     best, missed = None, 0
     for share in SECTOR_GAINS:
-        found = region_for_sector(machine, K, friction, delay, cut, share, left / (1 - share))
+        found = region_for_sector(
+            machine, K, friction=friction, delay=delay, cut=cut, share=share, reach=left / (1 - share)
+        )
         missed = missed + 1 if found is None else 0
         if found is not None and (best is None or found.kick > best.kick):
             best = found
@@ -382,6 +384,7 @@ def largest_region(
 def region_for_sector(
     machine: FrictionPlant,
     K: control.StateSpace,
+    *,
     friction: AnyFriction,
     delay: float,
     cut: LureLoop,
@@ -393,17 +396,19 @@ def region_for_sector(
     fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
     forgets = FILTER_SHARES if cut.loop.T else FILTER_RATES * reference
     for rates in filter_rates(reference, fastest)[:N_SETS]:
-        table = saturation_terms(cut, omega, rates, friction.K0, friction.stiction, forgets, share)
+        table = saturation_terms(
+            cut, omega, rates=rates, K0=friction.K0, rho=friction.stiction, forgets=forgets, share=share
+        )
         weights = saturation_multipliers(table, rates.size)
         if weights is None or not weights.mu[1:].any():
             continue
         own = weights.given > 0
         wider = open_at_actuator(machine, K, delay, forgets[own])
-        form = maxwell_slip_dissipation(wider.loop, rates, weights.mu, friction.K0, friction.stiction)
-        form = with_saturation(form, wider, share, weights.sector, weights.given[own])
+        form = maxwell_slip_dissipation(wider.loop, rates, mu=weights.mu, K0=friction.K0, rho=friction.stiction)
+        form = with_saturation(form, wider, share=share, sector=weights.sector, given=weights.given[own])
         failed, energy = certified_dissipation(form)
         if energy is not None and not failed:
-            kick = largest_velocity(machine, wider, energy, reach) if np.isfinite(reach) else np.inf
+            kick = largest_velocity(machine, wider, energy=energy, reach=reach) if np.isfinite(reach) else np.inf
             return RegionOfAttraction(
                 kick=kick,
                 share=share,
@@ -422,12 +427,14 @@ def used_multipliers(rates: np.ndarray, weights: SaturationMultipliers) -> Multi
     return Multipliers(rates=rates[used], weights=weights.mu[1:][used], free=float(weights.mu[0]))
 
 
-def largest_velocity(machine: FrictionPlant, cut: LureLoop, energy: JudgedStorage, reach: float) -> float:
+def largest_velocity(machine: FrictionPlant, cut: LureLoop, *, energy: JudgedStorage, reach: float) -> float:
     """Return the initial velocity [m/s] up to which a storage keeps the commanded force within reach [N]."""
     size = energy.V.shape[0]
     hit = np.zeros(size)
     hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
-    return velocity_within_reach(energy, np.pad(cut.command_row, (0, size - cut.command_row.size)), hit, reach)
+    return velocity_within_reach(
+        energy, np.pad(cut.command_row, (0, size - cut.command_row.size)), hit=hit, reach=reach
+    )
 
 
 SUBJECT = "the stored energy falls, the actuator saturated or not"
@@ -565,18 +572,24 @@ def prove_saturated(
         )
     try:
         linear = certify_friction(cut.loop, friction, reference_rate(machine, cut.loop)).energy
-        kick_linear = 0.0 if linear is None else largest_velocity(machine, cut, linear, left)
-        reach = largest_region(machine, K, friction, delay, left) if friction.kind == "Maxwell slip" else None
+        kick_linear = 0.0 if linear is None else largest_velocity(machine, cut, energy=linear, reach=left)
+        reach = (
+            largest_region(machine, K, friction=friction, delay=delay, left=left)
+            if friction.kind == "Maxwell slip"
+            else None
+        )
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return no_saturated_proof(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}", known)
     everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
     certificate, kick, share = plain.certificate, kick_linear, 0.0
     if reach is not None and reach.kick > kick_linear:
-        exact = build_claim(machine, K, delay, friction, reach.numbers, reach.energy)
+        exact = build_claim(machine, K, delay=delay, friction=friction, numbers=reach.numbers, stored=reach.energy)
         certificate, kick, share = saturation_certificate(exact, reach, known), reach.kick, reach.share
     return SaturatedProof(
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        claim=describe_claim(np.inf if everywhere else kick, describe_scope(machine, friction, K, delay), known),
+        claim=describe_claim(
+            np.inf if everywhere else kick, describe_scope(machine, friction, K=K, delay=delay), known
+        ),
         reason="" if everywhere else describe_why_local(cut, friction),
         not_claimed=NOT_CLAIMED.format(
             other=NOT_IN_CLASS[friction.kind], Fs=Fs, limit=limit, unit=friction.units.force

@@ -85,7 +85,7 @@ def settling_numbers(loop: FrictionLoop, K0: float, reference: float) -> list[Se
     rates = np.geomspace(min(slowest, reference), FASTEST * reference, N_FILTERS)
     first = N_FILTERS // 2
     rates = np.concatenate([rates[first : first + 1], np.delete(rates, first)])
-    tried = (settle_at_rate(loop, K0, rates, share * slowest) for share in DECAYS)
+    tried = (settle_at_rate(loop, K0, rates=rates, decay=share * slowest) for share in DECAYS)
     return sorted((one for one in tried if one is not None), key=lambda one: one.reach)
 
 
@@ -95,13 +95,13 @@ def slowest_decay(loop: FrictionLoop, kappa: float) -> float:
     return float(-np.log1p(growth) / loop.T if loop.T else -growth)
 
 
-def settle_at_rate(loop: FrictionLoop, K0: float, rates: np.ndarray, decay: float) -> SettlingNumbers | None:
+def settle_at_rate(loop: FrictionLoop, K0: float, *, rates: np.ndarray, decay: float) -> SettlingNumbers | None:
     """Return the least reach with one rate of decay, or None where the program finds none."""
     import cvxpy as cp
 
     A, B, jumps, x, v = with_filters(loop, rates)
     n = A.shape[0]
-    V = coordinates(loop, A, B, jumps)
+    V = coordinates(loop, A, B=B, jumps=jumps)
     back = np.linalg.inv(V)
     A = back @ A @ V + decay * np.eye(n)
     jumps = [back @ jump @ V for jump in jumps]
@@ -189,7 +189,7 @@ def with_filters(
     return A, B, jumps, np.pad(loop.x, (0, extra)), np.pad(loop.v, (0, extra))
 
 
-def coordinates(loop: FrictionLoop, A: np.ndarray, B: np.ndarray, jumps: list[np.ndarray]) -> np.ndarray:
+def coordinates(loop: FrictionLoop, A: np.ndarray, *, B: np.ndarray, jumps: list[np.ndarray]) -> np.ndarray:
     """(n, n) V with z = V z~ in which both inputs reach every state alike."""
     n, none = A.shape[0], np.zeros((A.shape[0], 2))
     form = Dissipation(

@@ -353,7 +353,7 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
     )
 
 
-def build_storage(form: Dissipation, P: np.ndarray, slack: float, n_intervals: int) -> StorageFunction:
+def build_storage(form: Dissipation, P: np.ndarray, *, slack: float, n_intervals: int) -> StorageFunction:
     """Cubics through the solution of the Riccati equation that begins with P, with its slopes."""
     A, G, Q = supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
@@ -401,7 +401,7 @@ def largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float
 
 
 def flow_inequality(
-    judged: BoundedForm, P: np.ndarray, slope: np.ndarray, slope_size: np.ndarray
+    judged: BoundedForm, P: np.ndarray, *, slope: np.ndarray, slope_size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrix of the inequality for many P and P' at once, and its rounding error."""
     form = judged.form
@@ -431,20 +431,20 @@ def judge_storage(judged: BoundedForm, storage: StorageFunction) -> tuple[str, f
     steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; raised to a cubic
     sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
     slope, size = raise_degree(steps), raise_degree(sizes)
-    worst = largest_scaled_eigenvalue(*flow_inequality(judged, b, slope, size))
+    worst = largest_scaled_eigenvalue(*flow_inequality(judged, b, slope=slope, slope_size=size))
     if not worst < 0:
         return f"the inequality does not hold between samples: its largest scaled eigenvalue is {worst:.2g}", worst
     begins = b[storage.first, 0]
     ends = b[np.concatenate([storage.first[1:], [b.shape[0]]]) - 1, 3]
     for i in range(len(judged.form.jumps)):
-        worst = largest_scaled_eigenvalue(*jump_inequality(judged, i, ends[i - 1], begins[i]))
+        worst = largest_scaled_eigenvalue(*jump_inequality(judged, i, before=ends[i - 1], after=begins[i]))
         if not worst < 0:
             return f"the energy may grow at a sample: its largest scaled eigenvalue is {worst:.2g}", np.inf
     return check_positive(judged, np.array([begins[0], ends[-1]])), np.inf
 
 
 def jump_inequality(
-    judged: BoundedForm, i: int, before: np.ndarray, after: np.ndarray
+    judged: BoundedForm, i: int, *, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The matrix of what the energy gains at a jump, a block there as one more state, and how far it may be off."""
     jump, unsure, block, n = judged.form.jumps[i], judged.jumps[i], judged.form.block, before.shape[0]
@@ -472,7 +472,7 @@ def raise_degree(parabola: np.ndarray) -> np.ndarray:
 def judge_constant_storage(judged: BoundedForm, P: np.ndarray) -> str:
     """Return why one P for all time is no storage of a loop without jumps; an empty string where it is one."""
     still = np.zeros_like(P)
-    worst = largest_scaled_eigenvalue(*flow_inequality(judged, P, still, still))
+    worst = largest_scaled_eigenvalue(*flow_inequality(judged, P, slope=still, slope_size=still))
     if not worst < 0:
         return f"the inequality does not hold: its largest scaled eigenvalue is {worst:.2g}"
     return check_positive(judged, P[None])
@@ -534,7 +534,7 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
                 return "", JudgedStorage(V=judged.V, P=P[None, None], counts=counts, stored=judged.form.stored)
             continue
         for n_intervals in INTERVAL_COUNTS:
-            storage = build_storage(judged.form, P, slack, n_intervals)
+            storage = build_storage(judged.form, P, slack=slack, n_intervals=n_intervals)
             failure, worst = judge_storage(judged, storage)
             if not failure:
                 return "", keep_storage(judged, storage)
@@ -543,7 +543,7 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
     if worst < NEAR_MISS and not quick:
-        storage = build_storage(judged.form, P, slack, MAX_INTERVALS)
+        storage = build_storage(judged.form, P, slack=slack, n_intervals=MAX_INTERVALS)
         failure = judge_storage(judged, storage)[0]
         if not failure:
             return "", keep_storage(judged, storage)

@@ -176,13 +176,13 @@ def verify_certificate(
     """
     friction = read_friction_claim(path)
     if friction is not None:
-        return verify_friction_claim(friction, model, K, time_cap)
+        return verify_friction_claim(friction, model, K=K, time_cap=time_cap)
     claim = read_claim(path)
     wrong = []
     if model is not None:
         if not isinstance(model, UncertaintyModel):
             raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
-        mine = stability_claim(model, 0.0, None, 0.0)
+        mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
         names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
         wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
     if K is not None and differing_fields(claim, replace(claim, controller=matrices_of_controller(K)), ("controller",)):
@@ -197,7 +197,7 @@ def matrices_of_controller(K: Controller) -> Matrices:
 
 
 def verify_friction_claim(
-    claim: FrictionClaim, model: UncertaintyModel | FrictionPlant | None, K: Controller | None, time_cap: float
+    claim: FrictionClaim, model: UncertaintyModel | FrictionPlant | None, *, K: Controller | None, time_cap: float
 ) -> Verification:
     """Return the claim on a machine with friction, proved again and compared."""
     wrong = []

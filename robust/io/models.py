@@ -117,7 +117,7 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
         raise ValueError(
             f"path must hold version {VERSION} of {found}, got {path} with version {short_form(content.get('version'))}"
         )
-    require_schema(content, path, "robust", str(found))
+    require_schema(content, path, package="robust", name=str(found))
     return str(found), content
 
 

@@ -209,8 +209,8 @@ def loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
     """Return the gains of a PID of one loop."""
     sampled = timebase(K)
     integrates, filter_time = pid_structure(K, sampled)
-    kp, ki, kd = pid_coefficients(K, sampled, integrates, filter_time)
-    require_same_response(K, sampled, kp, ki, kd, filter_time)
+    kp, ki, kd = pid_coefficients(K, sampled, integrates=integrates, filter_time=filter_time)
+    require_same_response(K, sampled, kp=kp, ki=ki, kd=kd, filter_time=filter_time)
     step = sampled if sampled else 0.0 if dt is None else require_positive("dt", dt)
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
         raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
@@ -251,7 +251,7 @@ def reason_for_unusual_gains(K: Controller) -> str:
 
 
 def pid_coefficients(
-    K: control.StateSpace, dt: float, integrates: bool, filter_time: float
+    K: control.StateSpace, dt: float, *, integrates: bool, filter_time: float
 ) -> tuple[float, float, float]:
     """Return Kp, Ki and Kd: the value at infinity and the residues at the poles; zero where they are rounding.
 
@@ -275,7 +275,7 @@ def pid_coefficients(
 
 
 def require_same_response(
-    K: control.StateSpace, dt: float, kp: float, ki: float, kd: float, filter_time: float
+    K: control.StateSpace, dt: float, *, kp: float, ki: float, kd: float, filter_time: float
 ) -> None:
     """Refuse a controller that the gains do not make: one that leaks where an integrator is said to be."""
     size = 1 / filter_time if filter_time else abs(ki / kp) if kp and ki else 1.0

@@ -135,7 +135,7 @@ def channel_indices(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tupl
 
 
 def weighted_plant(
-    P: control.StateSpace, n_y: int, n_u: int, weights: list[tuple[str, control.StateSpace]], *, reference: bool = True
+    P: control.StateSpace, n_y: int, *, n_u: int, weights: list[tuple[str, control.StateSpace]], reference: bool = True
 ) -> control.StateSpace:
     """From (d, r, u) to (z, what each weight makes of "e", "u" or "y", e), of a plant P from (d, u) to (z, y).
 

@@ -38,6 +38,7 @@ N_ZOOMS = 5
 def loop_grid(
     lines: np.ndarray,
     loop_poles: np.ndarray,
+    *,
     systems: list[control.StateSpace],
     dt: float,
     delay: float = 0.0,
@@ -125,14 +126,14 @@ def plant_features(G: control.StateSpace, dt: float, otherwise: tuple[float, ...
 
 
 def find_peak(
-    curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, band: tuple[float, float], top: float
+    curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, *, band: tuple[float, float], top: float
 ) -> tuple[float, float]:
     """Largest value of a curve and where: on the grid, far outside it up to `top`, and refined.
 
     Where the curve is flat, the place is the one nearest to the band.
     """
     points = extend_grid(omega, top)
-    return refine_peaks(lambda at: curve(at)[None], points, curve(points)[None], band)[0]
+    return refine_peaks(lambda at: curve(at)[None], points, values=curve(points)[None], band=band)[0]
 
 
 def extend_grid(omega: np.ndarray, top: float) -> np.ndarray:
@@ -141,7 +142,7 @@ def extend_grid(omega: np.ndarray, top: float) -> np.ndarray:
 
 
 def refine_peaks(
-    curves: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray, band: tuple[float, float]
+    curves: Callable[[np.ndarray], np.ndarray], points: np.ndarray, *, values: np.ndarray, band: tuple[float, float]
 ) -> list[tuple[float, float]]:
     """Largest values of several curves at once and where, from their values (k, W) on points (W,).
 
@@ -165,7 +166,7 @@ def refine_peaks(
     for k in each[np.argsort(y.max(axis=0))]:
         if y[:, k].max() > best[owner[k]]:
             best[owner[k]], where[owner[k]] = y[:, k].max(), np.exp(x[y[:, k].argmax(), k])
-    return [peak_nearest_band(best[k], where[k], points, row, band) for k, row in enumerate(values)]
+    return [peak_nearest_band(best[k], where[k], points=points, values=row, band=band) for k, row in enumerate(values)]
 
 
 def local_maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -193,7 +194,7 @@ def subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def peak_nearest_band(
-    best: float, where: float, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
+    best: float, where: float, *, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
 ) -> tuple[float, float]:
     """A largest value and where; on a flat top at the point nearest to the band."""
     flat = points[values >= best * (1 - 1e-4)]

@@ -123,7 +123,7 @@ def common_sampling_time(*systems: AnySystem) -> float | None:
     return None
 
 
-def require_sampling_time(name: str, system: AnySystem, reference: str, wanted: float | None) -> None:
+def require_sampling_time(name: str, system: AnySystem, *, reference: str, wanted: float | None) -> None:
     """Check that a system states no other sampling time than the one wanted; None accepts any."""
     mine = common_sampling_time(system)
     if mine is None or wanted is None or abs(mine - wanted) <= SAMPLING_TOLERANCE * max(mine, wanted):
@@ -143,7 +143,7 @@ def make_response(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarr
     """`response` of one system, made ready for any number of calls."""
     dt = timebase(system)
     A = system.A - np.eye(system.nstates) if dt else system.A
-    return partial(siso_response, make_evaluator(A, system.B, system.C, system.D), dt)
+    return partial(siso_response, make_evaluator(A, system.B, C=system.C, D=system.D), dt)
 
 
 def siso_response(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
@@ -179,10 +179,10 @@ def scale_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarra
 
 def evaluate_transfer(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
-    return make_evaluator(A, B, C, D)(points)
+    return make_evaluator(A, B, C=C, D=D)(points)
 
 
-def make_evaluator(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def make_evaluator(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """`evaluate_transfer` of one system, made ready for any number of calls."""
     if A.shape[0]:
         A, B, C = scale_states(A, B, C)
@@ -203,7 +203,7 @@ def evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, 
     known = slice(None) if finite.all() else finite
     inside = points[known]
     if n > SCHUR_STATES and points.size > 4:
-        out[known] += evaluate_by_schur(A, B, C, inside)
+        out[known] += evaluate_by_schur(A, B, C=C, points=inside)
         return out
     found = np.empty((inside.size, *D.shape), dtype=complex)
     step = max(1, CHUNK_ENTRIES // (n * n))
@@ -228,7 +228,7 @@ def solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray
         return np.concatenate([solve_pencil(one[None], B, C) for one in pencil])
 
 
-def evaluate_by_schur(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
+def evaluate_by_schur(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(W, n_out, n_in) C (s I - A)^-1 B by one Schur form and back substitution at all points at once.
 
     For long delay lines; solving point by point keeps more digits where modes lie decades apart.

@@ -274,7 +274,7 @@ RICCATI_RESIDUAL = 1e-11  # of its largest terms may be left of the equation whe
 
 
 def stabilising_riccati(
-    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray, *, quick: bool = False
+    A: np.ndarray, B: np.ndarray, *, Q: np.ndarray, R: np.ndarray, S: np.ndarray, quick: bool = False
 ) -> np.ndarray | None:
     """X >= 0 with A'X + XA - (XB + S) R^-1 (B'X + S') + Q = 0 and A + B F stable; None where there is none.
 

@@ -81,7 +81,7 @@ def state_space(name: str, system: object) -> control.StateSpace:
     if isinstance(system, control.TransferFunction):
         if (system.ninputs, system.noutputs) != (1, 1):
             raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
-        system = from_polynomials(name, system.num[0][0], system.den[0][0], system.dt)
+        system = from_polynomials(name, system.num[0][0], den=system.den[0][0], dt=system.dt)
     if not isinstance(system, control.StateSpace):
         raise ValueError(
             f"{name} must be a control.StateSpace, a TransferFunction or a number, got {short_form(system)}"
@@ -144,7 +144,7 @@ def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpac
     return weight
 
 
-def from_polynomials(name: str, num: np.ndarray, den: np.ndarray, dt: float | None) -> control.StateSpace:
+def from_polynomials(name: str, num: np.ndarray, *, den: np.ndarray, dt: float | None) -> control.StateSpace:
     """Controllable canonical form in scaled time, balanced, so that coefficients over many decades survive."""
     num, den = np.trim_zeros(np.asarray(num, float), "f"), np.trim_zeros(np.asarray(den, float), "f")
     if den.size == 0 or not (np.isfinite(num).all() and np.isfinite(den).all()):
@@ -246,7 +246,7 @@ def second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...],
     return control.StateSpace(A, [[1.0], [0.0]], [[slope, value / w]], [[direct]], dt)
 
 
-def stable_weight(name: str, system: Weight, dt: float, n: int = 1) -> control.StateSpace:
+def stable_weight(name: str, system: Weight, *, dt: float, n: int = 1) -> control.StateSpace:
     """A stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
     w = repeat_over_channels(name, system, n) if n > 1 else state_space(name, system)
     step = timebase(w)
@@ -274,7 +274,7 @@ def frequency_response(
     if not isinstance(plant, control.FrequencyResponseData):
         plant = state_space(name, plant) if shape == (1, 1) else multivariable(name, plant)
     dt = common_sampling_time(*other)
-    require_sampling_time(name, plant, "the nominal", dt)
+    require_sampling_time(name, plant, reference="the nominal", wanted=dt)
     if (plant.noutputs, plant.ninputs) != shape:
         wanted = "one input and one output" if shape == (1, 1) else f"{shape[1]} inputs and {shape[0]} outputs"
         raise ValueError(f"{name} must have {wanted}, got {plant.ninputs} and {plant.noutputs}")

@@ -236,7 +236,7 @@ def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:
     return np.asarray(np.sinc(x / np.pi) * np.exp(-1j * x))
 
 
-def hold_correction(omega: np.ndarray, hold: str, fs: float, dt: float) -> np.ndarray:
+def hold_correction(omega: np.ndarray, hold: str, *, fs: float, dt: float) -> np.ndarray:
     """(W,) factor from an FRF that was measured with one hold to that of a model of sampling time dt (0: continuous).
 
     Parameters

@@ -192,7 +192,7 @@ def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
     return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
 
 
-def winding_number(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
+def winding_number(omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float) -> tuple[int, bool]:
     """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether the lines resolve it."""
     n = slope_at_start(omega, G)
     L = G * response(K, omega)
@@ -207,7 +207,7 @@ def winding_number(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: 
         K, (omega[-1], np.pi / dt if dt else np.inf)
     )  # where the plant is no larger than at the end
     trusted &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
-    omega, G = extend_below(omega, G, n)
+    omega, G = extend_below(omega, G, n=n)
     more = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1])))
     omega, G = more, interpolate_frf(more, omega, G)
     F = 1 + G * response(K, omega)
@@ -270,7 +270,7 @@ def phase_offset(first: complex, n: int) -> float:
 
 
 def extend_below(
-    omega: np.ndarray, G: np.ndarray, n: int, decades: float = 5.0, points: int = 160
+    omega: np.ndarray, G: np.ndarray, *, n: int, decades: float = 5.0, points: int = 160
 ) -> tuple[np.ndarray, np.ndarray]:
     """An FRF carried on below its first line as n integrators with the gain it has there, for the winding number.
 

@@ -258,7 +258,7 @@ def hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nda
         )
     if "unknown" in (model.hold, bla.hold):
         return np.ones(bla.omega.size)
-    own, other = (hold_correction(bla.omega, one.hold, one.fs, 0.0) for one in (bla, model))
+    own, other = (hold_correction(bla.omega, one.hold, fs=one.fs, dt=0.0) for one in (bla, model))
     return np.asarray(own / other)
 
 
@@ -301,7 +301,7 @@ class Change(TypedDict, total=False):
     p_values: np.ndarray
 
 
-def fit_shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> Change:
+def fit_shape_and_level(x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None) -> Change:
     """Shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
     n_lines = z.size if n_lines is None else n_lines
     if n_lines < MIN_SHARED_LINES:
@@ -363,8 +363,8 @@ def compare_records(model: UncertaintyModel | Bla, first: RecordSummary, second:
             )
             slope = np.log(above / below) / (2 * DIFFERENCE_STEP)
         x, units = change_directions(omega, G, slope)
-        found = fit_shape_and_level(x / np.sqrt(variance), units, d / np.sqrt(variance))
-    return make_validation(omega, outside, p, found)
+        found = fit_shape_and_level(x / np.sqrt(variance), units, z=d / np.sqrt(variance))
+    return make_validation(omega, outside, p=p, found=found)
 
 
 def compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
@@ -379,23 +379,23 @@ def compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float
     before = np.einsum("fjj,fii->fji", first.variance, gamma).real
     after = np.einsum("fjj,fii->fji", second.variance, later_gamma).real
     variance = np.maximum(before + after, np.finfo(float).tiny)
-    L = welch_satterthwaite_dof(before, after, dof[:, None, None], later_dof[:, None, None])
+    L = welch_satterthwaite_dof(before, after, dof_a=dof[:, None, None], dof_b=later_dof[:, None, None])
     entries = np.abs(d) ** 2 > f_quantile(p, L) * variance
     # of inputs that went along the same directions both times the sum is a product again; else it lies above
     turned = np.linalg.eigvals(np.linalg.solve(gamma, later_gamma)).real.max(axis=1)
     C = [first.variance, turned[:, None, None] * second.variance]
     before, after = (np.einsum("fjj->f", one).real for one in C)
-    L = welch_satterthwaite_dof(before, after, dof, later_dof)
+    L = welch_satterthwaite_dof(before, after, dof_a=dof, dof_b=later_dof)
     Z = inverse_hermitian_root(C[0] + C[1]) @ d @ inverse_hermitian_root(gamma)
     limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
     found: Change = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
-        found = entry_changes(first, second, d, C[0] + C[1])
+        found = entry_changes(first, second, d=d, C=C[0] + C[1])
     outside = np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit
-    return replace(make_validation(omega, outside, p, found), entries_outside=entries.sum(axis=0))
+    return replace(make_validation(omega, outside, p=p, found=found), entries_outside=entries.sum(axis=0))
 
 
-def make_validation(omega: np.ndarray, outside: np.ndarray, p: float, found: Change) -> Validation:
+def make_validation(omega: np.ndarray, outside: np.ndarray, *, p: float, found: Change) -> Validation:
     """Make the result on the shared lines of two records."""
     return Validation(
         n_outside=int(outside.sum()),
@@ -416,7 +416,7 @@ def f_quantile(p: float, dof: Dof) -> Dof:
     return dof * np.expm1(-np.log1p(-p) / dof)
 
 
-def welch_satterthwaite_dof(a: np.ndarray, b: np.ndarray, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
+def welch_satterthwaite_dof(a: np.ndarray, b: np.ndarray, *, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
     """Return degrees of freedom of the sum of two estimated variances (Welch and Satterthwaite)."""
     tiny = np.finfo(float).tiny ** 0.25
     scale = np.maximum(a + b, tiny)
@@ -430,7 +430,7 @@ def inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
     return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
-def entry_changes(first: RecordSummary, second: RecordSummary, d: np.ndarray, C: np.ndarray) -> Change:
+def entry_changes(first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray) -> Change:
     """Return the change that all entries share, and p-values of a change of each entry."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
@@ -440,10 +440,10 @@ def entry_changes(first: RecordSummary, second: RecordSummary, d: np.ndarray, C:
     own = np.einsum("fii->fi", first.gamma).real
     level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
     left, right = inverse_hermitian_root(level), inverse_hermitian_root(first.gamma)
-    shared = fit_shape_and_level((left @ x @ right).reshape(3, -1), units, (left @ d @ right).ravel(), F)
+    shared = fit_shape_and_level((left @ x @ right).reshape(3, -1), units, z=(left @ d @ right).ravel(), n_lines=F)
     size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
     each = [
-        fit_shape_and_level((x / size)[:, :, j, i], units, (d / size)[:, j, i])["p_value"]
+        fit_shape_and_level((x / size)[:, :, j, i], units, z=(d / size)[:, j, i])["p_value"]
         for j, i in np.ndindex(n_y, n_u)
     ]
     return {**shared, "p_values": np.array(each).reshape(n_y, n_u)}

@@ -68,14 +68,14 @@ def block_structure(name: str, blocks: Blocks) -> BlockStructure:
     for kind, row, col in zip(kinds, rows, cols, strict=True):
         n = row.stop - row.start
         if kind == "full":
-            left.append(place_block(np.eye(n), (r, r), row, row))
-            right.append(place_block(np.eye(col.stop - col.start), (c, c), col, col))
+            left.append(place_block(np.eye(n), (r, r), row=row, col=row))
+            right.append(place_block(np.eye(col.stop - col.start), (c, c), row=col, col=col))
             continue
         for H in hermitian_basis(n):
-            left.append(place_block(H, (r, r), row, row))
-            right.append(place_block(H, (c, c), col, col))
+            left.append(place_block(H, (r, r), row=row, col=row))
+            right.append(place_block(H, (c, c), row=col, col=col))
             if kind == "real":
-                skew.append(place_block(H, (c, r), col, row))
+                skew.append(place_block(H, (c, r), row=col, col=row))
     return BlockStructure(
         kinds=tuple(kinds),
         rows=tuple(rows),
@@ -113,7 +113,7 @@ def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str 
     return found
 
 
-def place_block(block: np.ndarray, shape: tuple[int, int], row: slice, col: slice) -> np.ndarray:
+def place_block(block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice) -> np.ndarray:
     """A block in a matrix of zeros."""
     out = np.zeros(shape, complex)
     out[row, col] = block

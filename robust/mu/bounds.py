@@ -158,7 +158,7 @@ def worst_gain_bounds(
     """
     omega, M = sampled_response(N, omega)
     upper = worst_gain(M, blocks)
-    lower, delta = search_worst_case(response_matrices("N", M), blocks, upper, random_generator("rng", rng))
+    lower, delta = search_worst_case(response_matrices("N", M), blocks, upper=upper, rng=random_generator("rng", rng))
     return StructuredBounds(
         omega=omega,
         lower=lower,

@@ -82,7 +82,7 @@ def certify_mu(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, time_c
     real = bool(s.skew.size)
     # a large G brings the norm so near to one that slack on it is none on mu: with real blocks the level has it
     proved = level * (1 - SLACK) if real else level
-    frozen = frozen_scalings(N, s, blocks, proved, deadline - 0.5 * time_cap)
+    frozen = frozen_scalings(N, s, blocks=blocks, level=proved, deadline=deadline - 0.5 * time_cap)
     outcome = prove(
         frozen.loop,
         frozen.size,
@@ -158,18 +158,20 @@ class FrozenScalings:
     def size(self, x: float) -> float:
         """The bound at x over the level; where the scaling at hand is too poor, a better one is found and kept."""
         C, response = self.matrices[2], response_by_channel(self.N, np.array([self.omega_of(x)]))  # (rows, cols, 1)
-        norm = float(np.linalg.norm(to_norm_form(self.scaling(x), C, response[:, :, 0], self.level)[1], 2))
+        norm = float(np.linalg.norm(to_norm_form(self.scaling(x), C, D=response[:, :, 0], level=self.level)[1], 2))
         if norm < 1:
             return norm
-        bound = upper_bound(np.moveaxis(response, 2, 0), self.blocks, self.level, self.deadline)
+        bound = upper_bound(np.moveaxis(response, 2, 0), self.blocks, target=self.level, deadline=self.deadline)
         self.own[x] = scaling_at(bound, 0)
         reached = float(bound.value[0]) / self.level
-        return min(reached, float(np.linalg.norm(to_norm_form(self.own[x], C, response[:, :, 0], self.level)[1], 2)))
+        return min(
+            reached, float(np.linalg.norm(to_norm_form(self.own[x], C, D=response[:, :, 0], level=self.level)[1], 2))
+        )
 
     def loop(self, low: float, high: float) -> Matrices:
         """The scaled system of an interval, below the level where its norm is below one."""
         A, B, C, D = self.matrices
-        C_x, D_x, into = to_norm_form(self.scaling(interior_point(low, high)), C, D, self.level)
+        C_x, D_x, into = to_norm_form(self.scaling(interior_point(low, high)), C, D=D, level=self.level)
         return A, B @ into, C_x, D_x
 
     def changes(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
@@ -181,7 +183,7 @@ class FrozenScalings:
 
 
 def frozen_scalings(
-    N: control.StateSpace, s: BlockStructure, blocks: Blocks, level: float, deadline: float
+    N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, level: float, deadline: float
 ) -> FrozenScalings:
     """The system in good coordinates, and the scalings of its bound on a grid around its poles."""
     dt = timebase(N)
@@ -197,7 +199,7 @@ def frozen_scalings(
         matrices=matrices,
         speeds=speeds,
         grid=grid,
-        bound=upper_bound(np.moveaxis(response, 2, 0), blocks, level, deadline),
+        bound=upper_bound(np.moveaxis(response, 2, 0), blocks, target=level, deadline=deadline),
         deadline=deadline + 0.5 * (deadline - time.monotonic()),
         simple=s.scalar and not s.skew.size,
         own={},
@@ -223,7 +225,7 @@ def interpolate_scalings(bound: MuBound, grid: np.ndarray, x: float) -> Scaling:
 
 
 def to_norm_form(
-    scaling: Scaling, C: np.ndarray, D: np.ndarray, level: float
+    scaling: Scaling, C: np.ndarray, *, D: np.ndarray, level: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """C, D and the factor on B for which the bound under the level is a norm under one: G completes a square."""
     D_L, D_R, G = scaling

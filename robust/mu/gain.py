@@ -78,7 +78,7 @@ def worst_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
             f"got {rows} rows and {cols} columns"
         )
     gain = np.full(W, np.inf)
-    stable = upper_bound(M[:, :rows, :cols], blocks, 1.0)
+    stable = upper_bound(M[:, :rows, :cols], blocks, target=1.0)
     open_ = np.flatnonzero(stable.value < 1)
     if not open_.size:
         return gain
@@ -86,11 +86,11 @@ def worst_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     s = block_structure("blocks", blocks)
     for at in np.array_split(open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // MAX_ENTRIES)):
         D_L, D_R, G = (np.moveaxis(each, 2, 0)[at] for each in stable.scaling)
-        gain[at] = least_gain(M[at], (D_L, D_R, G), 1 - stable.value[at] ** 2, s)
+        gain[at] = least_gain(M[at], (D_L, D_R, G), slack=1 - stable.value[at] ** 2, s=s)
     return gain
 
 
-def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], slack: np.ndarray, s: BlockStructure) -> np.ndarray:
+def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], *, slack: np.ndarray, s: BlockStructure) -> np.ndarray:
     """(W,) least gain that scalings prove, from those of the blocks, which leave `slack` to one."""
     rows, cols = s.shape
     D_L, D_R, G = of_blocks
@@ -205,7 +205,7 @@ def solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.nd
     Y = [start[:, None, None] * each for each in Y]
     for _ in range(MAX_STEPS):
         before = gap
-        y, Z, Y, gap = interior_point_step(y, Z, Y, cones)
+        y, Z, Y, gap = interior_point_step(y, Z, Y=Y, cones=cones)
         fine = np.isfinite(gap)
         for snapshot, level in zip(found, GAPS, strict=True):
             still = fine & (before > level * y[:, -1])
@@ -219,7 +219,7 @@ def solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.nd
 
 
 def interior_point_step(
-    y: np.ndarray, Z: list[np.ndarray], Y: list[np.ndarray], cones: list[np.ndarray]
+    y: np.ndarray, Z: list[np.ndarray], *, Y: list[np.ndarray], cones: list[np.ndarray]
 ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray], np.ndarray]:
     """One step of variables, slacks and multipliers, and the gap (W,) behind it: nan where there was none to make."""
     W, m = y.shape
@@ -304,7 +304,7 @@ GROWTH = 1e-7
 
 
 def search_worst_case(
-    M: np.ndarray, blocks: Blocks, upper: np.ndarray, rng: np.random.Generator
+    M: np.ndarray, blocks: Blocks, *, upper: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """(W,) largest gain found over the set and (W, n_in, n_out) the perturbation that has it.
 
@@ -315,7 +315,7 @@ def search_worst_case(
     gain, delta = np.zeros(W), np.zeros((W, cols, rows), complex)
     open_ = np.flatnonzero(np.isinf(upper))
     if open_.size:
-        smallest = search_perturbation(M[open_, :rows, :cols], s, 6, rng, np.inf)
+        smallest = search_perturbation(M[open_, :rows, :cols], s, n_starts=6, rng=rng, deadline=np.inf)
         assert smallest.delta is not None  # of a lower bound
         singular = smallest.value >= 1
         gain[open_[singular]] = np.inf
@@ -324,11 +324,11 @@ def search_worst_case(
     if not todo.size:
         return gain, delta
     starts = [np.zeros((todo.size, cols, rows), complex)]
-    starts.append(perturbation_of_skewed_mu(M[todo], s, upper[todo], rng))
+    starts.append(perturbation_of_skewed_mu(M[todo], s, gain=upper[todo], rng=rng))
     starts.append(without_real_blocks(starts[1], s))
     for _ in range(N_SEARCHES):
         left, right = (rng.standard_normal((2, todo.size, n)) for n in (cols, rows))
-        direction = align_perturbation(left[0] + 1j * left[1], right[0] + 1j * right[1], np.ones(todo.size), s)
+        direction = align_perturbation(left[0] + 1j * left[1], right[0] + 1j * right[1], turn=np.ones(todo.size), s=s)
         starts.append(rng.uniform(0, 1, (todo.size, 1, 1)) * direction)
     reached, found = ascend_gain(np.tile(M[todo], (len(starts), 1, 1)), np.concatenate(starts), s)
     best = reached.reshape(len(starts), -1).argmax(axis=0) * todo.size + np.arange(todo.size)
@@ -337,7 +337,7 @@ def search_worst_case(
 
 
 def perturbation_of_skewed_mu(
-    M: np.ndarray, s: BlockStructure, gain: np.ndarray, rng: np.random.Generator
+    M: np.ndarray, s: BlockStructure, *, gain: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """(W, n_in, n_out) of size at most one, what the blocks do where with the outputs over the gain mu is one."""
     rows, cols = s.shape
@@ -346,7 +346,7 @@ def perturbation_of_skewed_mu(
     scaled[:, rows:] /= level[:, None, None]
     sizes = [(r.stop - r.start, c.stop - c.start, kind) for r, c, kind in zip(s.rows, s.cols, s.kinds, strict=True)]
     whole = block_structure("blocks", [*sizes, (M.shape[1] - rows, M.shape[2] - cols)])
-    found = search_perturbation(scaled, whole, 2, rng, np.inf)
+    found = search_perturbation(scaled, whole, n_starts=2, rng=rng, deadline=np.inf)
     assert found.delta is not None  # of a lower bound
     delta = np.nan_to_num(np.moveaxis(found.delta, 2, 0)[:, :cols, :rows])
     size = np.linalg.norm(delta, 2, axis=(1, 2))
@@ -366,7 +366,7 @@ def ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np
             )
             through = N[:, rows:, :cols] @ np.linalg.inv(np.eye(cols) - now @ N[:, :rows, :cols])
             drive = (conjugate_transpose(U[:, :, :1]) @ through)[:, 0]
-            corner = np.nan_to_num(align_perturbation(drive.conj(), right[:, :, 0], np.ones(todo.size), s))
+            corner = np.nan_to_num(align_perturbation(drive.conj(), right[:, :, 0], turn=np.ones(todo.size), s=s))
             best, moved = sizes[:, 0].copy(), now.copy()
             for share in MOVES:
                 candidate = (1 - share) * now + share * corner

@@ -51,7 +51,7 @@ def mu_upper_lmi(N: np.ndarray, blocks: Blocks, *, solver: str = "CLARABEL", tim
     require_choice("solver", solver, SOLVERS)
     M = response_matrices("N", N)
     s = structure_for("blocks", blocks, M.shape[1:])
-    found = [solve_scaling_program(one, s, solver, time_cap) for one in M]
+    found = [solve_scaling_program(one, s, solver=solver, time_cap=time_cap) for one in M]
     values = np.array([value for value, _ in found])
     return MuBound(
         value=values, scaling=tuple(np.stack(parts, axis=2) for parts in zip(*(f[1] for f in found), strict=True))
@@ -59,7 +59,7 @@ def mu_upper_lmi(N: np.ndarray, blocks: Blocks, *, solver: str = "CLARABEL", tim
 
 
 def solve_scaling_program(
-    M: np.ndarray, s: BlockStructure, solver: str, time_cap: float
+    M: np.ndarray, s: BlockStructure, *, solver: str, time_cap: float
 ) -> tuple[float, tuple[np.ndarray, ...]]:
     """The bound at one frequency with its scalings."""
     import cvxpy as cp
@@ -95,7 +95,7 @@ def solve_scaling_program(
         beta2.value = middle**2
         if solve_program(problem, solver, time_cap, eps=1e-8):
             break
-        reached, now = bound_from_variables(A, s, x.value, g.value)
+        reached, now = bound_from_variables(A, s, x=x.value, g=g.value)
         if reached < best:
             best, scaling = reached, (now[0] * left, now[1] * right, now[2] * size)
         low, high = (low, min(middle, reached)) if reached <= middle else (middle, high)
@@ -110,7 +110,7 @@ def real_embedding(H: np.ndarray) -> np.ndarray:
 
 
 def bound_from_variables(
-    A: np.ndarray, s: BlockStructure, x: np.ndarray | None, g: np.ndarray
+    A: np.ndarray, s: BlockStructure, *, x: np.ndarray | None, g: np.ndarray
 ) -> tuple[float, tuple[np.ndarray, ...]]:
     """The bound that a solver's variables prove (inf: none), put together again."""
     nothing = np.inf, (np.zeros(0),) * 3

@@ -92,29 +92,37 @@ def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0)
     M = response_matrices("N", N)
     n_starts = require_integer("n_starts", n_starts, least=0)
     return search_perturbation(
-        M, structure_for("blocks", blocks, M.shape[1:]), n_starts, random_generator("rng", rng), np.inf
+        M,
+        structure_for("blocks", blocks, M.shape[1:]),
+        n_starts=n_starts,
+        rng=random_generator("rng", rng),
+        deadline=np.inf,
     )
 
 
 def search_perturbation(
-    M: np.ndarray, s: BlockStructure, n_starts: int, rng: np.random.Generator, deadline: float
+    M: np.ndarray, s: BlockStructure, *, n_starts: int, rng: np.random.Generator, deadline: float
 ) -> MuBound:
     """The largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
     W = len(M)
     left, right, bound = worst_directions(M, s, deadline)
     count = 1 + n_starts * (STARTS_OF_REAL if s.skew.size else 1)
-    starts = [perturbation_from_directions(left, right, s, rng if k else None, random=k % 3 == 2) for k in range(count)]
+    starts = [
+        perturbation_from_directions(left, right, s=s, rng=rng if k else None, random=k % 3 == 2) for k in range(count)
+    ]
     if s.skew.size and set(s.kinds) != {"real"}:
         starts.append(without_real_blocks(starts[0], s))
     best, delta = np.zeros(W), np.full((W, *s.shape[::-1]), np.nan, complex)
-    raced, reached = ascend(np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s, RACE, deadline)
+    raced, reached = ascend(
+        np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s=s, n_steps=RACE, deadline=deadline
+    )
     raced, reached = raced.reshape(len(starts), W, *raced.shape[1:]), reached.reshape(len(starts), W)
     order = np.argsort(-reached, axis=0)
     for place in order[: N_FINISHERS * (STARTS_OF_REAL if s.skew.size else 1)]:
         at = np.flatnonzero(best < (1 - BOUNDS_MEET) * bound)  # elsewhere it is mu
         if not at.size or time.monotonic() > deadline:
             break
-        candidate, _ = ascend(M[at], raced[place[at], at], s, FINISH, deadline)
+        candidate, _ = ascend(M[at], raced[place[at], at], s=s, n_steps=FINISH, deadline=deadline)
         if s.skew.size:
             candidate = restore_eigenvalue(M[at], candidate, s)
         value, candidate = verified_bound(M[at], candidate, s)
@@ -133,7 +141,7 @@ def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
 
 
 def ascend(
-    M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int, deadline: float
+    M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int, deadline: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """(W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) grows no more.
 
@@ -197,9 +205,9 @@ def smallest_perturbation(mode: Mode, s: BlockStructure) -> tuple[np.ndarray, np
         k = smallest_size(angles, a, b).argmax(axis=1)
         theta, kink = angles[each, k], k < n_real
         if grid.size:
-            theta = np.where(kink, theta, refine_angle(theta, np.pi / (N_ANGLES + 1), a, b))
+            theta = np.where(kink, theta, refine_angle(theta, np.pi / (N_ANGLES + 1), a=a, b=b))
     turn = np.exp(1j * theta)
-    delta = align_perturbation(mode.drive.conj(), mode.right, turn, s)
+    delta = align_perturbation(mode.drive.conj(), mode.right, turn=turn, s=s)
     if n_real:
         size = smallest_size(theta[:, None], a, b)[:, 0]
         along = turn.conj()[:, None] * a
@@ -235,7 +243,7 @@ def smallest_size(theta: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray
     return np.cos(theta) / np.maximum(reach, 1e-300)
 
 
-def refine_angle(theta: np.ndarray, width: float, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def refine_angle(theta: np.ndarray, width: float, *, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The angles (W,) of largest size within a width, by golden sections."""
     low, high = theta - width, theta + width
     for _ in range(12):
@@ -288,7 +296,7 @@ def worst_directions(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple
     size = np.linalg.norm(M, axis=(1, 2))
     M = M / np.where(size > 0, size, 1.0)[:, None, None]  # the right directions are as long as N of size one makes them
     now = time.monotonic()
-    D_L, D_R, G = optimal_scalings(M, s, 0.0, now + 0.5 * (deadline - now))
+    D_L, D_R, G = optimal_scalings(M, s, target=0.0, deadline=now + 0.5 * (deadline - now))
     scaled = D_L @ M @ np.linalg.inv(D_R)
     square = conjugate_transpose(scaled) @ scaled
     if s.skew.size:
@@ -302,22 +310,22 @@ def worst_directions(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple
 
 
 def perturbation_from_directions(
-    left: np.ndarray, right: np.ndarray, s: BlockStructure, rng: np.random.Generator | None, *, random: bool
+    left: np.ndarray, right: np.ndarray, *, s: BlockStructure, rng: np.random.Generator | None, random: bool
 ) -> np.ndarray:
     """A perturbation of size one along the first direction, or along a random combination, or any random one."""
     W, k = left.shape[0], left.shape[2]
     if rng is None:
-        return align_perturbation(left[:, :, 0], right[:, :, 0], np.ones(W), s, inside=True)
+        return align_perturbation(left[:, :, 0], right[:, :, 0], turn=np.ones(W), s=s, inside=True)
     if random:
         left, right = (rng.standard_normal((W, n)) + 1j * rng.standard_normal((W, n)) for n in s.shape[::-1])
-        return align_perturbation(left, right, np.ones(W), s)
+        return align_perturbation(left, right, turn=np.ones(W), s=s)
     mix = (rng.standard_normal((W, k)) + 1j * rng.standard_normal((W, k))) * [1.0, 1.0, 0.3][:k]
     left, right = (np.einsum("wnk,wk->wn", vectors, mix) for vectors in (left, right))
-    return align_perturbation(left, right, np.ones(W), s, inside=True)
+    return align_perturbation(left, right, turn=np.ones(W), s=s, inside=True)
 
 
 def align_perturbation(
-    left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: BlockStructure, *, inside: bool = False
+    left: np.ndarray, right: np.ndarray, *, turn: np.ndarray, s: BlockStructure, inside: bool = False
 ) -> np.ndarray:
     """Delta of size one that maximises Re(turn* left* Delta right), block by block.
 

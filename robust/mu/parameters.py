@@ -114,7 +114,7 @@ class ParametricLoop:
 
 
 def find_crossing(
-    N: control.StateSpace, s: BlockStructure, least: float, limit: float, *, time_cap: float = 2.0
+    N: control.StateSpace, s: BlockStructure, *, least: float, limit: float, time_cap: float = 2.0
 ) -> Crossing | None:
     """The smallest real parameters found that take a stable loop to the boundary.
 
@@ -146,7 +146,7 @@ def find_crossing(
     if excess.max() <= 0:
         return None
     y = return_difference[excess.argmax()]
-    size = bisect_direction(loop, y, inner, size)
+    size = bisect_direction(loop, y, inner=inner, outer=size)
     for _ in range(N_IMPROVEMENTS):
         if time.monotonic() > deadline:
             break
@@ -157,7 +157,7 @@ def find_crossing(
         if excess.max() <= 0:
             break
         y = tried[excess.argmax()]
-        size = bisect_direction(loop, y, 0.0, 0.999 * size)
+        size = bisect_direction(loop, y, inner=0.0, outer=0.999 * size)
         y, size = y / np.abs(y).max(), size * float(np.abs(y).max())
     delta = np.zeros(s.shape[::-1])
     delta[cols, rows] = size * y[of]
@@ -184,7 +184,7 @@ def search_directions(n: int) -> np.ndarray:
     return np.concatenate([corners, np.eye(n), -np.eye(n), inside]) if n > 1 else corners
 
 
-def bisect_direction(loop: ParametricLoop, y: np.ndarray, inner: float, outer: float) -> float:
+def bisect_direction(loop: ParametricLoop, y: np.ndarray, *, inner: float, outer: float) -> float:
     """The size between a stable and an unstable one where the direction y crosses, from above."""
     for _ in range(40):
         middle = (inner + outer) / 2
@@ -330,7 +330,7 @@ def parameter_margin(
     nominal = decide_stability(N)
     if not nominal.stable:
         raise ValueError(f"N_ss must be stable, got one that is {nominal}")
-    search, low = begin_search(N, s, blocks, deadline)
+    search, low = begin_search(N, s, blocks=blocks, deadline=deadline)
     kept = search
     while search.broken > low * (1 + gap) and low < MAX_FACTOR:
         tried = prove_level(replace(search, level=next_level(low, search.broken, gap), reason=""))
@@ -363,12 +363,14 @@ def next_level(low: float, broken: float, gap: float) -> float:
     return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
 
 
-def begin_search(N: control.StateSpace, s: BlockStructure, blocks: Blocks, deadline: float) -> tuple[BoxSearch, float]:
+def begin_search(
+    N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, deadline: float
+) -> tuple[BoxSearch, float]:
     """What the bounds of mu say of the whole box, and the factor proved."""
     now, r = time.monotonic(), len(s.kinds)
     omega = structure_grid(N)
     omega = omega[:: max(1, omega.size // N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
-    omega, mu = refine_grid(N, blocks, omega, now + 0.3 * (deadline - now))
+    omega, mu = refine_grid(N, blocks, omega=omega, deadline=now + 0.3 * (deadline - now))
     whole = ((np.zeros(r), np.ones(r)),)
     search = BoxSearch(
         N=N,
@@ -382,14 +384,14 @@ def begin_search(N: control.StateSpace, s: BlockStructure, blocks: Blocks, deadl
         boxes=whole,
     )
     peak = max(float(mu.max()), 1 / MAX_FACTOR)
-    search = try_poles(search, N, (np.zeros(r), np.ones(r)), 1e-3 / peak, 100 / peak)
+    search = try_poles(search, N, box=(np.zeros(r), np.ones(r)), least=1e-3 / peak, most=100 / peak)
     at = np.sort(np.argsort(-mu)[:4])
     found = search_perturbation(
         np.moveaxis(response_by_channel(N, omega[at]), 2, 0),
         s,
-        2,
-        np.random.default_rng(0),
-        now + 0.4 * (deadline - now),
+        n_starts=2,
+        rng=np.random.default_rng(0),
+        deadline=now + 0.4 * (deadline - now),
     )
     k = int(found.value.argmax())
     if found.delta is not None and found.value[k] > 0 and 1 / found.value[k] < search.broken:
@@ -416,7 +418,7 @@ def prove_level(search: BoxSearch) -> BoxSearch:
                 proved.append(box)
                 proofs.append(proof)
                 continue
-            found = try_poles(search, N, box, 1e-3, 1.0)
+            found = try_poles(search, N, box=box, least=1e-3, most=1.0)
             if found.broken < search.broken:
                 return replace(found, reason="broken")
         else:
@@ -454,7 +456,7 @@ def prove_box(search: BoxSearch, N: control.StateSpace) -> tuple[Certificate | N
     if np.isfinite(search.omega):
         omega = np.union1d(omega, search.omega * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
     mu = upper_bound(
-        np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, BOUND_LIMIT, search.deadline
+        np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=BOUND_LIMIT, deadline=search.deadline
     ).value
     where = float(omega[mu.argmax()])
     if not mu.max() < BOUND_LIMIT:
@@ -465,10 +467,12 @@ def prove_box(search: BoxSearch, N: control.StateSpace) -> tuple[Certificate | N
 
 
 def try_poles(
-    search: BoxSearch, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray], least: float, most: float
+    search: BoxSearch, N: control.StateSpace, *, box: tuple[np.ndarray, np.ndarray], least: float, most: float
 ) -> BoxSearch:
     """With parameters of a part that take a pole across the boundary, if they are smaller than those known."""
-    found = find_crossing(N, search.s, least, most, time_cap=min(1.0, max(search.deadline - time.monotonic(), 0.01)))
+    found = find_crossing(
+        N, search.s, least=least, limit=most, time_cap=min(1.0, max(search.deadline - time.monotonic(), 0.01))
+    )
     if found is None:
         return search
     middle, half = box
@@ -530,7 +534,7 @@ def split_box(
             cut = [box_system(search, part) for part in parts]
             if all(N is not None for N in cut):
                 responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
-                worst = float(upper_bound(responses, search.blocks, 0.0, search.deadline).value.max())
+                worst = float(upper_bound(responses, search.blocks, target=0.0, deadline=search.deadline).value.max())
         if worst < best[0]:
             best = (worst, parts)
     return best[1]

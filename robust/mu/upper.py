@@ -112,7 +112,7 @@ def mu_upper(N: np.ndarray, blocks: Blocks) -> MuBound:
     return upper_bound(response_matrices("N", N), blocks)
 
 
-def upper_bound(M: np.ndarray, blocks: Blocks, target: float = 0.0, deadline: float = np.inf) -> MuBound:
+def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0, deadline: float = np.inf) -> MuBound:
     """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it.
 
     Whatever scalings there are at the deadline (of time.monotonic()) make a bound too.
@@ -121,7 +121,7 @@ def upper_bound(M: np.ndarray, blocks: Blocks, target: float = 0.0, deadline: fl
     size = np.linalg.norm(M, axis=(1, 2))
     scale = np.where(size > 0, size, 1.0)
     M = M / scale[:, None, None]
-    D_L, D_R, G = optimal_scalings(M, s, target / scale, deadline)
+    D_L, D_R, G = optimal_scalings(M, s, target=target / scale, deadline=deadline)
     one_L, one_R = (np.broadcast_to(np.eye(n, dtype=complex), (M.shape[0], n, n)) for n in s.shape)
     best = bound_from_scalings(M, D_L, D_R, G)
     best = np.where(best * scale < target, 0.0, best)  # good enough: no other is looked at
@@ -193,7 +193,7 @@ def osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.n
 
 
 def optimal_scalings(
-    N: np.ndarray, s: BlockStructure, target: np.ndarray | float = 0.0, deadline: float = np.inf
+    N: np.ndarray, s: BlockStructure, *, target: np.ndarray | float = 0.0, deadline: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
 
@@ -207,13 +207,13 @@ def optimal_scalings(
     for k, part in enumerate(parts):
         now = time.monotonic()
         share = now + (deadline - now) / (len(parts) - k)
-        found.append(method_of_centres(N[part], s, target[part], share))
+        found.append(method_of_centres(N[part], s, target=target[part], deadline=share))
     D_L, D_R, G = (np.concatenate(each) for each in zip(*found, strict=True))
     return D_L, D_R, G
 
 
 def method_of_centres(
-    N: np.ndarray, s: BlockStructure, target: np.ndarray, deadline: float
+    N: np.ndarray, s: BlockStructure, *, target: np.ndarray, deadline: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same for (W,) squares of the target, by steps of all frequencies at once."""
     W = N.shape[0]
@@ -231,7 +231,7 @@ def method_of_centres(
     for _ in range(MAX_STEPS_REAL if s.skew.size else MAX_STEPS):
         if time.monotonic() > deadline:
             break
-        M, L, R, g, near, lost = newton_step_to_centre(M, L, R, g, alpha, s)
+        M, L, R, g, near, lost = newton_step_to_centre(M, L, R=R, G=g, alpha=alpha, s=s)
         bound = top_eigenvalue(M, g)
         goal = target[todo]
         better = (bound < best[todo]) | (alpha == goal)
@@ -258,7 +258,7 @@ def top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def newton_step_to_centre(
-    M: np.ndarray, L: np.ndarray, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: BlockStructure
+    M: np.ndarray, L: np.ndarray, *, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: BlockStructure
 ) -> tuple[np.ndarray, ...]:
     """One Newton step from X = I towards the centre of the scalings that prove alpha; whether it was near, or lost.
 
@@ -333,17 +333,19 @@ def newton_step_to_centre(
 N_REFINEMENTS = 4
 
 
-def mu_bound_at(N: control.StateSpace, blocks: Blocks, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
+def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
     """(W,) upper bound at omega."""
-    return np.asarray(upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks, 0.0, deadline).value)
+    return np.asarray(
+        upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks, target=0.0, deadline=deadline).value
+    )
 
 
 def refine_grid(
-    N: control.StateSpace, blocks: Blocks, omega: np.ndarray, deadline: float = np.inf
+    N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray, deadline: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies with more of them around the peak, and the bound there."""
     now = time.monotonic()
-    mu = mu_bound_at(N, blocks, omega, now + 0.7 * (deadline - now))
+    mu = mu_bound_at(N, blocks, omega=omega, deadline=now + 0.7 * (deadline - now))
     for _ in range(N_REFINEMENTS):  # around the largest, five times closer each time
         if time.monotonic() > deadline:
             break
@@ -353,5 +355,5 @@ def refine_grid(
         more = np.setdiff1d(more, omega)
         both = np.concatenate([omega, more])
         order = np.argsort(both)
-        omega, mu = both[order], np.concatenate([mu, mu_bound_at(N, blocks, more, deadline)])[order]
+        omega, mu = both[order], np.concatenate([mu, mu_bound_at(N, blocks, omega=more, deadline=deadline)])[order]
     return omega, mu

@@ -148,7 +148,7 @@ def plot_bode(
         blas = [bla_behind_hold(one, timebase(model.nominal)) for one in blas]
     omega = model.omega if model.measured_only else widened_band(model)
     if not model.is_single:
-        return draw_entries(model, blas, omega, ax)
+        return draw_entries(model, blas, omega=omega, ax=ax)
     top, bottom = bode_axes(ax)
     f, G = to_hertz(omega), model.at(omega)
     size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
@@ -188,7 +188,7 @@ def plot_bode(
     return top, finish_axes(bottom)
 
 
-def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], omega: np.ndarray, ax: Axes | None) -> np.ndarray:
+def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None) -> np.ndarray:
     """Draw `plot_bode` of several channels."""
     f, size, reach = to_hertz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])

@@ -251,7 +251,7 @@ def check_drive(
         base=names[chosen],
         report=report,
         worst=worst_case(model, K, delay=settings.delay) if report.nominally_stable else None,
-        step=step_of(model, K, settings, unit) if report.nominally_stable else None,
+        step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
         friction=found,
         proofs=proofs,
         friction_note=note,
@@ -337,9 +337,9 @@ def judge_friction(
     return found, proofs, cures, ""
 
 
-def step_of(model: UncertaintyModel, K: control.StateSpace, settings: DriveSettings, unit: str) -> StepResponse:
+def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSettings, unit: str) -> StepResponse:
     """The step of the position set point, through the loops of the drive."""
-    G, drive = assemble_loop(model, K, None, settings.delay).G, with_set_point(settings, output_unit=unit)
+    G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
     direct = np.zeros_like(A)
     direct[: G.nstates, : G.nstates] = G.B @ drive.D[:, 1:] @ G.C
@@ -348,7 +348,7 @@ def step_of(model: UncertaintyModel, K: control.StateSpace, settings: DriveSetti
     closed = control.StateSpace(A + direct, B, C, 0, K.dt, remove_useless_states=False)
     t, y = simulate_step(closed)
     final = float(np.real(closed.dcgain()))
-    return measure_step(t, y[0], np.full(t.size, np.nan), final, cut=True)
+    return measure_step(t, y[0], u=np.full(t.size, np.nan), final=final, cut=True)
 
 
 def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla) -> str:

@@ -125,7 +125,7 @@ def write_report(
     elif signals is not None:
         raise ValueError("signals must be given to the check whose report is handed over, got both here")
     else:
-        require_report_of(report, model, K, w_P, delay)
+        require_report_of(report, model, K=K, w_P=w_P, delay=delay)
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
@@ -137,8 +137,8 @@ def write_report(
         set_section(model),
         loop_section(report, model, K),
         check_section(report),
-        worst_case_section(model, K, report, delay),
-        settings_section(model, K, w_P, delay),
+        worst_case_section(model, K, report=report, delay=delay),
+        settings_section(model, K, w_P=w_P, delay=delay),
     ]
     friction_line = "" if friction is None else describe_proof(friction)
     write_text(path, render_page(title=title, notes=notes, report=report, beside=friction_line, sections=sections))

@@ -132,7 +132,7 @@ def check_section(report: RobustnessReport) -> Section:
 
 
 def worst_case_section(
-    model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport, delay: float
+    model: UncertaintyModel, K: control.StateSpace, *, report: RobustnessReport, delay: float
 ) -> Section:
     """Return the plant of the set that hurts most."""
     from robust import plot
@@ -181,7 +181,7 @@ def worst_case_section(
 
 
 def settings_section(
-    model: UncertaintyModel, K: control.StateSpace, w_P: control.StateSpace | None, delay: float
+    model: UncertaintyModel, K: control.StateSpace, *, w_P: control.StateSpace | None, delay: float
 ) -> Section:
     """Return the section on settings: weight, demand, delay [s], sampling of K, versions of packages and machine."""
     facts = [

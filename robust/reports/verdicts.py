@@ -76,7 +76,7 @@ WRONG_REPORT = "report must be what check gave of this model and this K, got one
 
 
 def require_report_of(
-    report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace, w_P: Weight | None, delay: float
+    report: RobustnessReport, model: UncertaintyModel, *, K: control.StateSpace, w_P: Weight | None, delay: float
 ) -> None:
     """Refuse a report of something else than what is to be reported."""
     if delay not in (0.0, report.delay):
@@ -104,7 +104,7 @@ def is_of_loop(report: RobustnessReport, model: UncertaintyModel, K: control.Sta
             return False
         now = again.G[at], again.K[at], again.radius[at]
     else:
-        curves = assemble_loop(model, K, None, report.delay).curves(omega)
+        curves = assemble_loop(model, K, w_P=None, delay=report.delay).curves(omega)
         now = curves.G, curves.K, np.abs(curves.w)
     known = report.G[at], report.K[at], report.radius[at]
     return model.form == report.form and all(map(is_equal, now, known))

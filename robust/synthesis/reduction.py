@@ -244,7 +244,7 @@ def reduce_controller(
             "to reduce it all the same."
         )
     by_order: dict[int, list[tuple[str, control.StateSpace]]] = {}
-    for method, n, small in candidates(K, model, w_P, delay):
+    for method, n, small in candidates(K, model, w_P=w_P, delay=delay):
         if order in (None, n) and n < K.nstates:
             by_order.setdefault(n, []).append((method, small))
     n_tried, reason = 0, "no controller of lower order keeps what was proved" if K.nstates else "a gain has no states"
@@ -253,9 +253,11 @@ def reduce_controller(
             reason = f"the time cap was reached below order {n}"
             break
         n_tried += len(by_order[n])
-        for method, small in rank_candidates(by_order[n], model, w_P, delay, K, before, every=order is not None):
+        for method, small in rank_candidates(
+            by_order[n], model, w_P=w_P, delay=delay, whole=K, before=before, every=order is not None
+        ):
             report = check(model, small, w_P=w_P, delay=delay)
-            kept, lost = compare_reports(report, before, change_of_T(model, K, small, before))
+            kept, lost = compare_reports(report, before, change_of_T(model, K, small=small, before=before))
             if kept or order is not None:
                 return Reduction(
                     K=with_names(small, K.input_labels, K.output_labels),
@@ -280,7 +282,7 @@ def reduce_controller(
 
 
 def candidates(
-    K: control.StateSpace, model: FrfSource, w_P: Weight | None, delay: float
+    K: control.StateSpace, model: FrfSource, *, w_P: Weight | None, delay: float
 ) -> Iterator[tuple[str, int, control.StateSpace]]:
     """(method, order, controller) by every way that works on this controller."""
     if not K.nstates:
@@ -296,7 +298,7 @@ def candidates(
             ]
         else:
             assert isinstance(model, UncertaintyModel)
-            loop = assemble_loop(model, K, w_P, delay)
+            loop = assemble_loop(model, K, w_P=w_P, delay=delay)
             closed_loops = [loop.closed_loop(*pair) for pair in pairs]
         before, behind = map(continuous_image, closed_loops)
         if np.all(np.linalg.eigvals(before[0]).real < 0):
@@ -320,11 +322,11 @@ def is_measured(model: FrfSource) -> bool:
 def rank_candidates(
     small: list[tuple[str, control.StateSpace]],
     model: FrfSource,
+    *,
     w_P: Weight | None,
     delay: float,
     whole: control.StateSpace,
     before: RobustnessReport,
-    *,
     every: bool,
 ) -> list[tuple[str, control.StateSpace]]:
     """Those that may keep what was proved, by their curves, the best first; all where one has to be returned."""
@@ -334,7 +336,7 @@ def rank_candidates(
             report = check(model, K, w_P=w_P, delay=delay, certify=False)
         except ValueError:  # a loop without a solution
             continue
-        change = change_of_T(model, whole, K, before)
+        change = change_of_T(model, whole, small=K, before=before)
         performs = report.margin_rp >= 1 if before.robust_performance else change <= MAX_CHANGE_OF_T
         if (report.margin_rs > 1 and performs) or every:
             size = report.margin_rp if before.robust_performance else -change
@@ -353,7 +355,9 @@ def compare_reports(report: RobustnessReport, before: RobustnessReport, change: 
     return True, ""
 
 
-def change_of_T(model: FrfSource, K: control.StateSpace, small: control.StateSpace, before: RobustnessReport) -> float:
+def change_of_T(
+    model: FrfSource, K: control.StateSpace, *, small: control.StateSpace, before: RobustnessReport
+) -> float:
     """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
     if has_several_channels(model):
         G, one = response_by_channel(model.nominal, before.omega), np.eye(model.n_outputs)

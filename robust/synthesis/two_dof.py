@@ -140,14 +140,14 @@ def prefilter(
     """
     effort = require_positive("effort", effort)
     if has_several_channels(model):
-        return prefilter_matrix(model, K, reference, effort, delay)
+        return prefilter_matrix(model, K, reference=reference, effort=effort, delay=delay)
     loop = reference_loop(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
     T = loop.closed_loop(("y",), ("r",))
-    found = synthesise_matching(T_ref, T, effort)
+    found = synthesise_matching(T_ref, T, effort=effort)
     omega = loop.grid(model.omega)
-    F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
-    error, worst = tracking_errors(loop, response(F, omega), response(T_ref, omega), omega)
+    F = exact_at_zero(fewest_states(found.K, T, omega=omega, dt=loop.dt), T, T_ref)
+    error, worst = tracking_errors(loop, response(F, omega), wanted=response(T_ref, omega), omega=omega)
     return Prefilter(
         F=F,
         gamma=found.gamma,
@@ -160,7 +160,7 @@ def prefilter(
 
 
 def prefilter_matrix(
-    model: UncertaintyModel, K: Controller, reference: Weight, effort: float, delay: float
+    model: UncertaintyModel, K: Controller, *, reference: Weight, effort: float, delay: float
 ) -> Prefilter:
     """Return the prefilter of several channels, its error over the set bounded by `worst_gain`.
 
@@ -175,9 +175,9 @@ def prefilter_matrix(
         raise ValueError(f"reference must have {n} outputs, as the plant has, got {T_ref.noutputs}")
     S = system.N[-n:, -n:]
     T = control.StateSpace(S.A, S.B, -S.C, np.eye(n) - S.D, dt)
-    found = synthesise_matching(T_ref, T, effort)
+    found = synthesise_matching(T_ref, T, effort=effort)
     omega = gain_grid(system, model.omega)
-    F = exact_at_zero(fewest_states(found.K, T, omega, dt), T, T_ref)
+    F = exact_at_zero(fewest_states(found.K, T, omega=omega, dt=dt), T, T_ref)
     N, f, wanted = (response_by_channel(each, omega) for each in (system.N, F, T_ref))
     error = wanted - np.einsum("ijw,jkw->ikw", np.eye(n)[:, :, None] - N[-n:, -n:], f)
     with_F = np.concatenate([np.einsum("ijw,jkw->ikw", N[:-n, -n:], f), error])
@@ -193,10 +193,10 @@ def prefilter_matrix(
 
 
 def synthesise_matching(
-    T_ref: control.StateSpace, T: control.StateSpace, effort: float, name: str = "prefilter"
+    T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, name: str = "prefilter"
 ) -> Synthesis:
     """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refused where there is none."""
-    found = hinfsyn(matching_plant(T_ref, T, effort, T.dt), T_ref.ninputs, T.ninputs)
+    found = hinfsyn(matching_plant(T_ref, T, effort=effort, dt=T.dt), T_ref.ninputs, T.ninputs)
     if not found.found:
         raise ValueError(f"reference must be one that a {name} can be found for: {found.reason}")
     return found
@@ -206,7 +206,7 @@ def reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop
     """The loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
-    loop = assemble_loop(model, K, None, require_nonnegative("delay", delay))
+    loop = assemble_loop(model, K, w_P=None, delay=require_nonnegative("delay", delay))
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {nominal}")
@@ -215,11 +215,11 @@ def reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop
 
 def on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpace:
     """The reference model of n channels, stable, on the time base of the loop."""
-    T_ref = stable_weight("reference", reference, dt, n)
+    T_ref = stable_weight("reference", reference, dt=dt, n=n)
     return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
 
 
-def matching_plant(T_ref: control.StateSpace, T: control.StateSpace, effort: float, dt: float) -> control.StateSpace:
+def matching_plant(T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, dt: float) -> control.StateSpace:
     """From (r, u) to (T_ref r - T u, effort u; r)."""
     n_r, n_u, n_y = T_ref.ninputs, T.ninputs, T.noutputs
     A = block_diag(T_ref.A, T.A)
@@ -235,7 +235,7 @@ def matching_plant(T_ref: control.StateSpace, T: control.StateSpace, effort: flo
     return control.StateSpace(A, B, C.reshape(n_y + n_u + n_r, -1), D, dt)
 
 
-def fewest_states(F: control.StateSpace, T: control.StateSpace, omega: np.ndarray, dt: float) -> control.StateSpace:
+def fewest_states(F: control.StateSpace, T: control.StateSpace, *, omega: np.ndarray, dt: float) -> control.StateSpace:
     """F without the states that T F hardly shows."""
     T_response, whole = (response_by_channel(each, omega) for each in (T, F))
     for _, _, small in balanced_candidates(continuous_image(F)):
@@ -260,7 +260,9 @@ def exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.S
     return control.StateSpace(F.A, F.B, X @ F.C, X @ F.D, T.dt)
 
 
-def tracking_errors(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tracking_errors(
+    loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """(W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
     curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
@@ -373,11 +375,11 @@ def feedforward(
             "robust.drive.feedforward"
         )
     T_ref = on_time_base(reference, loop.dt)
-    found = synthesise_matching(T_ref, loop.G, effort, "feedforward")
+    found = synthesise_matching(T_ref, loop.G, effort=effort, name="feedforward")
     omega = loop.grid(model.omega)
-    F = fewest_states(found.K, loop.G, omega, loop.dt)
+    F = fewest_states(found.K, loop.G, omega=omega, dt=loop.dt)
     wanted = response(T_ref, omega)
-    error, worst = feedforward_errors(loop, response(F, omega), wanted, omega)
+    error, worst = feedforward_errors(loop, response(F, omega), wanted=wanted, omega=omega)
     return Feedforward(
         F=F,
         gamma=found.gamma,
@@ -386,12 +388,12 @@ def feedforward(
         omega=omega,
         error=error,
         error_worst=worst,
-        error_without=feedforward_errors(loop, np.zeros_like(wanted), wanted, omega)[1],
+        error_without=feedforward_errors(loop, np.zeros_like(wanted), wanted=wanted, omega=omega)[1],
     )
 
 
 def feedforward_errors(
-    loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray
+    loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.
 
@@ -399,7 +401,7 @@ def feedforward_errors(
     """
     curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
-    g = plant_numerator(loop.form, curves.w, curves.G, curves.W)
+    g = plant_numerator(loop.form, curves.w, G=curves.G, W=curves.W)
     p, q = wanted - curves.G * f, a * wanted - g * f
     with np.errstate(all="ignore"):
         worst = np.abs(S) * (np.abs(p - q * b.conj()) + np.abs(q - p * b)) / (1 - np.abs(b) ** 2)

@@ -38,11 +38,11 @@ def contents(path: Path) -> Contents:
         variables = load_from_mat(str(path), add_table_attrs=True)
     for name, held in variables.items():
         if not name.startswith("__"):
-            add_signals(name, held, found, 0)
+            add_signals(name, held, found=found, depth=0)
     return found
 
 
-def add_signals(name: str, held: object, found: Contents, depth: int) -> None:
+def add_signals(name: str, held: object, *, found: Contents, depth: int) -> None:
     """Add the signals in a variable: series and tables are read, objects, structs and cells searched."""
     if depth > MAX_DEPTH:
         return
@@ -55,11 +55,11 @@ def add_signals(name: str, held: object, found: Contents, depth: int) -> None:
             label = single_text(members.get("Name"))
             for key, member in members.items():
                 inner = name if key.startswith(("Storage", "Elements", "Values")) else f"{name}.{key}"
-                add_signals(label if label and key == "Values" else inner, member, found, depth + 1)
+                add_signals(label if label and key == "Values" else inner, member, found=found, depth=depth + 1)
     elif isinstance(held, np.ndarray) and held.dtype.kind == "O":
         for i, element in enumerate(held.ravel()):
             label = single_text(object_members(element).get("Name"))
-            add_signals(label or (name if held.size == 1 else f"{name}.{i + 1}"), element, found, depth + 1)
+            add_signals(label or (name if held.size == 1 else f"{name}.{i + 1}"), element, found=found, depth=depth + 1)
 
 
 def object_members(held: object) -> dict[str, object]:

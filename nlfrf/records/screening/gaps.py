@@ -58,10 +58,10 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
     noise = least_noise(difference, y[-1])
     found = np.zeros(len(y))
     for j, up_to in enumerate(difference):
-        found[j] = slip_length(y[j], y[j + 1], up_to, noise, last)
+        found[j] = slip_length(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
     if not found[-2]:
         backwards = difference[-1][-1] - difference[-1][::-1]
-        found[-1] = -slip_length(y[-1, ::-1], y[-2, ::-1], backwards, noise, last)
+        found[-1] = -slip_length(y[-1, ::-1], y[-2, ::-1], difference=backwards, noise=noise, last=last)
     return drop_contradicted_slips(y, found, last)
 
 
@@ -77,7 +77,7 @@ def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.nd
         return gaps
     lines = np.arange(1, min(last, (y.shape[1] - 1) // 2) + 1)
     spectra = [rfft_at(y[j], lines) for j in whole]
-    steps = np.array([period_delay(one, later, lines, y.shape[1]) for one, later in pairwise(spectra)])
+    steps = np.array([period_delay(one, later, lines=lines, n_samples=y.shape[1]) for one, later in pairwise(spectra)])
     difference = np.diff(whole)
     pace = float(np.median(steps[difference == 1])) if (difference == 1).any() else 0.0
     kept = gaps.copy()
@@ -88,7 +88,7 @@ def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.nd
     return kept
 
 
-def period_delay(one: np.ndarray, later: np.ndarray, lines: np.ndarray, n_samples: int) -> float:
+def period_delay(one: np.ndarray, later: np.ndarray, *, lines: np.ndarray, n_samples: int) -> float:
     """Samples by which a period stands later than another, by their spectra (F,)."""
     cross, slope = later * one.conj(), 2 * np.pi * lines / n_samples
     weight = float(np.sum(slope**2 * np.abs(cross)))
@@ -135,14 +135,14 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     for j, up_to in enumerate(difference):
         if gaps[j] or gaps[j + 1]:
             continue
-        found, shift = has_slip_pair(y[j], y[j + 1], up_to, noise, last)
+        found, shift = has_slip_pair(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
         if found and shift:  # what stands before both gaps is found elsewhere in the period that follows them
             corrupted[j], total[j] = True, shift
         elif found:
             mismatched[j + 1] = True  # one or the other: nothing is lost
         else:
             backwards = up_to[-1] - up_to[::-1]
-            found, shift = has_slip_pair(y[j + 1, ::-1], y[j, ::-1], backwards, noise, last)
+            found, shift = has_slip_pair(y[j + 1, ::-1], y[j, ::-1], difference=backwards, noise=noise, last=last)
             if found:
                 corrupted[j + 1], total[j + 1] = True, -shift
     if len(y) == 2:
@@ -166,7 +166,7 @@ def least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
 
 
 def has_slip_pair(
-    one: np.ndarray, following: np.ndarray, difference: np.ndarray, noise: float, last: int
+    one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int
 ) -> tuple[bool, int]:
     """Whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
 
@@ -203,7 +203,7 @@ def has_slip_pair(
         by_parts = np.diff(difference[parts] - left[shift, parts])
         matches = rest <= max(MAX_REST * whole, 2 * (end - begin) * size * noise)
         matches &= by_parts.min() > SPIKE_SHARE * by_parts.sum()
-        if not (matches and confirms_shift(parts, difference, left[shift], step, noise * blur)):
+        if not (matches and confirms_shift(parts, difference, left=left[shift], step=step, noise=noise * blur)):
             return False
         noise_there = one[begin * stride : end * stride]
         noise_there = noise_there - np.roll(following, -tried[shift])[begin * stride : end * stride]
@@ -247,7 +247,9 @@ def candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[in
     return sorted(found)
 
 
-def confirms_shift(parts: np.ndarray, difference: np.ndarray, left: np.ndarray, step: np.ndarray, noise: float) -> bool:
+def confirms_shift(
+    parts: np.ndarray, difference: np.ndarray, *, left: np.ndarray, step: np.ndarray, noise: float
+) -> bool:
     """Whether each part of a signal asks for all of a shift, by what it explains, `cumulative_power`.
 
     And the step it makes.
@@ -256,7 +258,7 @@ def confirms_shift(parts: np.ndarray, difference: np.ndarray, left: np.ndarray, 
     return bool((np.abs(before - after - size) < 2 * WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)).all())
 
 
-def slip_length(one: np.ndarray, following: np.ndarray, difference: np.ndarray, noise: float, last: int) -> int:
+def slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int) -> int:
     """The samples by which the first part of a period is found elsewhere in the next one; 0 where it is no such thing.
 
     In its place the rest must be, and both parts then differ by noise alone. A transient is elsewhere in no place.
@@ -282,7 +284,7 @@ def slip_length(one: np.ndarray, following: np.ndarray, difference: np.ndarray, 
         ):
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
-        whole = confirms_shift(np.arange(5) * end // 4, difference, left, step, noise * blur)
+        whole = confirms_shift(np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur)
         if whole and explained > most and not is_single_mode(one - following, 0, gap):
             rest = (one - there)[:end]
             if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end:

@@ -43,7 +43,7 @@ CLEAR_SHARE = 0.3  # of a change that what is left may be apart from it
 DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
 
 
-def describe_gain_drift(at: np.ndarray, gain: np.ndarray, noise: float, explained: float) -> str:
+def describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float) -> str:
     """How the gain of the periods `at` drifts or steps, with its numbers; empty where it does neither.
 
     `explained` is what share of all that does not repeat it explains: of little, a first period alone may still ring,
@@ -261,7 +261,7 @@ class OutputAlignment:
     def drift(self) -> str:
         """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
         at = np.flatnonzero(self.sound)
-        changed = describe_gain_drift(at, self.gain[at], SIGMAS * self.gain_noise, self.explained)
+        changed = describe_gain_drift(at, self.gain[at], noise=SIGMAS * self.gain_noise, explained=self.explained)
         return changed if changed or at.size < FEW else describe_offset_drift(self.offset[at])
 
 
@@ -286,14 +286,17 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
     if corrupted.all():
         return replace(unknown_alignment(len(y), n_samples), sound=~corrupted, corrupted=corrupted)
     gaps *= step
-    lag = align_decimated(u, y, lines, step, gaps, corrupted)
+    lag = align_decimated(u, y, lines=lines, step=step, gaps=gaps, corrupted=corrupted)
     if lag.fault or lag.drift:
         first = first_settled_period(y, int(lines[-1]), (gaps != 0) | corrupted)
         if first > len(y) - 2:
             return unknown_alignment(len(y), n_samples)
         if first:
             return prepend_transient_periods(
-                align_decimated(u[first:], y[first:], lines, step, gaps[first:], corrupted[first:]), first
+                align_decimated(
+                    u[first:], y[first:], lines=lines, step=step, gaps=gaps[first:], corrupted=corrupted[first:]
+                ),
+                first,
             )
     first = int(np.argmax(lag.sound))
     if first and not lag.fault and not lag.drift:
@@ -354,7 +357,7 @@ def prepend_transient_periods(lag: OutputAlignment, n: int) -> OutputAlignment:
 
 
 def align_decimated(
-    u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray, corrupted: np.ndarray
+    u: np.ndarray, y: np.ndarray, *, lines: np.ndarray, step: int, gaps: np.ndarray, corrupted: np.ndarray
 ) -> OutputAlignment:
     """`align_output` for signals of which one sample in so many is left, with such gaps in periods.
 
@@ -366,7 +369,9 @@ def align_decimated(
     input_side, output = align_periods(u, lines), align_periods(y, lines)
     whole = (gaps == 0) & ~corrupted
     # one whole period has nothing to repeat, and the gap in the other was found because both sides of it do
-    answers = np.count_nonzero(whole) < 2 or np.mean(follows_input(output, lines, y.shape[1], whole)) > 0.5
+    answers = (
+        np.count_nonzero(whole) < 2 or np.mean(follows_input(output, lines, n_samples=y.shape[1], whole=whole)) > 0.5
+    )
     if not answers or np.count_nonzero(output.placed) <= len(y) / 2:
         return unknown_alignment(len(y), n_samples)
     delay = step * (output.delay - input_side.delay)
@@ -377,7 +382,8 @@ def align_decimated(
     lever = float(np.sum(slope**2 * weight))
     typical = float(np.median(output.rest))
     noise, gain_noise = (
-        noise_std(weight * by, by, typical / lines.size, len(y)) for by in (slope**2, np.ones(lines.size))
+        noise_std(weight * by, by, of_noise=typical / lines.size, n_periods=len(y))
+        for by in (slope**2, np.ones(lines.size))
     )
     sound = output.rest < max(MAX_UNEXPLAINED * total, 10 * typical)
     size = np.abs(output.gain)
@@ -386,7 +392,7 @@ def align_decimated(
         sound = np.ones(2, dtype=bool)
     if whole.any():
         sound &= whole
-    sound, jumps = slips_between_periods(delay, sound, noise, n_samples)
+    sound, jumps = slips_between_periods(delay, sound, noise=noise, n_samples=n_samples)
     shift = delay[sound] - delay[sound].mean()
     Y = output.spectra[sound]
     before = float(np.sum(np.abs(Y - Y.mean(axis=0)) ** 2))
@@ -405,7 +411,7 @@ def align_decimated(
     )
 
 
-def noise_std(observed: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) -> float:
+def noise_std(observed: np.ndarray, by: np.ndarray, *, of_noise: float, n_periods: int) -> float:
     """Standard deviation of a delay, or of a gain, by noise: lines (F,) tell of it by their power in the mean.
 
     The mean of the periods has noise in it too, which tells nothing.
@@ -421,7 +427,7 @@ def forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
 
 
 def slips_between_periods(
-    delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int
+    delay: np.ndarray, sound: np.ndarray, *, noise: float, n_samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which periods have no gap inside, and the whole samples by which each stands off."""
     at = np.flatnonzero(sound)
@@ -514,7 +520,7 @@ def align_periods(x: np.ndarray, lines: np.ndarray) -> AlignedPeriods:
     return AlignedPeriods(delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)
 
 
-def follows_input(output: AlignedPeriods, lines: np.ndarray, n_samples: int, whole: np.ndarray) -> np.ndarray:
+def follows_input(output: AlignedPeriods, lines: np.ndarray, *, n_samples: int, whole: np.ndarray) -> np.ndarray:
     """Whether each period without a gap has a part in common with the others that noise of no colour has."""
     delay = output.delay[whole]
     X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)

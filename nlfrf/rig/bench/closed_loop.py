@@ -57,7 +57,7 @@ __all__ = [
 ]
 
 
-def controller_matrices(K: object, fs: float, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
+def controller_matrices(K: object, fs: float, *, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
     """Return A (s, s), B (s, n_inputs), C (n_outputs, s) and D of a sampled controller, checked."""
     missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(K, name)]
     if missing:
@@ -200,6 +200,7 @@ MAX_HALVINGS = 6
 def simulate_axes_loop(
     rig: Rig,
     K: object,
+    *,
     r: ArrayLike,
     fs: float,
     saturation: ArrayLike,
@@ -213,20 +214,25 @@ def simulate_axes_loop(
     """Simulate a sampled controller matrix around a rig of matrices; arguments as of `simulate_loop`."""
     r = require_samples("r", r, channels=rig.n_outputs)
     n = r.shape[1]
-    controller = [np.ascontiguousarray(part) for part in controller_matrices(K, fs, rig.n_outputs, rig.n_inputs)]
+    controller = [
+        np.ascontiguousarray(part)
+        for part in controller_matrices(K, fs, n_inputs=rig.n_outputs, n_outputs=rig.n_inputs)
+    ]
     limits = (
         broadcast_limit("saturation", saturation, rig.n_inputs),
         broadcast_limit("resolution", resolution, rig.n_outputs),
     )
     signals = [
-        channel_samples("disturbance", disturbance, rig.n_inputs, n),
-        channel_samples("noise", noise, rig.n_outputs, n),
+        channel_samples("disturbance", disturbance, n_channels=rig.n_inputs, n=n),
+        channel_samples("noise", noise, n_channels=rig.n_outputs, n=n),
     ]
     begin = initial_axes(initial, rig.n_axes)
     late = min(require_nonnegative("delay", delay) * fs, n)  # all later is after the end
     for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
         numbers = fs, *limits, late, steps * 2**halving
-        length, found, lost = run_axes_once(rig, controller, np.ascontiguousarray(r.T), signals, begin, numbers)
+        length, found, lost = run_axes_once(
+            rig, controller, r=np.ascontiguousarray(r.T), signals=signals, begin=begin, numbers=numbers
+        )
         if length == n:
             break
     warn_of_forgotten_loops(lost)
@@ -238,6 +244,7 @@ def simulate_axes_loop(
 def run_axes_once(
     rig: Rig,
     controller: list[np.ndarray],
+    *,
     r: np.ndarray,
     signals: list[np.ndarray],
     begin: np.ndarray,
@@ -253,7 +260,7 @@ def run_axes_once(
     memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
     rows = np.zeros((len(r), 4, rig.n_axes))
     y, u = np.zeros((len(r), rig.n_outputs)), np.zeros((len(r), rig.n_inputs))
-    machine = axes.stack_matrices(rig.mass, rig.stiffness, rig.damping, rig.cubic)
+    machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
     places = np.array(rig.sensors), np.array(rig.actuators)
     length = run_axes_loop(
         machine, laws, grids, memory.state, memory.stack, *places, *controller, r, *signals, *numbers, rows, y, u
@@ -271,7 +278,7 @@ def broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
     return np.array([one if name == "saturation" and one == np.inf else check(name, one) for one in found])
 
 
-def channel_samples(name: str, signal: ArrayLike | None, n_channels: int, n: int) -> np.ndarray:
+def channel_samples(name: str, signal: ArrayLike | None, *, n_channels: int, n: int) -> np.ndarray:
     """Return (n, channels) samples; zeros when not given."""
     if signal is None:
         return np.zeros((n, n_channels))
@@ -567,18 +574,30 @@ def simulate_loop(
     if rig.several:
         fs = require_positive("fs", fs)
         steps = steps_per_sample(rig, fs, oversampling)
-        return simulate_axes_loop(rig, K, r, fs, saturation, resolution, delay, disturbance, noise, initial, steps)
+        return simulate_axes_loop(
+            rig,
+            K,
+            r=r,
+            fs=fs,
+            saturation=saturation,
+            resolution=resolution,
+            delay=delay,
+            disturbance=disturbance,
+            noise=noise,
+            initial=initial,
+            steps=steps,
+        )
     r = require_samples("r", r)
     runs = stack_runs(
         rig,
         [K],
-        r[None],
-        fs,
-        saturation,
-        resolution,
-        delay,
-        np.atleast_2d(initial),
-        oversampling,
+        r=r[None],
+        fs=fs,
+        saturation=saturation,
+        resolution=resolution,
+        delay=delay,
+        initial=np.atleast_2d(initial),
+        oversampling=oversampling,
         disturbance=samples_or_zeros("disturbance", disturbance, r.size)[None],
         noise=samples_or_zeros("noise", noise, r.size)[None],
     )
@@ -715,7 +734,17 @@ def simulate_loops(
         raise ValueError("r must hold at least one sample, got none")
     parts = {name: signals_per_run(name, given[name], r.shape[1]) for name in ("disturbance", "noise")}
     runs = stack_runs(
-        rig, controllers, r, fs, saturation, resolution, delay, np.atleast_2d(initial), oversampling, **parts, n=n_runs
+        rig,
+        controllers,
+        r=r,
+        fs=fs,
+        saturation=saturation,
+        resolution=resolution,
+        delay=delay,
+        initial=np.atleast_2d(initial),
+        oversampling=oversampling,
+        **parts,
+        n=n_runs,
     )
     parts_of_runs = RunBatches(runs, max(1, MAX_BATCH_SAMPLES // r.shape[1]))
     # what a folder keeps are the runs themselves, whatever is wanted of them
@@ -731,6 +760,7 @@ def simulate_loops(
 def stack_runs(
     rig: Rig,
     controllers: list[object],
+    *,
     r: np.ndarray,
     fs: float,
     saturation: ArrayLike,
@@ -738,7 +768,6 @@ def stack_runs(
     delay: ArrayLike,
     initial: np.ndarray,
     oversampling: int,
-    *,
     disturbance: np.ndarray,
     noise: np.ndarray,
     n: int = 1,

@@ -56,7 +56,7 @@ def check_axes(given: Mapping[str, Any]) -> dict[str, object]:
         if found["cubic"].min() < 0:
             raise ValueError(f"cubic must hold springs of zero or positive stiffness, got {found['cubic'].min():g}")
     for name, axis in (("actuators", 0), ("sensors", 1)):
-        found[name] = placement_matrix(name, given[name], n, axis)
+        found[name] = placement_matrix(name, given[name], n=n, axis=axis)
     channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
     for name, (letter, count) in channels.items():
         found[name] = channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
@@ -95,7 +95,7 @@ def require_square(name: str, matrix: ArrayLike, n: int) -> np.ndarray:
     return require_real_array(name, matrix, ndim=2)
 
 
-def placement_matrix(name: str, matrix: ArrayLike | None, n: int, axis: int) -> np.ndarray:
+def placement_matrix(name: str, matrix: ArrayLike | None, *, n: int, axis: int) -> np.ndarray:
     """Return the matrix of actuators or sensors: one row (axis 0) or column (axis 1) for each axis of the machine."""
     if matrix is None:
         return np.eye(n)
@@ -136,7 +136,7 @@ def poles(
 
 
 def stack_matrices(
-    mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray, cubic: np.ndarray | None
+    mass: np.ndarray, stiffness: np.ndarray, *, damping: np.ndarray, cubic: np.ndarray | None
 ) -> np.ndarray:
     """(4 or 5, n, n) mass, its inverse, stiffness, damping, cubic springs where there are any."""
     parts = [mass, np.linalg.inv(mass), stiffness, damping] + ([] if cubic is None else [cubic])
@@ -173,6 +173,7 @@ def initial_memory(friction: Laws) -> packing.Memory:
 def integrate_axes(
     matrices: np.ndarray,
     friction: Sequence[Friction | None],
+    *,
     memory: packing.Memory,
     drive: np.ndarray,
     h: float,

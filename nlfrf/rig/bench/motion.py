@@ -96,7 +96,9 @@ def run(rig: Rig, force: ArrayLike, *, fs: float, oversampling: int = 1, hold: s
 
     def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
         memory = initial_memory(rig)
-        return integrate_rig(rig, memory, force_at_substeps(samples, steps, hold), 1 / (fs * steps), steps), memory
+        return integrate_rig(
+            rig, memory, drive=force_at_substeps(samples, steps, hold), h=1 / (fs * steps), substeps=steps
+        ), memory
 
     require_stable_step(rig.stable_step, fs, oversampling)
     warn_of_coarse_step(rig.poles(1.0), fs, oversampling)
@@ -149,7 +151,7 @@ def drive(friction: Friction, v: ArrayLike, *, fs: float, oversampling: int = 1)
     def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
         memory = packing.initial_memory(law.curve, grid)
         samples = force_at_substeps(velocity, steps, "linear")
-        return integrate(body, law, grid, memory, samples, 1 / (fs * steps), steps), memory
+        return integrate(body, law, grid=grid, memory=memory, drive=samples, h=1 / (fs * steps), substeps=steps), memory
 
     out, memory = attempt(oversampling)
     if out is None:

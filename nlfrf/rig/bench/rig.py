@@ -294,16 +294,16 @@ def initial_memory(rig: Rig) -> packing.Memory:
     return packing.initial_memory(law.curve, grid)
 
 
-def integrate_rig(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
+def integrate_rig(rig: Rig, memory: packing.Memory, *, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
     """Integrate the rig over the force at begin, middle and end of each step, moving `memory` on.
 
     `drive` is (n, 3), or (n, 3, n_u) for several axes. Returns (n / substeps, 4), or (n / substeps, 4, axes): position,
     velocity, z and friction force; None where the step was unstable.
     """
     if rig.several:
-        machine = axes.stack_matrices(rig.mass, rig.stiffness, rig.damping, rig.cubic)
+        machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
         forces = drive.reshape(len(drive), 3, rig.n_inputs) @ rig.actuators.T
-        return axes.integrate_axes(machine, rig.friction, memory, forces, h, substeps)
+        return axes.integrate_axes(machine, rig.friction, memory=memory, drive=forces, h=h, substeps=substeps)
     law, grid = pack_law(rig.friction)
     body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
-    return integrate(body, law, grid, memory, drive, h, substeps)
+    return integrate(body, law, grid=grid, memory=memory, drive=drive, h=h, substeps=substeps)

@@ -415,7 +415,7 @@ def attempt(
     rows, written = np.zeros((n, 4, rig.n_axes)), np.zeros((n, len(SIGNALS)))
     length = int(
         step_servo(
-            axes.stack_matrices(rig.mass, rig.stiffness, rig.damping, None),
+            axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=None),
             laws,
             grids,
             memory.state,

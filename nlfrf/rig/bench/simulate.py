@@ -329,7 +329,7 @@ def simulate(
             stacklevel=2,
         )
     warn_of_forgotten_loops(float(sum(outcome["lost"] for outcome in outcomes)))
-    return make_record(rig, ms, np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold)
+    return make_record(rig, ms, y=np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold=hold)
 
 
 def run_experiment(experiment: Experiment) -> Arrays:
@@ -354,7 +354,7 @@ def try_experiment(experiment: Experiment) -> Arrays | None:
     drive = force_over_period(ms, steps, experiment.hold)
     periods: list[np.ndarray] = []
     for _ in range(experiment.n_discard + experiment.n_periods):
-        out = integrate_rig(rig, memory, drive, 1 / (ms.fs * steps), steps)
+        out = integrate_rig(rig, memory, drive=drive, h=1 / (ms.fs * steps), substeps=steps)
         if out is None:
             return None
         periods = [*periods[-max(experiment.n_periods - 1, 1) :], sensor_positions(experiment, out[:, 0])]
@@ -410,7 +410,7 @@ def require_matching_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> No
         )
 
 
-def make_record(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold: str) -> Record:
+def make_record(rig: Rig, ms: Multisine | OrthogonalMultisine, *, y: np.ndarray, hold: str) -> Record:
     """Return the record of input and measured positions, with the names and units of the rig."""
     u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
     return Record(

@@ -15,6 +15,7 @@ __all__ = ["integrate"]
 def integrate(
     body: kernel_data.Body,
     law: kernel_data.Law,
+    *,
     grid: kernel_data.Grid,
     memory: kernel_data.Memory,
     drive: np.ndarray,
@@ -27,7 +28,7 @@ def integrate(
     None where the step was too long to be stable.
     """
     if isinstance(law, UserLawData):
-        return integrate_user_law(body, law.functions, memory, drive, h, substeps)
+        return integrate_user_law(body, law.functions, memory=memory, drive=drive, h=h, substeps=substeps)
     kernel: Callable[..., bool]
     if law.form == kernel_data.COULOMB:
         from nlfrf.rig.kernels.slip import advance_coulomb as kernel
@@ -45,6 +46,7 @@ def integrate(
 def integrate_user_law(
     body: kernel_data.Body,
     law: OwnFriction,
+    *,
     memory: kernel_data.Memory,
     drive: np.ndarray,
     h: float,

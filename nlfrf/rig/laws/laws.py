@@ -583,10 +583,10 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
         return kernel_data.Law(kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
     if isinstance(law, LuGre):
         spring, grid = pack_curve(Linear(K0=law.sigma0))
-        return pack_stribeck_law(law, kernel_data.LEUVEN, 1.0, spring), grid
+        return pack_stribeck_law(law, kernel_data.LEUVEN, n=1.0, curve=spring), grid
     if isinstance(law, Coulomb):
         return pack_stribeck_law(
-            law, kernel_data.COULOMB, 1.0, kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
+            law, kernel_data.COULOMB, n=1.0, curve=kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
         ), NO_GRID
     if isinstance(law, VaryingSliders):
         return pack_sliders(law)
@@ -595,18 +595,18 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
     if isinstance(law, GeneralizedMaxwellSlip):
         shares = MaxwellSlip(stiffness=law.stiffness, strength=law.alpha)
         curve, grid = pack_curve(shares)
-        return pack_stribeck_law(law, kernel_data.GMS, law.C, curve), grid
+        return pack_stribeck_law(law, kernel_data.GMS, n=law.C, curve=curve), grid
     if not isinstance(law, Leuven):
         raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
     curve, grid = pack_curve(law.curve)
     if law.form == "modified":
-        return pack_stribeck_law(law, kernel_data.LEUVEN, law.n, curve), grid
+        return pack_stribeck_law(law, kernel_data.LEUVEN, n=law.n, curve=curve), grid
     if curve.kind == kernel_data.SPRING:  # the original form needs the turning points of a spring too
         curve = curve._replace(kind=kernel_data.LINEAR)
-    return pack_stribeck_law(law, kernel_data.ORIGINAL, law.n, curve), grid
+    return pack_stribeck_law(law, kernel_data.ORIGINAL, n=law.n, curve=curve), grid
 
 
-def pack_stribeck_law(law: StribeckLaw, form: int, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
+def pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
     """Return the numbers of a law with a Stribeck curve."""
     return kernel_data.Law(
         form=form,

@@ -35,7 +35,7 @@ BLUE, ORANGE, GREEN, RED, GREY = "tab:blue", "tab:orange", "tab:green", "tab:red
 
 
 def draw_figures(
-    ensembles: Ensembles, signals: dict[str, Ensemble], study: LevelStudy, rig: Rig
+    ensembles: Ensembles, signals: dict[str, Ensemble], *, study: LevelStudy, rig: Rig
 ) -> list[tuple[str, Figure]]:
     """Every figure with its name."""
     names = {"odd": "figure4", "odd-odd": "figure5", "special-odd": "figure6", "random-odd": "random_odd"}
@@ -49,7 +49,7 @@ def draw_figures(
 
 
 def new_figure(
-    width: float, height: float, rows: int = 1, columns: int = 1, *, sharex: bool = False
+    width: float, height: float, *, rows: int = 1, columns: int = 1, sharex: bool = False
 ) -> tuple[Figure, np.ndarray]:
     """Create a figure that belongs to no window, and its axes as an array."""
     from matplotlib.figure import Figure
@@ -60,7 +60,7 @@ def new_figure(
 
 def figure_levels(ensembles: Ensembles) -> Figure:
     """Draw figure 3: the BLA at the three levels, amplitude and phase."""
-    figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
+    figure, (top, bottom) = new_figure(8, 7, rows=2, sharex=True)
     for level, colour in zip(LEVELS, (BLUE, GREEN, RED), strict=True):
         e = ensembles[level, "odd"]
         G, variance = frf(e)
@@ -76,7 +76,7 @@ def figure_levels(ensembles: Ensembles) -> Figure:
 
 def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
     """Draw figures 4 to 6: the output on excited and detection lines at the three levels."""
-    figure, axes = new_figure(8, 11, 3, sharex=True)
+    figure, axes = new_figure(8, 11, rows=3, sharex=True)
     number = {"odd": "Figure 4. ", "odd-odd": "Figure 5. ", "special-odd": "Figure 6. "}.get(kind, "")
     for level, ax in zip(LEVELS, axes, strict=True):
         e = ensembles[level, kind]
@@ -113,7 +113,7 @@ def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
 
 def figure_comparison(ensembles: Ensembles) -> Figure:
     """Draw figure 7: the BLAs of the three grids at level 1, their differences and the standard deviation."""
-    figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
+    figure, (top, bottom) = new_figure(8, 7, rows=2, sharex=True)
     G_odd, variance = frf(ensembles[1, "odd"])
     lines = ensembles[1, "odd"].lines.excited
     for kind, colour in zip(GRIDS[:3], (BLUE, ORANGE, GREEN), strict=True):
@@ -132,7 +132,7 @@ def figure_comparison(ensembles: Ensembles) -> Figure:
 
 def figure_excitations(signals: dict[str, Ensemble]) -> Figure:
     """Draw the BLAs of signals with the same power spectrum and other distributions."""
-    figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
+    figure, (top, bottom) = new_figure(8, 7, rows=2, sharex=True)
     G_first, variance = frf(signals[SIGNALS[0]])
     for signal, colour in zip(SIGNALS, ("black", GREY, BLUE, ORANGE, RED), strict=True):
         e = signals[signal]
@@ -149,7 +149,7 @@ def figure_excitations(signals: dict[str, Ensemble]) -> Figure:
 
 def figure_study(study: LevelStudy) -> Figure:
     """Draw the level study: the family, and how fast its distortion grows."""
-    figure, axes = new_figure(8, 10, 3, sharex=True)
+    figure, axes = new_figure(8, 10, rows=3, sharex=True)
     plot_level_study(study, axes=axes)
     return figure
 
@@ -157,7 +157,7 @@ def figure_study(study: LevelStudy) -> Figure:
 def plot_level_study(study: LevelStudy, *, axes: np.ndarray | None = None) -> np.ndarray:
     """Draw a level study on three axes: the BLAs, the distortion, and its growth per 20 dB of level."""
     if axes is None:
-        _, axes = new_figure(8, 10, 3, sharex=True)
+        _, axes = new_figure(8, 10, rows=3, sharex=True)
     import matplotlib
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.9, study.rms.size))

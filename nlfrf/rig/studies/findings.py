@@ -291,7 +291,7 @@ def simulate_held(held: HeldSignal) -> Arrays:
     drive = np.repeat(force[:, np.newaxis], 3, axis=1)
     memory, out = initial_memory(held.rig), None
     for _ in range(held.n_discard + 1):
-        out = integrate_rig(held.rig, memory, drive, 1 / FS, 1)
+        out = integrate_rig(held.rig, memory, drive=drive, h=1 / FS, substeps=1)
         if out is None:
             raise unstable_step_error(FS, 1, lambda finer: False)
     assert out is not None

@@ -97,7 +97,7 @@ def reproduce(
     ms = paper_multisine("special-odd", 1, n_realizations=few, rng=rng)
     study = level_study(rig, ms, STUDY_LEVELS, n_discard=4, executor=executor, progress=count(done), resume=resume)
     found = [*found, *remarks]
-    for name, figure in draw_figures(ensembles, signals, study, rig):
+    for name, figure in draw_figures(ensembles, signals, study=study, rig=rig):
         save_figure(folder / f"{name}.png", figure, dpi=110, role=Role.DERIVED)
     content = {
         "schema": "nlfrf-findings",

@@ -247,5 +247,5 @@ def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
             "Something in it was changed."
         )
-    require_schema(entries, path, "robust", SCHEMA)
+    require_schema(entries, path, package="robust", name=SCHEMA)
     return claim_from_dict(entries["claim"])

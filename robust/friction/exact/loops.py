@@ -230,7 +230,7 @@ def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBl
     )
 
 
-def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[fmpq_mat]], stored: fmpq_mat) -> str:
+def check_reach(claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq_mat]], stored: fmpq_mat) -> str:
     """Return an empty string if the claimed initial velocity keeps the command in the sector, else why not.
 
     (1 - share)^2 kick^2 (e'Pe) (asked'E^-1 asked) <= (limit - Fs |asked'rest|)^2, all in the coordinates of the energy;

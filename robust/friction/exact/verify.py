@@ -264,11 +264,11 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
         loop = loop if claim.actuator is None else with_actuator_filters(claim, loop)
         form = in_coordinates(exact_supply(claim, loop), claim)
         energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
-        failed |= check_decrease(claim, loop, form, energy, deadline)
+        failed |= check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
         if not all(positive_definite(full_storage(form.stored, P)) for P in (energy[0][0], energy[-1][-1])):
             failed[PARTS[3]] = "it is not"
         elif claim.actuator is not None:
-            beyond = check_reach(claim, loop, energy, full_storage(form.stored, energy[-1][-1]))
+            beyond = check_reach(claim, loop, energy=energy, stored=full_storage(form.stored, energy[-1][-1]))
             failed |= {ACTUATOR_CLAIM: beyond} if beyond else {}
     except (ValueError, ZeroDivisionError) as error:
         failed |= {"the claim": str(error)}
@@ -288,7 +288,7 @@ def verify_settling(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
         loop, decay = exact_loop(claim), to_rational(own.decay)
         form = in_coordinates(settling_supply(claim, loop, decay), claim)
         energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
-        failed |= check_decrease(claim, loop, form, energy, deadline)
+        failed |= check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
         whole = [full_storage(form.stored, P) for interval in energy for P in interval]
         if not all(map(positive_definite, whole)):
             failed[PARTS[3]] = "it is not"
@@ -360,7 +360,7 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
 
 
 def check_decrease(
-    claim: FrictionClaim, loop: ExactLoop, form: ExactSupply, energy: list[list[fmpq_mat]], deadline: float
+    claim: FrictionClaim, loop: ExactLoop, *, form: ExactSupply, energy: list[list[fmpq_mat]], deadline: float
 ) -> dict[str, str]:
     """Return what is not proved about the decrease of the storage, and why."""
     if not loop.spans:
@@ -385,12 +385,12 @@ def check_decrease(
                 return {PARTS[1]: "undecided, as time was up"}
     for i, jump in enumerate(form.jumps):
         before, after = energy[starts[i] - 1][3], energy[starts[i]][0]
-        if not positive_definite(jump_inequality(form, i, before, after, jump)):
+        if not positive_definite(jump_inequality(form, i, before=before, after=after, jump=jump)):
             return {PARTS[2]: "it may grow"}
     return {}
 
 
-def jump_inequality(form: ExactSupply, i: int, before: fmpq_mat, after: fmpq_mat, jump: fmpq_mat) -> fmpq_mat:
+def jump_inequality(form: ExactSupply, i: int, *, before: fmpq_mat, after: fmpq_mat, jump: fmpq_mat) -> fmpq_mat:
     """Return the decrease of the storage at a jump as a matrix, with one more unknown for a block at the first jump."""
     plain = before - jump.transpose() * after * jump
     if i or form.block is None:

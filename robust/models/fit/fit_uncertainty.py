@@ -68,13 +68,13 @@ class FitUncertainty:
 def estimate_uncertainty(
     s: np.ndarray,
     omega: np.ndarray,
+    *,
     model: np.ndarray,
     std: np.ndarray,
     zeros: np.ndarray,
     poles: np.ndarray,
     c: float,
     dt: float,
-    *,
     free_delay: bool,
 ) -> FitUncertainty:
     """Estimate the covariance of a fitted model's parameters, as `FitUncertainty`.

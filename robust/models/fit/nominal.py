@@ -114,8 +114,10 @@ class MatrixFitProblem:
     def fit_behind_delays(self, tau: np.ndarray, start: SharedPoles | None = None) -> tuple[SharedPoles, float]:
         """Return the best model behind given delays, from a start or from scratch, with its cost."""
         points, G, left, right = self.without_delays(tau)
-        model = start or fit_shared_poles(points, G, left, right, **self.options)
-        return refine_shared_poles(points, G, left, right, model, self.options["direct"], self.options["stable"])
+        model = start or fit_shared_poles(points, G, left=left, right=right, **self.options)
+        return refine_shared_poles(
+            points, G, left=left, right=right, model=model, direct=self.options["direct"], stable=self.options["stable"]
+        )
 
 
 def matrices_given(bla: object) -> list[Bla]:
@@ -149,6 +151,7 @@ def require_same_channels(frm: Bla, known: HasChannels, of: str) -> None:
 def fit_matrix(
     frms: list[Bla],
     n_poles: int,
+    *,
     n_zeros: int | None,
     delay: float | str | np.ndarray,
     dt: float,
@@ -270,7 +273,9 @@ def scan_input_delay(sought: MatrixFitProblem, i: int) -> float:
     def cost(tau: float) -> float:
         """Return what vector fitting alone leaves."""
         points, G, left, right = one.without_delays(np.array([tau]))
-        residual = left @ (G - fit_by_vector_fitting(points, G, left, right, **sought.options).response(points))
+        residual = left @ (
+            G - fit_by_vector_fitting(points, G, left=left, right=right, **sought.options).response(points)
+        )
         return float(np.sum(np.abs(residual) ** 2))
 
     return float(min(np.linspace(0.0, longest, n), key=cost))
@@ -281,7 +286,7 @@ def delay_step(sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray) ->
     points, G, left, right = sought.without_delays(tau)
     turned = 1j * sought.omega[:, None, None] * G  # of each column by its own delay
     by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
-    by_model = response_derivatives(points, model, sought.options["direct"], sought.options["stable"])
+    by_model = response_derivatives(points, model, direct=sought.options["direct"], stable=sought.options["stable"])
 
     def whitened(X: np.ndarray) -> np.ndarray:
         """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
@@ -306,7 +311,7 @@ EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], from which the 
 
 
 def warn_of_fit(
-    G: control.StateSpace, measured: FrfData, residual: np.ndarray, expected: float, *, one_record: bool
+    G: control.StateSpace, measured: FrfData, *, residual: np.ndarray, expected: float, one_record: bool
 ) -> None:
     """Warn of a fit that misses what was measured, or that has poles where nothing was measured.
 
@@ -554,17 +559,27 @@ def fit_nominal(
     if isinstance(bla, control.FrequencyResponseData) and (bla.ninputs, bla.noutputs) != (1, 1):
         bla, std = bla_with_deviation(bla, std), None
     if frms := matrices_given(bla):
-        return fit_matrix([bla_behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank)
+        return fit_matrix(
+            [bla_behind_hold(b, dt) for b in frms],
+            n_poles,
+            n_zeros=n_zeros,
+            delay=delay,
+            dt=dt,
+            stable=stable,
+            rank=rank,
+        )
     lines = measured_lines(bla, std, dt)
-    orders, n_parameters = checked_orders(lines, n_poles, n_zeros, dt, delay)
+    orders, n_parameters = checked_orders(lines, n_poles, n_zeros=n_zeros, dt=dt, delay=delay)
     if isinstance(delay, str):
-        found = estimate_delay(lines, orders, dt, stable)
+        found = estimate_delay(lines, orders, dt=dt, stable=stable)
     else:
         delay = require_nonnegative("delay", delay)
-        found = best_fit(lines, orders, dt, stable, delay_samples("delay", delay, dt) * dt if dt else delay)
+        found = best_fit(
+            lines, orders, dt=dt, stable=stable, delay=delay_samples("delay", delay, dt) * dt if dt else delay
+        )
     zeros, poles, gain, tau, _ = found
     excess = orders[0] - orders[1]
-    model = zpk_response(lines.omega, zeros, poles, gain, tau, dt, excess)
+    model = zpk_response(lines.omega, zeros, poles=poles, gain=gain, delay=tau, dt=dt, excess=excess)
     residual = lines.G - model
     cost = float(np.sum(np.abs(residual) ** 2 / lines.var))
     left = max(lines.omega.size - n_parameters / 2, 0.5)
@@ -574,7 +589,7 @@ def fit_nominal(
     s = s_plane_points(lines.omega, dt)
     G = from_roots(*map_to_model_plane(zeros, poles, gain, dt, excess), dt)
     one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
-    warn_of_fit(G, lines, residual, expected, one_record=one_record)
+    warn_of_fit(G, lines, residual=residual, expected=expected, one_record=one_record)
     return NominalFit(
         G=G,
         delay=float(tau),
@@ -586,7 +601,15 @@ def fit_nominal(
         expected_cost=expected,
         n_parameters=n_parameters,
         uncertainty=estimate_uncertainty(
-            s, lines.omega, model, np.sqrt(lines.var), zeros, poles, scale, dt, free_delay=free
+            s,
+            lines.omega,
+            model=model,
+            std=np.sqrt(lines.var),
+            zeros=zeros,
+            poles=poles,
+            c=scale,
+            dt=dt,
+            free_delay=free,
         ),
         p_value=probability_of_cost(cost, lines.dof, n_parameters),
         hold=lines.hold,
@@ -622,7 +645,7 @@ def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
 
 
 def checked_orders(
-    lines: FrfData, n_poles: int, n_zeros: int | None, dt: float, delay: float | str | np.ndarray
+    lines: FrfData, n_poles: int, *, n_zeros: int | None, dt: float, delay: float | str | np.ndarray
 ) -> tuple[tuple[int, int], int]:
     """Return numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
     n_poles = require_integer("n_poles", n_poles, least=0)
@@ -696,32 +719,38 @@ def bla_behind_hold(bla: Bla, dt: float) -> Bla:
 
     What the record's hold was is said by `hold`; where nobody said it, nothing is changed.
     """
-    factor = hold_correction(bla.omega, bla.hold, bla.fs, dt)
+    factor = hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=dt)
     return bla if np.all(factor == 1) else bla.times(factor)
 
 
 def best_fit(
-    lines: FrfData, orders: tuple[int, int], dt: float, stable: bool, delay: float, *, free_delay: bool = False
+    lines: FrfData, orders: tuple[int, int], *, dt: float, stable: bool, delay: float, free_delay: bool = False
 ) -> Roots:
     """Return the best of the refined fits from three sets of starting poles."""
-    candidates = [starting_roots(lines, orders, dt, stable, delay, spacing) for spacing in ("log", "linear", "peaks")]
+    candidates = [
+        starting_roots(lines, orders, dt=dt, stable=stable, delay=delay, spacing=spacing)
+        for spacing in ("log", "linear", "peaks")
+    ]
     s, excess = s_plane_points(lines.omega, dt), orders[0] - orders[1]
 
     def factor(tau: float) -> np.ndarray:
-        return known_factor(lines.omega, tau, dt, excess)
+        return known_factor(lines.omega, tau, dt=dt, excess=excess)
 
     weight, omega = 1 / np.sqrt(lines.var), lines.omega if free_delay else None
-    refined = [refine(s, lines.G, weight, start, factor, omega=omega, stable=stable) for start in candidates]
+    refined = [
+        refine(s, lines.G, weight=weight, start=start, factor=factor, omega=omega, stable=stable)
+        for start in candidates
+    ]
     return min(refined, key=lambda roots: roots[4])
 
 
 def starting_roots(
-    lines: FrfData, orders: tuple[int, int], dt: float, stable: bool, delay: float, spacing: str
+    lines: FrfData, orders: tuple[int, int], *, dt: float, stable: bool, delay: float, spacing: str
 ) -> Roots:
     """Return zeros and poles to refine from: by vector fitting, or poles on the peaks where it fails."""
     n_poles, n_zeros = orders
     s = s_plane_points(lines.omega, dt)
-    q = known_factor(lines.omega, delay, dt, n_poles - n_zeros)
+    q = known_factor(lines.omega, delay, dt=dt, excess=n_poles - n_zeros)
     data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
     low, high = np.abs(s).min(), np.abs(s).max()
     poles = (
@@ -730,10 +759,10 @@ def starting_roots(
     if n_poles and spacing != "peaks":
         # a wild variance ratio stalls the relocation; the refinement works with the true one
         tame = np.maximum(weight, 1e-3 * weight.max())
-        poles = vector_fit(s, data, tame, poles, stable=stable)
+        poles = vector_fit(s, data, weight=tame, poles=poles, stable=stable)
         poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
-    zeros, gain = fit_numerator(s, data, weight, poles, n_zeros)
-    model = zpk_response(lines.omega, zeros, poles, gain, delay, dt, n_poles - n_zeros)
+    zeros, gain = fit_numerator(s, data, weight=weight, poles=poles, n_zeros=n_zeros)
+    model = zpk_response(lines.omega, zeros, poles=poles, gain=gain, delay=delay, dt=dt, excess=n_poles - n_zeros)
     return zeros, poles, gain, delay, float(np.sum(np.abs(lines.G - model) ** 2 / lines.var))
 
 
@@ -748,7 +777,7 @@ def poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
     return order_roots(np.array(poles))
 
 
-def estimate_delay(lines: FrfData, orders: tuple[int, int], dt: float, stable: bool) -> Roots:
+def estimate_delay(lines: FrfData, orders: tuple[int, int], *, dt: float, stable: bool) -> Roots:
     """Return the delay that explains the phase best: a scan, then refined together with the rest (continuous time)."""
     order = np.argsort(lines.omega, kind="stable")
     phase = np.unwrap(np.angle(lines.G[order]))
@@ -760,8 +789,11 @@ def estimate_delay(lines: FrfData, orders: tuple[int, int], dt: float, stable: b
         trials = trials[:: max(1, trials.size // 60)]
     else:
         trials = np.linspace(0.0, longest, 41)
-    costs = np.array([starting_roots(lines, orders, dt, stable, tau, "log")[4] for tau in trials])
+    costs = np.array(
+        [starting_roots(lines, orders, dt=dt, stable=stable, delay=tau, spacing="log")[4] for tau in trials]
+    )
     best = trials[np.argsort(costs)[:3]]
     return min(
-        (best_fit(lines, orders, dt, stable, tau, free_delay=not dt) for tau in best), key=lambda roots: roots[4]
+        (best_fit(lines, orders, dt=dt, stable=stable, delay=tau, free_delay=not dt) for tau in best),
+        key=lambda roots: roots[4],
     )

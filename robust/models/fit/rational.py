@@ -30,9 +30,9 @@ Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain
 def vector_fit(
     s: np.ndarray,
     data: np.ndarray,
+    *,
     weight: np.ndarray,
     poles: np.ndarray,
-    *,
     n_iterations: int = 12,
     stable: bool = True,
 ) -> np.ndarray:
@@ -117,7 +117,7 @@ def starting_poles(n: int, low: float, high: float, *, spacing: str) -> np.ndarr
 
 
 def fit_numerator(
-    s: np.ndarray, data: np.ndarray, weight: np.ndarray, poles: np.ndarray, n_zeros: int
+    s: np.ndarray, data: np.ndarray, *, weight: np.ndarray, poles: np.ndarray, n_zeros: int
 ) -> tuple[np.ndarray, float]:
     """Return zeros and gain of the best numerator of that degree over given poles.
 
@@ -180,18 +180,18 @@ def s_plane_points(omega: np.ndarray, dt: float) -> np.ndarray:
     return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
 
 
-def known_factor(omega: np.ndarray, delay: float, dt: float, excess: int) -> np.ndarray:
+def known_factor(omega: np.ndarray, delay: float, *, dt: float, excess: int) -> np.ndarray:
     """Return what the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
     q = np.exp(-1j * omega * delay)
     return q * (1 - s_plane_points(omega, dt) * dt / 2) ** excess if dt else q
 
 
 def zpk_response(
-    omega: np.ndarray, zeros: np.ndarray, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
+    omega: np.ndarray, zeros: np.ndarray, *, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
 ) -> np.ndarray:
     """Return (F,) response of the model at the lines."""
     s = s_plane_points(omega, dt)[:, None]
-    out = gain * known_factor(omega, delay, dt, excess)
+    out = gain * known_factor(omega, delay, dt=dt, excess=excess)
     # pole by zero, so that high orders neither overflow nor underflow
     for k in range(poles.size):
         out = out / (s[:, 0] - poles[k]) * ((s[:, 0] - zeros[k]) if k < zeros.size else 1.0)

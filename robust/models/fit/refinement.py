@@ -27,10 +27,10 @@ __all__ = [
 def refine(
     s: np.ndarray,
     data: np.ndarray,
+    *,
     weight: np.ndarray,
     start: Roots,
     factor: Callable[[float], np.ndarray],
-    *,
     omega: np.ndarray | None = None,
     stable: bool = True,
 ) -> Roots:
@@ -309,6 +309,7 @@ Objective = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
 def descend_newton(
     problem: MagnitudeProblem,
     theta: np.ndarray,
+    *,
     log_k: float,
     order: int,
     objective: Objective,
@@ -321,7 +322,7 @@ def descend_newton(
     damping = 1e-3
     for _ in range(n_iterations):
         H = (second * J) @ J.T
-        H[:-1, :-1] += section_hessian(problem, theta, order, first, J)
+        H[:-1, :-1] += section_hessian(problem, theta, order=order, first=first, J=J)
         sizes, axes = np.linalg.eigh(H)
         slope = axes.T @ (J @ first)
         before = value
@@ -343,7 +344,7 @@ def descend_newton(
 
 
 def section_hessian(
-    problem: MagnitudeProblem, theta: np.ndarray, order: int, first: np.ndarray, J: np.ndarray
+    problem: MagnitudeProblem, theta: np.ndarray, *, order: int, first: np.ndarray, J: np.ndarray
 ) -> np.ndarray:
     """Return the Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section."""
     N, m = problem.x.size, order - order % 2
@@ -364,7 +365,7 @@ def section_hessian(
 
 
 def fit_asymmetric(
-    problem: MagnitudeProblem, theta: np.ndarray, order: int, below: float, n_iterations: int
+    problem: MagnitudeProblem, theta: np.ndarray, *, order: int, below: float, n_iterations: int
 ) -> tuple[np.ndarray, float]:
     """Return the least squares on the log excess, where lying below the target costs below^2 times as much."""
 
@@ -373,12 +374,15 @@ def fit_asymmetric(
         return float(0.5 * w @ e**2), w * e, w
 
     log_k = -float(problem.share @ problem.excess(theta, 0.0, order)[0][: problem.x.size])
-    return descend_newton(problem, theta, log_k, order, objective, n_iterations, 1e-14)
+    return descend_newton(
+        problem, theta, log_k=log_k, order=order, objective=objective, n_iterations=n_iterations, small=1e-14
+    )
 
 
 def polish_by_barrier(
     problem: MagnitudeProblem,
     theta: np.ndarray,
+    *,
     log_k: float,
     order: int,
     barriers: tuple[float, ...],
@@ -401,5 +405,7 @@ def polish_by_barrier(
                 return np.inf, e, e
             return float(share @ e - mu * (weight @ np.log(e))), share - mu * weight / e, mu * weight / (e * e)
 
-        theta, log_k = descend_newton(problem, theta, log_k, order, objective, n_iterations, 1e-3 * mu)
+        theta, log_k = descend_newton(
+            problem, theta, log_k=log_k, order=order, objective=objective, n_iterations=n_iterations, small=1e-3 * mu
+        )
     return theta, log_k - float(problem.excess(theta, log_k, order)[0].min())

@@ -126,9 +126,9 @@ class FitOptions(TypedDict):
 def fit_shared_poles(
     omega: np.ndarray,
     G: np.ndarray,
+    *,
     left: np.ndarray,
     right: np.ndarray,
-    *,
     n_poles: int,
     rank: int,
     direct: bool,
@@ -138,17 +138,17 @@ def fit_shared_poles(
     kind: FitOptions = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
     fits = []
     for spacing in ("log", "linear"):
-        start = fit_by_vector_fitting(omega, G, left, right, **kind, spacing=spacing)
-        fits.append(refine_shared_poles(omega, G, left, right, start, direct, stable))
+        start = fit_by_vector_fitting(omega, G, left=left, right=right, **kind, spacing=spacing)
+        fits.append(refine_shared_poles(omega, G, left=left, right=right, model=start, direct=direct, stable=stable))
     return min(fits, key=lambda found: found[1])[0]
 
 
 def fit_by_vector_fitting(
     omega: np.ndarray,
     G: np.ndarray,
+    *,
     left: np.ndarray,
     right: np.ndarray,
-    *,
     n_poles: int,
     rank: int,
     direct: bool,
@@ -159,13 +159,18 @@ def fit_by_vector_fitting(
     std = 1 / np.sqrt(np.einsum("fjj,fii->fji", left.conj() @ left, right @ right.conj()).real)
     std = np.maximum(std, 1e-3 * std.min(axis=0))
     poles = relocate_shared_poles(
-        omega, G, std, starting_poles(n_poles, omega.min(), omega.max(), spacing=spacing), direct, stable
+        omega,
+        G,
+        std=std,
+        poles=starting_poles(n_poles, omega.min(), omega.max(), spacing=spacing),
+        direct=direct,
+        stable=stable,
     )
-    return residues_of_rank(omega, G, std, poles, rank, direct)
+    return residues_of_rank(omega, G, std=std, poles=poles, rank=rank, direct=direct)
 
 
 def relocate_shared_poles(
-    omega: np.ndarray, G: np.ndarray, std: np.ndarray, poles: np.ndarray, direct: bool, stable: bool
+    omega: np.ndarray, G: np.ndarray, *, std: np.ndarray, poles: np.ndarray, direct: bool, stable: bool
 ) -> np.ndarray:
     """Return poles shared by all entries, by vector fitting: each entry's own unknowns are projected off first."""
     s, n = 1j * omega, poles.size
@@ -202,7 +207,7 @@ def relocate_shared_poles(
 
 
 def residues_of_rank(
-    omega: np.ndarray, G: np.ndarray, std: np.ndarray, poles: np.ndarray, rank: int, direct: bool
+    omega: np.ndarray, G: np.ndarray, *, std: np.ndarray, poles: np.ndarray, rank: int, direct: bool
 ) -> SharedPoles:
     """Return residues over given poles, each cut to its largest singular values."""
     s = 1j * omega
@@ -239,6 +244,7 @@ def residues_of_rank(
 def refine_shared_poles(
     omega: np.ndarray,
     G: np.ndarray,
+    *,
     left: np.ndarray,
     right: np.ndarray,
     model: SharedPoles,
@@ -255,14 +261,14 @@ def refine_shared_poles(
     residual = whitened(G - model.response(omega))
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(N_STEPS):
-        J = whitened(response_derivatives(omega, model, direct, stable)).T
+        J = whitened(response_derivatives(omega, model, direct=direct, stable=stable)).T
         scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
         U, sizes, Vh = np.linalg.svd(J / scale, full_matrices=False)
         along, improved = U.T @ residual, False
         for _ in range(8):
             filtered = sizes / (sizes**2 + damping * sizes[0] ** 2) if sizes.size else sizes
             step = (Vh.T @ (np.where(sizes > 1e-12 * sizes[0], filtered, 0.0) * along)) / scale
-            trial = step_parameters(model, step, direct, stable)
+            trial = step_parameters(model, step, direct=direct, stable=stable)
             new = whitened(G - trial.response(omega))
             new_cost = float(new @ new)
             if np.isfinite(new_cost) and new_cost < cost:
@@ -278,7 +284,7 @@ def refine_shared_poles(
     return model, cost
 
 
-def response_derivatives(omega: np.ndarray, model: SharedPoles, direct: bool, stable: bool) -> np.ndarray:
+def response_derivatives(omega: np.ndarray, model: SharedPoles, *, direct: bool, stable: bool) -> np.ndarray:
     """Return (n_parameters, F, n_y, n_u) derivatives of the response by the parameters of `step_parameters`."""
     up, down = model.pole_fractions(omega)
     out = []
@@ -305,7 +311,7 @@ def response_derivatives(omega: np.ndarray, model: SharedPoles, direct: bool, st
     return np.array(out, dtype=complex).reshape(len(out), omega.size, *model.direct.shape)
 
 
-def step_parameters(model: SharedPoles, step: np.ndarray, direct: bool, stable: bool) -> SharedPoles:
+def step_parameters(model: SharedPoles, step: np.ndarray, *, direct: bool, stable: bool) -> SharedPoles:
     """Return the model after a step of its parameters."""
     poles, left, right, at = model.poles.copy(), model.left.copy(), model.right.copy(), 0
 

@@ -204,10 +204,10 @@ def least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
     """Return fits of the target itself from every start, the best first, with their largest error."""
     few, fits = problem.thin(150), []
     for start in starting_parameters(few, order):
-        theta, log_k = fit_asymmetric(few, start, order, 1.0, 40)
+        theta, log_k = fit_asymmetric(few, start, order=order, below=1.0, n_iterations=40)
         error = float(np.abs(few.excess(theta, log_k, order)[0]).max())
         if error < 1e-2:  # perhaps exact: all the points tell
-            theta, log_k = fit_asymmetric(problem, theta, order, 1.0, 15)
+            theta, log_k = fit_asymmetric(problem, theta, order=order, below=1.0, n_iterations=15)
             error = float(np.abs(problem.excess(theta, log_k, order)[0]).max())
         fits.append((error, theta, log_k))
         if error < EXACT_TOLERANCE:
@@ -215,28 +215,38 @@ def least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
     return sorted(fits, key=lambda fit: fit[0])
 
 
-def least_excess(problem: MagnitudeProblem, order: int, fits: list[Fit], deadline: float) -> list[np.ndarray]:
+def least_excess(problem: MagnitudeProblem, order: int, *, fits: list[Fit], deadline: float) -> list[np.ndarray]:
     """Minimise the mean excess from every fit on fewer points and section by section; polish the best two."""
     coarse = problem.coarsen(240)
     # starts that came to the same fit are one start
     begun = [f[1] for k, f in enumerate(fits) if k == 0 or f[0] > fits[k - 1][0] * 1.001]
-    found = [fit_quickly(coarse, begun[0], order, deadline)]
+    found = [fit_quickly(coarse, begun[0], order=order, deadline=deadline)]
     if found[0][0] > FINE_TOLERANCE:
-        found += [fit_quickly(coarse, theta, order, deadline) for theta in begun[1:]] + [
+        found += [fit_quickly(coarse, theta, order=order, deadline=deadline) for theta in begun[1:]] + [
             fit_section_by_section(coarse, order, deadline)
         ]
         found.sort(key=lambda fit: fit[0])
     return [
-        polish_by_barrier(problem, theta, log_k, order, (0.1, 0.02, 0.005, 0.001), 15, deadline)[0]
+        polish_by_barrier(
+            problem,
+            theta,
+            log_k=log_k,
+            order=order,
+            barriers=(0.1, 0.02, 0.005, 0.001),
+            n_iterations=15,
+            deadline=deadline,
+        )[0]
         for bad, theta, log_k in found[:2]
         if bad <= 1.1 * found[0][0]
     ]
 
 
-def fit_quickly(problem: MagnitudeProblem, theta: np.ndarray, order: int, deadline: float) -> Fit:
+def fit_quickly(problem: MagnitudeProblem, theta: np.ndarray, *, order: int, deadline: float) -> Fit:
     """Fit in few steps: mean excess over the radius [dB], section parameters, log gain; until a clock time [s]."""
-    theta, log_k = fit_asymmetric(problem, problem.clip_sections(theta, order), order, 4.0, 10)
-    theta, log_k = polish_by_barrier(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
+    theta, log_k = fit_asymmetric(problem, problem.clip_sections(theta, order), order=order, below=4.0, n_iterations=10)
+    theta, log_k = polish_by_barrier(
+        problem, theta, log_k=log_k, order=order, barriers=(0.1, 0.02, 0.005), n_iterations=16, deadline=deadline
+    )
     return problem.mean_excess(theta, log_k, order), theta, log_k
 
 
@@ -252,18 +262,26 @@ def fit_section_by_section(problem: MagnitudeProblem, order: int, deadline: floa
         now = min(done + 2, order)
         tries = []
         for place in (problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2):
-            new, gain = fit_asymmetric(problem, add_section(theta, done, now, place, -0.2), now, 4.0, 8)
+            new, gain = fit_asymmetric(
+                problem,
+                add_section(theta, done, now=now, place=place, spread=-0.2),
+                order=now,
+                below=4.0,
+                n_iterations=8,
+            )
             lift = -float(problem.excess(new, gain, now)[0].min())
             tries.append((problem.mean_excess(new, gain + lift, now), new, gain))
         _, new, gain = min(tries, key=lambda fit: fit[0])
-        new, gain = polish_by_barrier(problem, new, gain, now, (0.1, 0.02, 0.005), 10, deadline)
+        new, gain = polish_by_barrier(
+            problem, new, log_k=gain, order=now, barriers=(0.1, 0.02, 0.005), n_iterations=10, deadline=deadline
+        )
         # a section whose zeros cancel its poles changes nothing: growing never makes it worse
-        same = (best[0], add_section(theta, done, now, middle, 0.0), log_k)
+        same = (best[0], add_section(theta, done, now=now, place=middle, spread=0.0), log_k)
         best = min((problem.mean_excess(new, gain, now), new, gain), same, key=lambda fit: fit[0])
     return best
 
 
-def add_section(theta: np.ndarray, order: int, now: int, place: float, spread: float) -> np.ndarray:
+def add_section(theta: np.ndarray, order: int, *, now: int, place: float, spread: float) -> np.ndarray:
     """Return parameters with one more section, of second order or of first; zeros and poles apart by the spread."""
     zeros, poles = theta[:order], theta[order:]
     if now - order == 1:
@@ -314,11 +332,11 @@ def fit_squared_magnitude(problem: MagnitudeProblem, order: int) -> np.ndarray |
     guess = starting_poles(order, x[0], x[-1], spacing="log")
     damped = np.where(guess.imag == 0, guess, -0.2 * np.abs(guess.imag) + 1j * guess.imag)
     with np.errstate(all="ignore"):
-        q = vector_fit(y, power + 0j, 1 / power, order_roots(damped**2), n_iterations=8, stable=False)
+        q = vector_fit(y, power + 0j, weight=1 / power, poles=order_roots(damped**2), n_iterations=8, stable=False)
         if np.any(np.abs(y[:, None] - q).min(axis=0) < 1e-12 * np.abs(q)):
             return None
         try:
-            z, _ = fit_numerator(y, power + 0j, 1 / power, q, order)
+            z, _ = fit_numerator(y, power + 0j, weight=1 / power, poles=q, n_zeros=order)
         except np.linalg.LinAlgError:
             return None
     if z.size != order or q.size != order or not (np.isfinite(z).all() and np.isfinite(q).all()):
@@ -434,11 +452,11 @@ def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float =
     order = require_integer("order", order, least=0)
     if order > MAX_ORDER:
         raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
-    fit = best_weight(omega, radius, order, float(dt))
+    fit = best_weight(omega, radius, order=order, dt=float(dt))
     if fit.mean_excess_db < MAX_MEAN_EXCESS_DB:
         return fit
     for enough in range(order + 1, MAX_ORDER + 1):
-        if best_weight(omega, radius, enough, float(dt)).mean_excess_db < MAX_MEAN_EXCESS_DB:
+        if best_weight(omega, radius, order=enough, dt=float(dt)).mean_excess_db < MAX_MEAN_EXCESS_DB:
             cure = f"Order {enough} would do."
             break
     else:
@@ -480,22 +498,22 @@ def checked_radius(omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np
     return omega, radius
 
 
-def best_weight(omega: np.ndarray, radius: np.ndarray, order: int, dt: float) -> WeightFit:
+def best_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float) -> WeightFit:
     """Fit the weight: exact where possible, otherwise of least mean excess found, never worse than a constant."""
     deadline = time.monotonic() + TIME_CAP
     x = imaginary_axis_frequencies(omega, dt)
     log_r = np.log(radius)
-    fits = [verify_and_lift(omega, radius, np.zeros(2 * order), order, dt, exact=False)]
+    fits = [verify_and_lift(omega, radius, theta=np.zeros(2 * order), order=order, dt=dt, exact=False)]
     begun = least_squares(magnitude_problem(x, log_r, ends=False, free=True), order) if order else []
     if begun and begun[0][0] < EXACT_TOLERANCE and x.size >= 4 * (2 * order + 1):
         # through that many lines a weight goes by no accident
-        fit = verify_and_lift(omega, radius, begun[0][1], order, dt, exact=True)
+        fit = verify_and_lift(omega, radius, theta=begun[0][1], order=order, dt=dt, exact=True)
         if fit.max_excess_db < EXACT_DB:
             return fit
     if order:
         problem = magnitude_problem(x, neighbour_envelope(log_r), ends=True).coarsen(MAX_POINTS)
-        for theta in least_excess(problem, order, begun, deadline):
-            fits.append(verify_and_lift(omega, radius, theta, order, dt, exact=False))
+        for theta in least_excess(problem, order, fits=begun, deadline=deadline):
+            fits.append(verify_and_lift(omega, radius, theta=theta, order=order, dt=dt, exact=False))
     return min(fits, key=lambda fit: fit.mean_excess_db)
 
 
@@ -513,7 +531,7 @@ def neighbour_envelope(log_r: np.ndarray) -> np.ndarray:
 
 
 def verify_and_lift(
-    omega: np.ndarray, radius: np.ndarray, theta: np.ndarray, order: int, dt: float, *, exact: bool
+    omega: np.ndarray, radius: np.ndarray, *, theta: np.ndarray, order: int, dt: float, exact: bool
 ) -> WeightFit:
     """Return the weight as a system, lifted until it covers the radius on a finer grid."""
     shape = from_roots(*map_to_model_plane(*zeros_and_poles(theta, order), 1.0, dt, 0), dt)
@@ -521,7 +539,7 @@ def verify_and_lift(
     needed = np.max(radius / on_lines)
     if not exact:
         low = float(np.exp(slope_at_zero(order) @ (theta[:order] - theta[order:])))
-        between = largest_shortfall(theta, order, omega, radius, dt)
+        between = largest_shortfall(theta, order, omega=omega, radius=radius, dt=dt)
         needed = max(
             needed, np.max(np.exp(neighbour_envelope(np.log(radius))) / on_lines), between, radius[0] / low, radius[-1]
         )
@@ -543,7 +561,7 @@ def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
     return np.exp(top - bottom)
 
 
-def largest_shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
+def largest_shortfall(theta: np.ndarray, order: int, *, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
     """Return the largest ratio of larger neighbour to |W| between the lines: on a finer grid, then in each dip.
 
     The grid is one over the imaginary axis: near the Nyquist frequency a little of omega is most of that.
@@ -573,7 +591,7 @@ def largest_shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: 
 
 
 def minimum_phase(
-    omega: np.ndarray, d: np.ndarray, dt: float, order: int
+    omega: np.ndarray, d: np.ndarray, *, dt: float, order: int
 ) -> tuple[control.StateSpace, control.StateSpace]:
     """Return a stable minimum-phase function with |D| near d, in the mean of the logarithm, and its inverse."""
     if order == 0:

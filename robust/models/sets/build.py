@@ -179,7 +179,7 @@ def uncertainty(
     )
     make = partial(UncertaintyModel, nominal=nominal, form=form, delay=delay, perturbation=perturbation)
     if not several:
-        if own := set_of_user(bla, nominal, FORMS[form], rules, dt, order, spec):
+        if own := set_of_user(bla, nominal, form=FORMS[form], rules=rules, dt=dt, order=order, spec=spec):
             return make(**own)
         recorded = list(bla) if isinstance(bla, Sequence) else [bla]
     is_frf = isinstance(nominal, control.FrequencyResponseData)
@@ -256,10 +256,12 @@ def disc_set(
         inside = omega * dt < np.pi * (1 - 1e-9)
         omega, parts = omega[inside], {name: part[inside] for name, part in parts.items()}
     absolute = sum_of_parts(parts)
-    W1, W2, rules = resolve_scaling(row, nominal, omega, scaling, rules)
-    factor, *covered = radius_in_form(row, omega, absolute, nominal, (W1, W2), rules, dt)
+    W1, W2, rules = resolve_scaling(row, nominal, omega=omega, shaped_by=scaling, rules=rules)
+    factor, *covered = radius_in_form(
+        row, omega, absolute=absolute, nominal=nominal, shaped_by=(W1, W2), rules=rules, dt=dt
+    )
     return {
-        "weight": checked_weight(fit_extrapolated(covered, rules, order, dt), omega, absolute * factor),
+        "weight": checked_weight(fit_extrapolated(covered, rules, order=order, dt=dt), omega, absolute * factor),
         "omega": omega,
         "radius": absolute * factor,
         "extrapolation": str(rules),
@@ -286,11 +288,11 @@ def block_set(
     else:
         if spec.systematic is not None:
             raise ValueError(f"systematic must be left out but for elements, got {spec.systematic:g} with {form}")
-        omega, radius = block_radius(frms, models, spec, form)
+        omega, radius = block_radius(frms, models, spec=spec, form=form)
         n, known = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
     each = [rules] * (n or len(radius)) + [Extrapolation()] * (len(radius) - n if n else 0)
     weights = tuple(
-        fit_covering_weight(omega, row, order, rule, sampling_time_of(nominal))
+        fit_covering_weight(omega, row, order=order, rules=rule, dt=sampling_time_of(nominal))
         for row, rule in zip(radius, each, strict=True)
     )
     return {
@@ -306,15 +308,17 @@ def block_set(
 
 
 def fit_covering_weight(
-    omega: np.ndarray, radius: np.ndarray, order: int, rules: Extrapolation, dt: float
+    omega: np.ndarray, radius: np.ndarray, *, order: int, rules: Extrapolation, dt: float
 ) -> control.StateSpace:
     """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
     if radius.max() < FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order, dt)
+    return fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
 
 
-def fit_extrapolated(covered: Sequence[np.ndarray], rules: Extrapolation, order: int, dt: float) -> control.StateSpace:
+def fit_extrapolated(
+    covered: Sequence[np.ndarray], rules: Extrapolation, *, order: int, dt: float
+) -> control.StateSpace:
     """Fit a weight over (omega, radius) that were continued outside the band; where it fails, name that rule too."""
     omega, radius = covered
     try:
@@ -444,6 +448,7 @@ def frequencies_of_plants(
 def set_of_user(
     given: object,
     nominal: control.StateSpace | control.FrequencyResponseData,
+    *,
     form: Form,
     rules: Extrapolation,
     dt: float,
@@ -457,5 +462,7 @@ def set_of_user(
     if spec.simultaneous or spec.systematic is not None:
         raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
     omega, radius, source = found
-    weight = checked_weight(fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order, dt), omega, radius)
+    weight = checked_weight(
+        fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt), omega, radius
+    )
     return {"omega": omega, "radius": radius, "weight": weight, "extrapolation": str(rules), "source": source}

@@ -101,7 +101,7 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
     """
     A, B, C, D = scaled_continuous_plant(G)
     R = np.eye(G.ninputs) + D.T @ D
-    X = stabilising_riccati(A, B, C.T @ C, R, C.T @ D)
+    X = stabilising_riccati(A, B, Q=C.T @ C, R=R, S=C.T @ D)
     if X is None:
         raise ValueError(
             f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
@@ -216,7 +216,7 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
     dt = timebase(w)
     A, B, C, D = scale_states(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
     # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), by the same equation with R = D'D - 1, which is negative
-    Y = stabilising_riccati(A, B, C.T @ C, D.T @ D - 1, C.T @ D) if D[0, 0] ** 2 < 1 else None
+    Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:
         raise ValueError(
             "weight must stay below one at all frequencies for plants of the set to be made, got one that reaches it"

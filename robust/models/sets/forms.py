@@ -252,7 +252,7 @@ DEFAULT_FORM = "multiplicative"
 
 
 def reduce_to_one_channel(
-    form: str, left: Sequence[control.StateSpace], right: Sequence[control.StateSpace], radius: Array
+    form: str, left: Sequence[control.StateSpace], *, right: Sequence[control.StateSpace], radius: Array
 ) -> dict[str, str | control.StateSpace | Array]:
     """Return form, weight and radius of one channel for a set in a form of several around a plant of one channel."""
     if form not in MATRIX_FORMS or len(right) != 1 or len(left) != (form != ELEMENTS) or radius.ndim != 2:
@@ -273,7 +273,7 @@ def relative_radius(form: str, w: Array, size: Array) -> Array:
 
 
 def perturbed_sensitivity_terms(
-    form: str, w: Array, G: Array, K: Array, W: Array | float = 1.0
+    form: str, w: Array, *, G: Array, K: Array, W: Array | float = 1.0
 ) -> tuple[Array, Array, Array]:
     """Return S, a, b of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta), from responses."""
     row = FORMS[form]
@@ -283,14 +283,14 @@ def perturbed_sensitivity_terms(
         return S, row.a(w, G, K, S), row.b(w, G, K, S)
 
 
-def plant_numerator(form: str, w: Array, G: Array, W: Array | float = 1.0) -> Array:
+def plant_numerator(form: str, w: Array, *, G: Array, W: Array | float = 1.0) -> Array:
     """Return (W,) g of G_p = (G + g Delta)/(1 + a Delta), from responses; G is scaled by W where the form is."""
     row, one = FORMS[form], np.ones_like(G)
     G, K = (W * G, one / W) if row.depends_on_units else (G, one)
     return row.b(w, G, K, one) - row.a(w, G, K, one)  # b - a S = g K S, and no K is needed to tell it
 
 
-def loop_discs(form: str, w: Array, G: Array, K: Array, W: Array | float = 1.0) -> tuple[Array, Array]:
+def loop_discs(form: str, w: Array, *, G: Array, K: Array, W: Array | float = 1.0) -> tuple[Array, Array]:
     """Return centre and radius of the disc that L fills over the set; nan where it is the outside of a disc instead."""
     row, L = FORMS[form], G * K
     G, K = (W * G, K / W) if row.depends_on_units else (G, K)

@@ -227,15 +227,15 @@ def interconnection(
     named_out = [label for part in parts for label in part.output_labels]
     read = [*(label for block in blocks.values() for label in block.reads), *outputs]
     external = [*(label for block in blocks.values() for label in block.drives), *inputs]
-    require_known_signals(named_in, named_out, read, external)
-    N = join_parts_by_name(block_diagonal(parts, dt), (named_in, named_out), external, read)
+    require_known_signals(named_in, named_out, read=read, external=external)
+    N = join_parts_by_name(block_diagonal(parts, dt), (named_in, named_out), external=external, read=read)
     if weights:
         size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
         N = scale_outputs(size, N, dt)
     return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
 
 
-def require_known_signals(named_in: list[str], named_out: list[str], read: list[str], external: list[str]) -> None:
+def require_known_signals(named_in: list[str], named_out: list[str], *, read: list[str], external: list[str]) -> None:
     """Refuse signals nobody has, and inputs nobody drives."""
     for label in read:
         if label not in named_out:
@@ -253,7 +253,7 @@ def require_known_signals(named_in: list[str], named_out: list[str], read: list[
 
 
 def join_parts_by_name(
-    parts: control.StateSpace, names: tuple[list[str], list[str]], external: list[str], read: list[str]
+    parts: control.StateSpace, names: tuple[list[str], list[str]], *, external: list[str], read: list[str]
 ) -> control.StateSpace:
     """From the external signals to those that are read: an input is what outputs and external signals add up to."""
     named_in, named_out = names

@@ -32,14 +32,14 @@ def frf_sampling_time(model: FrfSource) -> float:
     return float(getattr(source, "dt", 0) or 0)
 
 
-def add_hold_and_delay(model: FrfSource, omega: np.ndarray, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
+def add_hold_and_delay(model: FrfSource, omega: np.ndarray, *, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
     """Return (W,) an FRF with the delay, and with zero-order hold where the controller is sampled and the FRF is not.
 
     What folds down from above Nyquist is not known and left out.
     """
     hold = getattr(model, "hold", "unknown")
     if hold != "unknown":
-        G = G * hold_correction(omega, hold, model.fs, dt)
+        G = G * hold_correction(omega, hold, fs=model.fs, dt=dt)
     elif dt and not frf_sampling_time(model):
         warn_of_unknown_hold(model, dt)
         G = G * hold_response(omega, dt)

@@ -228,7 +228,7 @@ class UncertaintyModel:
                 held[name] = tuple(state_space(name, weight) for weight in getattr(self, name))
             G = held["nominal"] = multivariable("nominal", self.nominal)
             if one := (G.ninputs, G.noutputs) == (1, 1) and reduce_to_one_channel(
-                self.form, self.left, self.right, np.asarray(self.radius)
+                self.form, self.left, right=self.right, radius=np.asarray(self.radius)
             ):
                 held.update(one, left=(), right=())
         single = self.is_single
@@ -475,7 +475,7 @@ class UncertaintyModel:
         if self.is_single:
             return perturbed_plant(self.form, self.nominal, self.weight, state_space("Delta", Delta), self.shaping)
         P, Delta = self.open_loop(), multivariable("Delta", Delta)
-        require_sampling_time("Delta", Delta, "the model", common_sampling_time(P))
+        require_sampling_time("Delta", Delta, reference="the model", wanted=common_sampling_time(P))
         n, m = Delta.ninputs, Delta.noutputs
         if (P.noutputs - self.n_outputs, P.ninputs - self.n_inputs) != (n, m):
             raise ValueError(
@@ -497,7 +497,7 @@ class UncertaintyModel:
         for _ in range(MAX_TRIALS * require_integer("n", n, least=0)):
             if len(plants) == n:
                 break
-            Delta = random_delta(rng, self.structure, (self.omega[0], self.omega[-1]), dt)
+            Delta = random_delta(rng, self.structure, band=(self.omega[0], self.omega[-1]), dt=dt)
             if self.measured_only:
                 w, D, W = (response(X, self.omega) for X in (self.weight, Delta, self.shaping))
                 deviated = FORMS[self.form].perturbed(W * self.at(self.omega), w, D) / W
@@ -569,8 +569,8 @@ class UncertaintyModel:
             w_P = cover_sampled(demand, dt) if continuous else demand
         weights = [] if w_P is None else [("e", repeat_over_channels("w_P", w_P, n_y))]
         for _, weight in weights:
-            require_sampling_time("w_P", weight, "the model", common_sampling_time(P))
-        N = lower_lft(weighted_plant(P, n_y, n_u, weights, reference=bool(weights)), K)
+            require_sampling_time("w_P", weight, reference="the model", wanted=common_sampling_time(P))
+        N = lower_lft(weighted_plant(P, n_y, n_u=n_u, weights=weights, reference=bool(weights)), K)
         same = N.noutputs - n_z == n_y
         return UncertainSystem(
             N=N,

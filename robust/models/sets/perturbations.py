@@ -29,7 +29,7 @@ def perturbed_plant(
 
 
 def random_delta(
-    rng: np.random.Generator, structure: Sequence[tuple[int, int]], band: tuple[float, float], dt: float
+    rng: np.random.Generator, structure: Sequence[tuple[int, int]], *, band: tuple[float, float], dt: float
 ) -> control.StateSpace:
     """Return a random stable perturbation of these blocks (reads, drives), each of gain one or (every other) less.
 

@@ -232,6 +232,7 @@ Scaling: TypeAlias = "tuple[Weight | None, Weight | None]"
 def radius_in_form(
     form: Form,
     omega: np.ndarray,
+    *,
     absolute: np.ndarray,
     nominal: control.StateSpace | control.FrequencyResponseData,
     shaped_by: Scaling,
@@ -268,6 +269,7 @@ def radius_in_form(
 def resolve_scaling(
     form: Form,
     nominal: control.StateSpace | control.FrequencyResponseData,
+    *,
     omega: np.ndarray,
     shaped_by: Scaling,
     rules: Extrapolation,
@@ -302,7 +304,7 @@ def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> n
 
 
 def block_radius(
-    frms: Sequence[Bla], models: Sequence[np.ndarray], spec: RadiusSpec, form: str
+    frms: Sequence[Bla], models: Sequence[np.ndarray], *, spec: RadiusSpec, form: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return all frequencies, and (n_left + n_right, W) the largest radii of diagonal W_l and W_r over the records.
 
@@ -310,7 +312,8 @@ def block_radius(
     which a level of excitation changes: of several records each has W_r of mean square one.
     """
     each = [
-        block_radii_of_record(frm, G, entry_misfits(frm, G), spec, form) for frm, G in zip(frms, models, strict=True)
+        block_radii_of_record(frm, G, missed=entry_misfits(frm, G), spec=spec, form=form)
+        for frm, G in zip(frms, models, strict=True)
     ]
     if len(frms) == 1:
         return frms[0].omega, np.concatenate(each[0])
@@ -332,7 +335,7 @@ def entry_misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
 
 
 def block_radii_of_record(
-    frm: Bla, model: np.ndarray, missed: np.ndarray, spec: RadiusSpec, form: str
+    frm: Bla, model: np.ndarray, *, missed: np.ndarray, spec: RadiusSpec, form: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return radii (n, F) of diagonal W_l and W_r whose full block holds the matrix of a new set.
 

@@ -284,7 +284,7 @@ class Sizes:
     centre: arb = NOT_ASKED_FOR
 
 
-def bound_sizes(aliases: Aliases, t: Terms, low: arb, high: arb, others: Sums) -> Sizes:
+def bound_sizes(aliases: Aliases, t: Terms, *, low: arb, high: arb, others: Sums) -> Sizes:
     """Return upper bounds of all terms of a claim on an interval.
 
     |q S| is bounded by |q| |S|; where G rules the aliases, at a pole of it or of K too, by |q/(K h_0 G)| |T|/(1 - e).
@@ -316,11 +316,15 @@ def bound_sizes(aliases: Aliases, t: Terms, low: arb, high: arb, others: Sums) -
     found = {"KS": KS_, "FS": FS, "FKS": FKS, "GKS": GKS0 * hold, "hold": hold}
     if t.P_num is not None:
         size = sqrt_upper(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
-        found |= {"PS": S * size, "PFS": FS * size, "centre": bound_centre(aliases, t, closed, S, low, high)}
+        found |= {
+            "PS": S * size,
+            "PFS": FS * size,
+            "centre": bound_centre(aliases, t, closed=closed, S=S, low=low, high=high),
+        }
     return Sizes(**{name: upper_end(x) for name, x in found.items()})
 
 
-def bound_centre(aliases: Aliases, t: Terms, closed: arb, S: arb, low: arb, high: arb) -> arb:
+def bound_centre(aliases: Aliases, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
     """An upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
@@ -337,7 +341,7 @@ def bound_centre(aliases: Aliases, t: Terms, closed: arb, S: arb, low: arb, high
     return sqrt_upper(-lower_bound(size * arb(-1)), closed) + moved * S
 
 
-def claim_measure(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: arb) -> arb:
+def claim_measure(claim: LoopClaim, name: str, *, u: Sizes, s: Sums, scaling: arb) -> arb:
     """Return an upper bound of the quantity that a claim needs below one."""
     operator, performance = claim.perturbation == "operator", name != ALIASED[STABILITY]
     if not claim.inverse and operator:
@@ -350,7 +354,7 @@ def claim_measure(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: arb) 
     own = u.FS + u.FKS * s.G
     if operator:
         F, G = s.FF.sqrt(), s.GG.sqrt()
-        return largest_singular_value_2x2(own, u.GKS * F, u.FKS * G, s.F_max + product_or_zero(u.KS * G, F))
+        return largest_singular_value_2x2(own, u.GKS * F, c=u.FKS * G, d=s.F_max + product_or_zero(u.KS * G, F))
     if not performance:
         return own + product_or_zero(u.KS + u.FKS, s.GF)
     r, q, A = product_or_zero(u.KS, s.GF), product_or_zero(u.FKS, s.GF), u.FKS * s.G
@@ -358,7 +362,7 @@ def claim_measure(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: arb) 
 
 
 def joint_claim_measure(
-    aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, scaling: arb, y: TaylorModel
+    aliases: Aliases, claim: LoopClaim, *, name: str, t: Terms, u: Sizes, s: Sums, scaling: arb, y: TaylorModel
 ) -> bool:
     """Return the bound with all terms at the frequency itself as one quotient, which is sharper near its peak.
 
@@ -398,13 +402,13 @@ def product_or_zero(size: arb, total: arb) -> arb:
     return arb(0) if size == 0 else size * total
 
 
-def largest_singular_value_2x2(a: arb, b: arb, c: arb, d: arb) -> arb:
+def largest_singular_value_2x2(a: arb, b: arb, *, c: arb, d: arb) -> arb:
     """Largest singular value of [[a, b], [c, d]], all nonnegative."""
     return (((a + d) ** 2 + (b - c) ** 2).sqrt() + ((a - d) ** 2 + (b + c) ** 2).sqrt()) / 2
 
 
 def prove_with_aliases(
-    claim: LoopClaim, names: list[str], axis: Axis, found: Squares, scaling: arb, deadline: float
+    claim: LoopClaim, names: list[str], *, axis: Axis, found: Squares, scaling: arb, deadline: float
 ) -> dict[str, Decision]:
     """Prove claims from zero to Nyquist, interval by interval; what is known of an interval serves all of them."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
@@ -421,14 +425,16 @@ def prove_with_aliases(
     def known(low: float, high: float) -> tuple[Terms, Sizes, Sums]:
         a, b = arb(low), arb(high)
         others, t = aliases.sums(a, b), terms((a + b) / 2, (b - a) / 2)
-        return t, bound_sizes(aliases, t, a, b, others), others
+        return t, bound_sizes(aliases, t, low=a, high=b, others=others), others
 
     def holds(name: str, low: float, high: float) -> bool:
         t, sizes, others = known(low, high)
-        bound = claim_measure(claim, name, sizes, others, scaling)
+        bound = claim_measure(claim, name, u=sizes, s=others, scaling=scaling)
         y = squared_line(arb(low), arb(high))
         near = bool(bound < REFINEMENT_FACTOR)
-        return bool(bound < 1) or (near and joint_claim_measure(aliases, claim, name, t, sizes, others, scaling, y))
+        return bool(bound < 1) or (
+            near and joint_claim_measure(aliases, claim, name=name, t=t, u=sizes, s=others, scaling=scaling, y=y)
+        )
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
     return {name: bisect_until_below_one(partial(holds, name), top, deadline) for name in names}

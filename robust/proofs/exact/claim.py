@@ -275,5 +275,5 @@ def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
             "Something in it was changed."
         )
-    require_schema(entries, path, "robust", SCHEMA)
+    require_schema(entries, path, package="robust", name=SCHEMA)
     return claim_from_dict(entries["claim"])

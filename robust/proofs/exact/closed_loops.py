@@ -79,7 +79,7 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf, thoroug
         with ctx.workprec(bits):
             try:
                 found = decide_norm_at_precision(
-                    closed_loop(claim.plant, claim.controller), claim, bits, deadline, thorough
+                    closed_loop(claim.plant, claim.controller), claim, bits=bits, deadline=deadline, thorough=thorough
                 )
             except ZeroDivisionError:
                 found = undecided("a matrix to be inverted cannot be told from a singular one", needs_digits=True)
@@ -147,7 +147,7 @@ def closed_loop(plant: Matrices, controller: Matrices) -> Balls:
 
 
 def decide_norm_at_precision(
-    loop: Balls, claim: ClosedLoopClaim, bits: int, deadline: float, thorough: bool
+    loop: Balls, claim: ClosedLoopClaim, *, bits: int, deadline: float, thorough: bool
 ) -> Decision:
     """Decide at the precision of the moment."""
     A, B, C, D = loop

@@ -40,14 +40,14 @@ class Terms:
     W_den: Quantity = None
 
 
-def claim_inequalities(claim: str, reads: tuple[str, ...], inverse: bool, t: Terms, scaling: arb) -> list[Quantity]:
+def claim_inequalities(claim: str, reads: tuple[str, ...], *, inverse: bool, t: Terms, scaling: arb) -> list[Quantity]:
     """Expressions all of which are positive where the claim holds; the form as in `LoopClaim`, scaling is d^2."""
     if "M" in reads:
         return coprime_inequalities(claim, t, scaling)
     if claim == STABILITY:
         return [stability_inequality(reads, t)]
     if claim == OPERATOR_PERFORMANCE:
-        return scaled_norm_inequality(reads, inverse, t, scaling)
+        return scaled_norm_inequality(reads, inverse, t=t, scaling=scaling)
     return performance_inequality(reads, inverse, t)
 
 
@@ -84,7 +84,7 @@ def root_sum_inequality(a: Quantity, b: Quantity, c: Quantity) -> list[Quantity]
     return [rest, rest * rest - a * b * 4]
 
 
-def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, t: Terms, scaling: arb) -> list[Quantity]:
+def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, *, t: Terms, scaling: arb) -> list[Quantity]:
     """Largest singular value of diag(w, w_P/d) M diag(1, d) below one: |M|_F^2 < 1 + |det M|^2 and |det M| < 1."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     whole = t.w_den * t.P_den * t.closed

@@ -154,18 +154,25 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
     names = list(filter(open_still, claim.claims))
     aliased = [name for name in names if name in ALIASED.values()]
     if aliased:
-        decided |= prove_with_aliases(claim, aliased, axis, found, squared_scaling(scaling), deadline)
+        decided |= prove_with_aliases(
+            claim, aliased, axis=axis, found=found, scaling=squared_scaling(scaling), deadline=deadline
+        )
     for name in [name for name in names if name not in aliased]:
 
         def inequalities(terms: Terms, name: str = name) -> list[Quantity]:
-            return claim_inequalities(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
+            return claim_inequalities(
+                name, claim.reads, inverse=claim.inverse, t=terms, scaling=squared_scaling(scaling)
+            )
 
         if axis.algebraic:
             decided[name] = prove_on_half_line(
-                axis, inequalities(polynomial_terms(found)), inequalities(terms_at_infinity(found)), deadline
+                axis,
+                inequalities(polynomial_terms(found)),
+                ends=inequalities(terms_at_infinity(found)),
+                deadline=deadline,
             )
         else:
-            decided[name] = positive_on_intervals(axis, found, inequalities, deadline)
+            decided[name] = positive_on_intervals(axis, found, inequalities=inequalities, deadline=deadline)
 
 
 def squared_scaling(scaling: fmpq) -> arb:
@@ -182,7 +189,7 @@ def check_weights(axis: Axis) -> Decision:
     return proved()
 
 
-def prove_on_half_line(axis: Axis, expressions: list[Quantity], ends: list[Quantity], deadline: float) -> Decision:
+def prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Quantity], deadline: float) -> Decision:
     """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:

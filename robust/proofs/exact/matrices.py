@@ -119,10 +119,13 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
         back = shifted.inv()
         A, B, C, D = back * (A - identity(n)), back * B * to_rational(2.0), C * back, D - C * back * B
     stable = routh(A.charpoly(), n) if n else proved()
-    return {"stability": stable, "norm": gain_below_level(A, B, C, D, claim.level) if stable.holds else NOT_EXAMINED}
+    return {
+        "stability": stable,
+        "norm": gain_below_level(A, B, C=C, D=D, level=claim.level) if stable.holds else NOT_EXAMINED,
+    }
 
 
-def gain_below_level(A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, level: float) -> Decision:
+def gain_below_level(A: fmpq_mat, B: fmpq_mat, *, C: fmpq_mat, D: fmpq_mat, level: float) -> Decision:
     """Whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
     n, m = A.nrows(), D.ncols()
     R = identity(m) * (to_rational(level) ** 2) - D.transpose() * D

@@ -89,7 +89,7 @@ def delay_by_samples(system: Quotient, whole: int) -> Quotient:
     return Quotient(num=system.num, den=system.den.left_shift(whole), degree=system.degree + whole)
 
 
-def zoh_quotient(plant: Matrices, dt: fmpq, whole: int, rest: fmpq) -> Quotient:
+def zoh_quotient(plant: Matrices, dt: fmpq, *, whole: int, rest: fmpq) -> Quotient:
     """A continuous plant as a sampled controller sees it: zero-order hold, delay of whole dt + rest, sampler.
 
     The input changes inside a sample where rest > 0 (Åström & Wittenmark, 3rd ed., 2.3). Coefficients are balls that

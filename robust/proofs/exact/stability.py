@@ -108,7 +108,7 @@ def squared_magnitude(p: Polynomial) -> Polynomial:
     return kind([c if k % 2 == 0 else -c for k, c in enumerate(both[::2])])
 
 
-def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, degree: int, delay: fmpq) -> Decision:
+def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fmpq) -> Decision:
     """Whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
     total = den + num
     if total[0] == 0:
@@ -278,7 +278,7 @@ def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Q
         rest = delay - whole * dt
         if rest < to_rational(WHOLE_SAMPLES) * dt:
             rest = to_rational(0.0)
-        G, delay = bilinear_image(zoh_quotient(plant, dt, whole, rest)), to_rational(0.0)
+        G, delay = bilinear_image(zoh_quotient(plant, dt, whole=whole, rest=rest)), to_rational(0.0)
     else:
         G = transfer_quotient(plant)
     return G, bilinear_image(transfer_quotient(K)) if dt else transfer_quotient(K), dt, delay
@@ -442,5 +442,5 @@ def decide_quotient_stability(G: Quotient, K: Quotient, delay: fmpq) -> Decision
     N: Polynomial = kind(G.num) * kind(K.num)
     D: Polynomial = kind(G.den) * kind(K.den)
     if delay > 0:
-        return hurwitz_with_delay(D, N, G.degree + K.degree, delay)
+        return hurwitz_with_delay(D, N, degree=G.degree + K.degree, delay=delay)
     return routh(N + D, G.degree + K.degree)

@@ -146,7 +146,7 @@ MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
 Inequalities = Callable[[Terms], list[Quantity]]
 
 
-def positive_on_intervals(axis: Axis, found: Squares, inequalities: Inequalities, deadline: float) -> Decision:
+def positive_on_intervals(axis: Axis, found: Squares, *, inequalities: Inequalities, deadline: float) -> Decision:
     """Prove that all that is asked of the terms is positive from zero to Nyquist, or to infinity."""
     if axis.dt:
         # a little beyond Nyquist, as pi is no double

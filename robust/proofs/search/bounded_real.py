@@ -112,11 +112,11 @@ def certify_norm(
     p = np.linalg.eigvals(A)
     if np.any(np.abs(p) >= 1) if dt else np.any(p.real >= 0):
         return failed_certificate(subject, level, "the system is not stable")
-    method, reason = prove_inequality((A, B, C, D), bool(dt), solver, time_cap)
+    method, reason = prove_inequality((A, B, C, D), bool(dt), solver=solver, time_cap=time_cap)
     return proved(method) if method else failed_certificate(subject, level, reason)
 
 
-def prove_inequality(matrices: Matrices, discrete: bool, solver: str, time_cap: float) -> tuple[str, str]:
+def prove_inequality(matrices: Matrices, discrete: bool, *, solver: str, time_cap: float) -> tuple[str, str]:
     """The method that proves the norm of a stable system below one, or why none does."""
     image = well_conditioned(to_continuous(*matrices) if discrete else matrices)
     there = change_coordinates(image, preconditioning_coordinates(image))

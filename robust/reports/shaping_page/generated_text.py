@@ -47,6 +47,7 @@ class PartSources:
 def python_script(
     sources: PartSources,
     models: Sequence[UncertaintyModel],
+    *,
     w_P: control.StateSpace | None,
     K: control.StateSpace,
     dt: float,

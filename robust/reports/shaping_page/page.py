@@ -131,7 +131,7 @@ def page_content(
     w_P = None if w_P is None else state_space("w_P", w_P)
     dt = loop_sampling_time(models, initial, dt)
     start = control.StateSpace(initial.A, initial.B, initial.C, initial.D, dt)
-    loops = [assemble_loop(model, start, w_P, delay) for model in models]
+    loops = [assemble_loop(model, start, w_P=w_P, delay=delay) for model in models]
     if len({loop.dt for loop in loops}) > 1:
         raise ValueError(f"model must have one sampling time, got {', '.join(f'{loop.dt:g} s' for loop in loops)}")
     dt = loops[0].dt
@@ -148,7 +148,7 @@ def page_content(
         "K": encode_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
         "K_poles": uncertain_poles(start),
         "begun": not is_constant(start) or float(start.D[0, 0]) != 1.0,
-        "python": python_script(sources, models, w_P, start, dt, delay),
+        "python": python_script(sources, models, w_P=w_P, K=start, dt=dt, delay=delay),
         "command": proof_commands(sources, w_P, delay),
     }
 
@@ -219,7 +219,7 @@ def require_known_form(model: UncertaintyModel) -> None:
     w, G, K = rng.standard_normal((3, 4)) + 1j * rng.standard_normal((3, 4))
     parts = {"w": w, "G": G, "K": K}
     q = np.prod([parts[name] for name in row.rs_factors], axis=0)
-    S, a, b = perturbed_sensitivity_terms(model.form, w, G, K)
+    S, a, b = perturbed_sensitivity_terms(model.form, w, G=G, K=K)
     if not (np.allclose(b, q * S) and np.allclose(a, q * row.inverse)):
         raise ValueError(f"model must be of a form that the page computes with, got {model.form}: use plot_loop_bounds")
 

@@ -111,7 +111,7 @@ def parts_and_blocks(
     system = fixed_parts(settings, "current" if unit == "A" else "force")
     for k, slot in enumerate(settings.filters):
         reads, drives = signals[k], signals[k + 1]
-        block = block_of_slot(slot, settings.dt, reads, drives)
+        block = block_of_slot(slot, settings.dt, reads=reads, drives=drives)
         if block is None:
             system.append(with_names(realise_section(slot.section(settings.fs), settings.dt), (reads,), (drives,)))
         else:
@@ -145,7 +145,7 @@ def fixed_parts(settings: DriveSettings, plant_input: str) -> list[control.State
     return parts
 
 
-def block_of_slot(slot: FilterSlot, dt: float, reads: str, drives: str) -> TunableBlock | None:
+def block_of_slot(slot: FilterSlot, dt: float, *, reads: str, drives: str) -> TunableBlock | None:
     """Return a notch or a low-pass as a block; None for a biquad."""
     _, b1, _ = slot.numerator
     _, a1, a0 = slot.denominator

@@ -128,7 +128,7 @@ def velocity_section(settings: DriveSettings) -> np.ndarray:
     if settings.velocity_from == "observer":
         omega = 2 * np.pi * settings.observer_frequency
         top, bottom = np.array([0.0, omega**2, 0.0]), np.array([1.0, 2 * omega, omega**2])
-        return bilinear_section(top, bottom, settings.observer_frequency, fs)
+        return bilinear_section(top, bottom, frequency=settings.observer_frequency, fs=fs)
     share = 1 / (1 + settings.velocity_lag * fs)
     return np.array([share * fs, -share * fs, 0.0, 1.0, share - 1.0, 0.0])
 

@@ -301,8 +301,8 @@ def feedforward_error(
     wanted = response(on_time_base(reference, loop.dt), omega)
     m, c, s = gains.mass.mean(), gains.viscous.mean(), 1j * omega
     f = wanted * ((m + c * gains.lead) * s**2 + c * s + m * gains.lead * s**3)
-    error, worst = feedforward_errors(loop, f, wanted, omega)
-    without = feedforward_errors(loop, np.zeros_like(wanted), wanted, omega)[1]
+    error, worst = feedforward_errors(loop, f, wanted=wanted, omega=omega)
+    without = feedforward_errors(loop, np.zeros_like(wanted), wanted=wanted, omega=omega)[1]
     return FeedforwardError(omega=omega, error=error, error_worst=worst, error_without=without)
 
 

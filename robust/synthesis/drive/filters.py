@@ -48,13 +48,13 @@ class FilterSlot:
 
     def section(self, fs: float) -> np.ndarray:
         """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz]."""
-        return bilinear_section(self.numerator, self.denominator, self.frequency, fs)
+        return bilinear_section(self.numerator, self.denominator, frequency=self.frequency, fs=fs)
 
     def __str__(self) -> str:
         return f"{self.kind} at {self.frequency:g} Hz"
 
 
-def bilinear_section(numerator: np.ndarray, denominator: np.ndarray, frequency: float, fs: float) -> np.ndarray:
+def bilinear_section(numerator: np.ndarray, denominator: np.ndarray, *, frequency: float, fs: float) -> np.ndarray:
     """(6,) second-order section of a filter of s, exact at a frequency [Hz]; in powers of z^-1."""
     if not frequency < fs / 2:
         raise ValueError(

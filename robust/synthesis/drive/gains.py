@@ -139,13 +139,13 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
         raise ValueError("K must act on every position that the drive reads, got a response of zero")
     p = -np.expm1(-1j * angles)
     if like.encoder == "both":
-        solutions = [read_two_encoders(measured, p, angles, like)]
+        solutions = [read_two_encoders(measured, p, angles=angles, like=like)]
     elif like.velocity_from == "observer" or like.position_every > 1:
-        solutions = [read_known_velocity(measured[0], p, angles, like)]
+        solutions = [read_known_velocity(measured[0], p, angles=angles, like=like)]
     else:
         solutions = read_pid(measured[0], p, like)
     found = [settings_of(like, *map(float, solution)) for solution in solutions]
-    misfit = misfit_of(found[0], measured, p, angles)
+    misfit = misfit_of(found[0], measured, p=p, angles=angles)
     if not misfit <= MISFIT:
         raise ValueError(
             f"K must be a P-PI cascade of this drive, got one that the nearest such cascade misses by {misfit:.2g} of "
@@ -201,7 +201,7 @@ def read_pid(K: np.ndarray, p: np.ndarray, like: DriveSettings) -> list[tuple[fl
 
 
 def read_known_velocity(
-    K: np.ndarray, p: np.ndarray, angles: np.ndarray, like: DriveSettings
+    K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: DriveSettings
 ) -> tuple[float, float, float, float]:
     """(kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a."""
     V, H = parts_of(like, angles)
@@ -213,7 +213,7 @@ def read_known_velocity(
 
 
 def read_two_encoders(
-    K: np.ndarray, p: np.ndarray, angles: np.ndarray, like: DriveSettings
+    K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: DriveSettings
 ) -> tuple[float, float, float, float]:
     """(kp, kv, a, nan) of a velocity loop on the motor and a position loop on the load."""
     V, H = parts_of(like, angles)
@@ -241,7 +241,7 @@ def settings_of(like: DriveSettings, kp: float, kv: float, a: float, b: float) -
     )
 
 
-def misfit_of(settings: DriveSettings, K: np.ndarray, p: np.ndarray, angles: np.ndarray) -> float:
+def misfit_of(settings: DriveSettings, K: np.ndarray, *, p: np.ndarray, angles: np.ndarray) -> float:
     """Largest error of a cascade relative to K over the frequencies; K without filters and output factor."""
     V, H = parts_of(settings, angles)
     pi = settings.gain * (1 + settings.dt / settings.tn * (1 - p) / p)

@@ -152,7 +152,7 @@ def demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
     return mask
 
 
-def convex_step(task: DesignTask, theta: np.ndarray, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
+def convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
     """The step about theta, and the way from eta back to theta.
 
     level: the demands themselves are what is minimised, as one of them is not met yet.
@@ -210,18 +210,22 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 def iterate(
     task: DesignTask,
     starts: list[np.ndarray],
+    *,
     n_iterations: int,
     deadline: float,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """The best of what the iteration makes of each start: parameters, history and why it ended."""
-    found = [improve_start(task, theta, n_iterations, deadline, progress) for theta in starts]
+    found = [
+        improve_start(task, theta, n_iterations=n_iterations, deadline=deadline, progress=progress) for theta in starts
+    ]
     return min(found, key=lambda result: task.merit(result[0]))
 
 
 def improve_start(
     task: DesignTask,
     theta: np.ndarray,
+    *,
     n_iterations: int,
     deadline: float,
     progress: Callable[[int, float], object] | None,
@@ -236,7 +240,7 @@ def improve_start(
             why = "stopped at the time limit"
             break
         level = task.hard(theta) > 1 + TOLERANCE
-        step, T = convex_step(task, theta, mask, level)
+        step, T = convex_step(task, theta, mask=mask, level=level)
         eta, trouble = solve_step(step, left)
         if eta is None:
             why = f"{trouble}; the last controller before is kept"

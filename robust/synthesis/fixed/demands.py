@@ -99,7 +99,7 @@ def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u:
     if w_P is None:
         a, b = 0 * a, 0 * b  # stability of the set is a demand of its own
     c = np.hypot(sizes["w_u"], sizes["w_T"] * np.abs(at.G))
-    return demand_row("gamma", at, a, b, c)
+    return demand_row("gamma", at, a=a, b=b, c=c)
 
 
 def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> list[Demand]:
@@ -124,10 +124,10 @@ def worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.nd
 def demand_row(
     name: str,
     at: PlantOnLines,
+    *,
     a: float | np.ndarray,
     b: float | np.ndarray,
     c: float | np.ndarray = 0.0,
-    *,
     y: float | np.ndarray = 1.0,
     x: float | np.ndarray | None = None,
     index: np.ndarray | None = None,
@@ -152,7 +152,7 @@ def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[D
     if not ends.size:
         return []
     name = f"|L| <= {most:g} from the last line on, above which the plant is not known"
-    return [demand_row(name, at, 0.0, (np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
+    return [demand_row(name, at, a=0.0, b=(np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
 
 
 def limit_rows(
@@ -169,22 +169,24 @@ def limit_rows(
     if np.any(at.radius > 0) or np.any(at.outside > 0):
         direct = at.inverse > 0  # |w S| <= 1, as the disc of an inverse form grows without bound
         b, x = np.where(direct, 0.0, at.radius / BACK_OFF), np.where(direct, at.G, at.centre)
-        rows.append(demand_row("robust stability", at, at.inverse / BACK_OFF, b, x=x))
+        rows.append(demand_row("robust stability", at, a=at.inverse / BACK_OFF, b=b, x=x))
     if M_S is not None:
         a, b = worst_case_terms(at, 1 / limit_on_lines("M_S", M_S, at.omega))
-        rows.append(demand_row(f"|S| <= {describe_bound(M_S)}", at, a, b))
+        rows.append(demand_row(f"|S| <= {describe_bound(M_S)}", at, a=a, b=b))
     if M_T is not None:
         rows.append(peak_of_T(at, limit_on_lines("M_T", M_T, at.omega), f"|T| <= {describe_bound(M_T)}"))
     if M_u is not None:
         most = limit_on_lines("M_u", M_u, at.omega)
-        rows.append(demand_row(f"|K S| <= {describe_bound(M_u)}", at, at.outside, at.radius + (1 + at.outside) / most))
+        rows.append(
+            demand_row(f"|K S| <= {describe_bound(M_u)}", at, a=at.outside, b=at.radius + (1 + at.outside) / most)
+        )
     if omega_c is not None:
         least, highest = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
         rows.append(gain_row(at, "omega_c", least, 1.0))
         if highest is not None:
             where = nearest_lines(at, "omega_c", highest)
             rows.append(
-                demand_row(f"|L| <= 1 at {format_hertz(highest)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where)
+                demand_row(f"|L| <= 1 at {format_hertz(highest)}", at, a=0.0, b=np.abs(at.G), y=1.0, x=0.0, index=where)
             )
     if gain is not None:
         rows.append(gain_row(at, "gain", *gain))
@@ -202,7 +204,7 @@ def peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
         a = np.where(at.outside > 0, at.outside, a)
         b = np.where(at.outside > 0, np.abs(at.centre) / M, b)
         x = np.where(at.outside > 0, at.centre, x)
-    return demand_row(name, at, a, b, x=x)
+    return demand_row(name, at, a=a, b=b, x=x)
 
 
 def gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
@@ -211,7 +213,9 @@ def gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
     if least <= 0:
         raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
     where = nearest_lines(at, name, omega)
-    return demand_row(f"|L| >= {least:g} at {format_hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
+    return demand_row(
+        f"|L| >= {least:g} at {format_hertz(float(omega))}", at, a=least, b=0.0, y=0.0, x=at.G, index=where
+    )
 
 
 def nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:

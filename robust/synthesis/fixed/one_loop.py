@@ -107,20 +107,20 @@ def design_loop(
     look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=sizes)
     end_gain, positive_gains = require_positive("end_gain", options["end_gain"]), options["positive_gains"]
     family = [look(p) for p in plants]
-    basis = structure_basis(shape, stacked_plants(family), dt, options["fixed"])
+    basis = structure_basis(shape, stacked_plants(family), dt=dt, fixed=options["fixed"])
     if positive_gains and shape.name not in PID_PARTS:
         raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
     if positive_gains and not is_constant(basis.fixed):
         raise ValueError("positive must be left out with a factor that is fixed: the whole is no PID then")
     if positive_gains and shape.free:
-        return best_filter(plant, structure, basis, options)
+        return best_filter(plant, structure, basis=basis, options=options)
 
     def closer(K: list[control.StateSpace]) -> DesignTask:
         """The task on the lines too that controllers, or their loops, have features on."""
         own = [look(p, K=K) for p in plants]
         at = stacked_plants(own)
         Y, X = basis.columns(at.omega)
-        task_aim, gamma, rows = split_demands(own, at, aim, options, end_gain)
+        task_aim, gamma, rows = split_demands(own, at, aim=aim, options=options, end_gain=end_gain)
         return DesignTask(
             basis=basis,
             family=family,
@@ -139,15 +139,18 @@ def design_loop(
     start = options["start"]
     starts = [check_start(task, start)] if start is not None else search_starts(task, options["n_starts"])
     deadline = began + time_cap
-    theta, history, why = iterate_on_loop_lines(task, starts, closer, n_iterations, deadline, options["progress"])
+    theta, history, why = iterate_on_loop_lines(
+        task, starts, closer=closer, n_iterations=n_iterations, deadline=deadline, progress=options["progress"]
+    )
     if options["prove"] is not None:
-        theta, why = proved_parameters(task, theta, options["prove"], delay, why)
-    return evaluate_design(closer([basis.controller(theta)]), theta, history, why)
+        theta, why = proved_parameters(task, theta, prove=options["prove"], delay=delay, why=why)
+    return evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
 
 
 def best_filter(
     plant: DesignPlant | Sequence[DesignPlant],
     structure: str | int | ControllerStructure,
+    *,
     basis: Basis,
     options: LoopOptions,
 ) -> Design:
@@ -209,6 +212,7 @@ def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
 def iterate_on_loop_lines(
     task: DesignTask,
     starts: list[np.ndarray],
+    *,
     closer: Callable[[list[control.StateSpace]], DesignTask],
     n_iterations: int,
     deadline: float,
@@ -221,7 +225,7 @@ def iterate_on_loop_lines(
     tried, found, history = [], [], tuple[float, ...]()
     begin = starts
     for _ in range(1 + LOOKS):
-        theta, more, why = iterate(task, begin, n_iterations, deadline, progress)
+        theta, more, why = iterate(task, begin, n_iterations=n_iterations, deadline=deadline, progress=progress)
         history += more
         tried.append(task.basis.controller(theta))
         finer = closer(tried)
@@ -234,11 +238,11 @@ def iterate_on_loop_lines(
 
 
 def proved_parameters(
-    task: DesignTask, theta: np.ndarray, prove: Proved, delay: float, why: str
+    task: DesignTask, theta: np.ndarray, *, prove: Proved, delay: float, why: str
 ) -> tuple[np.ndarray, str]:
     """The parameters with the largest gain, at most the one found, that is proved for a class of friction."""
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
-    gain, proofs = largest_proved_gain(task.basis.controller(theta), machines, friction, delay)
+    gain, proofs = largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay)
     if proofs is None:
         raise ValueError(
             "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
@@ -250,7 +254,7 @@ def proved_parameters(
 
 
 def split_demands(
-    family: list[PlantOnLines], at: PlantOnLines, aim: str, options: LoopOptions, end_gain: float
+    family: list[PlantOnLines], at: PlantOnLines, *, aim: str, options: LoopOptions, end_gain: float
 ) -> tuple[str, Demand | None, list[Demand]]:
     """What is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
     w_P, w_T, w_u = options["w_P"], options["w_T"], options["w_u"]
@@ -293,9 +297,9 @@ def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
     starts = find_start(
         task.basis,
         task.family,
-        task.at,
-        task.rows,
-        task.objective,
+        at=task.at,
+        rows=task.rows,
+        aim=task.objective,
         n_unstable=task.n_unstable,
         allow_unstable=not task.stable,
         positive=task.positive,
@@ -360,7 +364,7 @@ def loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
     return steps.pop() if steps else dt
 
 
-def structure_basis(shape: ControllerStructure, at: PlantOnLines, dt: float, fixed: Controller) -> Basis:
+def structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller) -> Basis:
     """The structure on the band of the lines."""
     F = state_space("fixed", fixed)
     if not is_clockless(F) and timebase(F) != dt:
@@ -375,7 +379,7 @@ def structure_basis(shape: ControllerStructure, at: PlantOnLines, dt: float, fix
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
-def evaluate_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str) -> Design:
+def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float, ...], why: str) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""
     K = task.basis.controller(theta)
     state, trouble = loops_stable(K, task.family, task.n_unstable)

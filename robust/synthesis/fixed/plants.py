@@ -121,10 +121,10 @@ def plant_on_lines(
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:
             raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
-        G = G if isinstance(plant, DiscsOnLines) else add_hold_and_delay(plant, omega, G, dt, delay)
+        G = G if isinstance(plant, DiscsOnLines) else add_hold_and_delay(plant, omega, G=G, dt=dt, delay=delay)
         loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
         n = omega.size
-        omega, G = extend_below(omega, G, n_integrators, decades=3.0, points=60)
+        omega, G = extend_below(omega, G, n=n_integrators, decades=3.0, points=60)
         below = np.ones(omega.size - n) if FORMS[form].vanishes_with_plant else np.abs(G[:-n] / G[-n])
         w = np.concatenate([w[0] * below, w])
         above = omega[-1] * np.geomspace(1.2, 100, 14)
@@ -132,7 +132,7 @@ def plant_on_lines(
         known = np.arange(omega.size + above.size) < omega.size
         omega = np.concatenate([omega, above])
         G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
-        omega, G, w, known = add_mode_lines(K, omega, G, w, known)
+        omega, G, w, known = add_mode_lines(K, omega, G=G, w=w, known=known)
     else:
         source: Any = plant  # a set, or what has as much of one as a loop without uncertainty reads
         if not isinstance(plant, UncertaintyModel):
@@ -145,9 +145,9 @@ def plant_on_lines(
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
         if dt and isinstance(plant, UncertaintyModel):
             warn_of_unknown_hold(plant, dt)
-        loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
+        loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay)
         lines, form = source.omega, source.form
-        omega = design_grid(loop, lines, extra, weights, K)
+        omega = design_grid(loop, lines, extra=extra, weights=weights, K=K)
         lowest, highest = float(omega[0]), float(omega[-1])
         above = np.geomspace(1, FAR, N_FAR)[1:] * highest
         omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
@@ -179,7 +179,7 @@ def plant_on_lines(
 
 
 def add_mode_lines(
-    K: Sequence[control.StateSpace], omega: np.ndarray, G: np.ndarray, w: np.ndarray, known: np.ndarray
+    K: Sequence[control.StateSpace], omega: np.ndarray, *, G: np.ndarray, w: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Lines, FRF, weight and what is known of it, with the lines that controllers have modes on."""
     modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
@@ -192,6 +192,7 @@ def add_mode_lines(
 def design_grid(
     loop: Loop,
     lines: np.ndarray,
+    *,
     extra: tuple[float, ...],
     weights: tuple[object, ...],
     K: Sequence[control.StateSpace],

@@ -204,7 +204,7 @@ class ProofSearch:
             if self.evaluate(g * K)[1] > self.M_S:
                 return None
             tried.n += 1
-            return all_proved(g * K, self.machines, self.friction, self.delay)
+            return all_proved(g * K, self.machines, friction=self.friction, delay=self.delay)
 
         g, proofs = largest_allowed_gain(allowed, tried.gain)
         if proofs is None:
@@ -249,19 +249,19 @@ def first_crossing(omega: np.ndarray, S: np.ndarray, level: float) -> float:
 
 
 def largest_proved_gain(
-    K: control.StateSpace, machines: tuple[FrictionPlant, ...], friction: AnyFriction, delay: float
+    K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: AnyFriction, delay: float
 ) -> tuple[float, tuple[FrictionProof, ...] | None]:
     """Up to one: the largest gain of a controller that is proved, with its proofs; 0 and None where none is."""
-    whole = all_proved(K, machines, friction, delay)
+    whole = all_proved(K, machines, friction=friction, delay=delay)
     if whole is not None:
         return 1.0, whole
     return largest_allowed_gain(
-        lambda g: all_proved(g * K, machines, friction, delay) if g < 1 else None, 1 / GAIN_STEP
+        lambda g: all_proved(g * K, machines, friction=friction, delay=delay) if g < 1 else None, 1 / GAIN_STEP
     )
 
 
 def all_proved(
-    K: control.StateSpace, machines: tuple[FrictionPlant, ...], friction: AnyFriction, delay: float
+    K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: AnyFriction, delay: float
 ) -> tuple[FrictionProof, ...] | None:
     """The proofs, one a machine; None as soon as one fails."""
     proofs = []

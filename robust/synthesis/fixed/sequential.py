@@ -118,7 +118,7 @@ def close_in_turn(
     dt = require_plant(plant, options)
     n = plant.n_inputs
     of_loops: LoopOptions = {**options, "dt": dt, "delay": 0.0}
-    each = [loop_demands(k, n, structure, of_loops) for k in range(n)]
+    each = [loop_demands(k, n, structure=structure, options=of_loops) for k in range(n)]
     deadline = time.perf_counter() + require_positive("time_cap", options["time_cap"])
     on_lines = matrix_on_lines(plant, dt, options["delay"])
     order = sorted(range(n), key=lambda k: -crossover_of(each[k][1]["omega_c"]))
@@ -127,16 +127,18 @@ def close_in_turn(
     for _ in range(WIDENINGS):
         for sweep in range(SWEEPS):
             for k in order:
-                if K[k] is None or not evaluate_loop(on_lines, k, K, each[k], wider).met:
+                if K[k] is None or not evaluate_loop(on_lines, k, K=K, own=each[k], wider=wider).met:
                     each[k][1]["time_cap"] = max((deadline - time.perf_counter()) / (2 * n), 0.2)
-                    made = design_loop_k(plant, on_lines, k, K, tighten_demands(each[k], TIGHTENING**sweep), wider)
+                    made = design_loop_k(
+                        plant, on_lines, k=k, K=K, own=tighten_demands(each[k], TIGHTENING**sweep), wider=wider
+                    )
                     history += made.history
                     K[k] = made.K
-            loops = [evaluate_loop(on_lines, k, K, each[k], 1.0) for k in range(n)]
+            loops = [evaluate_loop(on_lines, k, K=K, own=each[k], wider=1.0) for k in range(n)]
             late = time.perf_counter() > deadline
             if late or all(loop.met for loop in loops):
                 break
-        whole, margin = check_whole_set(plant, on_lines, K, order, dt)
+        whole, margin = check_whole_set(plant, on_lines, K=K, order=order, dt=dt)
         if not whole or not 0 < margin < np.inf or late:
             break
         wider *= 1.1 / margin
@@ -187,7 +189,7 @@ def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
     return step
 
 
-def loop_demands(k: int, n: int, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
+def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
     """Structure and demands of one loop: of a list the one that is its own."""
 
     def own(name: str, given: object) -> object:
@@ -205,8 +207,10 @@ def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> M
     """The matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
-        factor = add_hold_and_delay(plant, plant.omega, np.ones(plant.f.size, dtype=complex), dt, delay)
-        left, right = block_radii_of_record(plant, plant.G, np.zeros(plant.G.shape), RadiusSpec(p=CONFIDENCE), ADDITIVE)
+        factor = add_hold_and_delay(plant, plant.omega, G=np.ones(plant.f.size, dtype=complex), dt=dt, delay=delay)
+        left, right = block_radii_of_record(
+            plant, plant.G, missed=np.zeros(plant.G.shape), spec=RadiusSpec(p=CONFIDENCE), form=ADDITIVE
+        )
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
         return MatrixOnLines(
             omega=plant.omega,
@@ -250,6 +254,7 @@ def loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
 def design_loop_k(
     plant: Bla | UncertaintyModel,
     on_lines: MatrixOnLines,
+    *,
     k: int,
     K: list[control.StateSpace | None],
     own: LoopTask,
@@ -285,7 +290,7 @@ def tighten_demands(own: LoopTask, share: float) -> LoopTask:
 
 
 def evaluate_loop(
-    on_lines: MatrixOnLines, k: int, K: list[control.StateSpace | None], own: LoopTask, wider: float
+    on_lines: MatrixOnLines, k: int, *, K: list[control.StateSpace | None], own: LoopTask, wider: float
 ) -> Design:
     """Loop k as it is, with all others closed."""
     structure, options = own
@@ -296,6 +301,7 @@ def evaluate_loop(
 def check_whole_set(
     plant: Bla | UncertaintyModel,
     on_lines: MatrixOnLines,
+    *,
     K: list[control.StateSpace | None],
     order: list[int],
     dt: float,
@@ -310,7 +316,7 @@ def check_whole_set(
         return "" if good else f"the whole set is not stable: {report.reason}", float(report.margin_rs)
     finer = on_lines.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
     for lines in (on_lines, finer):
-        if why := check_sequential_stability(plant, lines, K, order, dt):
+        if why := check_sequential_stability(plant, lines, K=K, order=order, dt=dt):
             return why, np.nan
     on_lines = finer
     gains = diagonal_matrices(np.array([response(one, on_lines.omega) for one in K]))
@@ -322,13 +328,13 @@ def check_whole_set(
 
 
 def check_sequential_stability(
-    plant: Bla, on_lines: MatrixOnLines, K: list[control.StateSpace | None], order: list[int], dt: float
+    plant: Bla, on_lines: MatrixOnLines, *, K: list[control.StateSpace | None], order: list[int], dt: float
 ) -> str:
     """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
     closed: list[control.StateSpace | None] = [None] * len(K)
     for k in order:
         loop = on_lines.seen_from(k, closed, 1.0)
-        turns, clear = winding_number(loop.omega, loop.G, K[k], dt)
+        turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt)
         if not clear or turns != unstable_poles(K[k], dt):
             return f"the whole is not known to be stable: {loop_name(plant, k)} winds {turns} times about zero"
         closed[k] = K[k]

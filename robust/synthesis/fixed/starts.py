@@ -80,7 +80,7 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
                 return found, f"the loop{who} {why}"
             continue
         dt = timebase(K)
-        turns, clear = winding_number(at.omega[at.known], at.G[at.known], K, dt)
+        turns, clear = winding_number(at.omega[at.known], at.G[at.known], K=K, dt=dt)
         if not clear:
             return (
                 Stability.UNDECIDED,
@@ -105,10 +105,10 @@ def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
 def find_start(
     basis: Basis,
     family: list[PlantOnLines],
+    *,
     at: PlantOnLines,
     rows: list[Demand],
     aim: Demand | None,
-    *,
     n_unstable: int,
     allow_unstable: bool,
     positive: bool,
@@ -148,7 +148,7 @@ def find_start(
     used: list[float] = []
     order = np.lexsort((best, hard))
     for batch in np.array_split(order, max(1, order.size // 200)) if order.size else []:
-        for k in batch[winding_is_right(basis, theta[batch], family, n_unstable)]:
+        for k in batch[winding_is_right(basis, theta[batch], family=family, n_unstable=n_unstable)]:
             if any(abs(np.log(centres[k] / c)) < 0.5 for c in used):
                 continue
             K = basis.controller(theta[k])
@@ -161,14 +161,14 @@ def find_start(
     return found
 
 
-def winding_is_right(basis: Basis, theta: np.ndarray, family: list[PlantOnLines], n_unstable: int) -> np.ndarray:
+def winding_is_right(basis: Basis, theta: np.ndarray, *, family: list[PlantOnLines], n_unstable: int) -> np.ndarray:
     """(N,) bool: whether 1 + L winds as it has to for each of many stable controllers, on the lines."""
     out = np.ones(theta.shape[0], dtype=bool)
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
     for at in family:
         omega, G = at.omega[at.known], at.G[at.known]
         if at.loop is None:
-            omega, G = extend_below(omega, G, at.n_integrators)
+            omega, G = extend_below(omega, G, n=at.n_integrators)
         Y, X = basis.columns(omega)
         with np.errstate(all="ignore"):
             F = 1 + G * (theta @ X.T) / (theta @ Y.T)

@@ -165,7 +165,7 @@ def dk_iteration(
     and 1.002 after 16 rounds, with order 6 0.998.
     """
     if has_several_channels(P):
-        P, blocks, n_y, n_u = performance_plant(P, w_P, w_u, blocks)
+        P, blocks, n_y, n_u = performance_plant(P, w_P, w_u=w_u, blocks=blocks)
     elif w_P is not None or w_u is not None:
         raise ValueError("w_P and w_u must be left out but for a MatrixUncertainty: of a system they are part of P")
     P = multivariable("P", P)
@@ -183,10 +183,16 @@ def dk_iteration(
         for share, highest in scaling_attempts(found is None, stretch, order):
             if any(each[0].mu < best.mu for each in tried) and share < 1:
                 break
-            wanted, used = (scaling, 0) if found is None else fit_scalings(found, P, s, scaling, share, highest)
-            K, gamma, failed = synthesise_scaled(P, wanted, s, (n_y, n_u), max(deadline - time.monotonic(), 0.1))
+            wanted, used = (
+                (scaling, 0)
+                if found is None
+                else fit_scalings(found, P, s=s, scaling=scaling, stretch=share, order=highest)
+            )
+            K, gamma, failed = synthesise_scaled(
+                P, wanted, s=s, sizes=(n_y, n_u), time_cap=max(deadline - time.monotonic(), 0.1)
+            )
             if not failed:
-                tried.append((judge_by_mu(P, K, blocks, omega), gamma, wanted, used, share))
+                tried.append((judge_by_mu(P, K, blocks=blocks, omega=omega), gamma, wanted, used, share))
             if time.monotonic() > deadline:
                 break
         if not tried:
@@ -215,15 +221,15 @@ def scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[f
 
 
 def performance_plant(
-    model: UncertaintyModel, w_P: Weight | None, w_u: Weight | None, blocks: Blocks | None
+    model: UncertaintyModel, w_P: Weight | None, *, w_u: Weight | None, blocks: Blocks | None
 ) -> tuple[control.StateSpace, Blocks, int, int]:
     """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
     if w_P is None or blocks is not None:
         raise ValueError("w_P must be given for a MatrixUncertainty, and no blocks: they are its own")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
-    weights = [("e", weight_on_time_base("w_P", w_P, dt, n_y))]
-    weights += [] if w_u is None else [("u", weight_on_time_base("w_u", w_u, dt, n_u))]
-    P = weighted_plant(model.open_loop(), n_y, n_u, weights)
+    weights = [("e", weight_on_time_base("w_P", w_P, dt=dt, n=n_y))]
+    weights += [] if w_u is None else [("u", weight_on_time_base("w_u", w_u, dt=dt, n=n_u))]
+    P = weighted_plant(model.open_loop(), n_y, n_u=n_u, weights=weights)
     of_performance = (sum(w.noutputs for _, w in weights), n_y)
     return P, [*model.structure, of_performance], n_y, n_u
 
@@ -242,7 +248,7 @@ def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
 
 
 def synthesise_scaled(
-    P: control.StateSpace, scaling: list[Scaling], s: BlockStructure, sizes: tuple[int, int], time_cap: float
+    P: control.StateSpace, scaling: list[Scaling], *, s: BlockStructure, sizes: tuple[int, int], time_cap: float
 ) -> tuple[control.StateSpace, float, str]:
     """The controller of the scaled plant, the norm it reaches there, and why it is none."""
     n_y, n_u = sizes
@@ -261,7 +267,7 @@ def synthesise_scaled(
     return found.K, found.gamma, "" if plain.stable else f"the loop without its scalings is {plain}"
 
 
-def judge_by_mu(P: control.StateSpace, K: control.StateSpace, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
+def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
     """The loop with a controller, by the upper bound of mu with the structure as it is."""
     N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
@@ -290,7 +296,7 @@ def append_passthrough(system: control.StateSpace, n: int, dt: float) -> control
 
 
 def fit_scalings(
-    found: DkDesign, P: control.StateSpace, s: BlockStructure, scaling: list[Scaling], stretch: float, order: int
+    found: DkDesign, P: control.StateSpace, *, s: BlockStructure, scaling: list[Scaling], stretch: float, order: int
 ) -> tuple[list[Scaling], int]:
     """Functions for the scalings that a loop wants, the last block unscaled, and their order: the lowest that does.
 
@@ -309,7 +315,9 @@ def fit_scalings(
     at, wanted = resample_scalings(omega, d)
     best: tuple[float, list[Scaling], int] = (np.inf, [], 0)
     for k in range(min(order, 12) + 1):
-        fits = [minimum_phase(at, each, dt, k) for each in wanted[:-1]] + [(identity_scaling(dt), identity_scaling(dt))]
+        fits = [minimum_phase(at, each, dt=dt, order=k) for each in wanted[:-1]] + [
+            (identity_scaling(dt), identity_scaling(dt))
+        ]
         misfit = float(np.linalg.norm(np.log(scaling_sizes(fits, at) / wanted)))
         if misfit < best[0]:  # a fit of higher order may have ended in a worse local optimum
             best = misfit, fits, k

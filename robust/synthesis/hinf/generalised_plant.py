@@ -211,11 +211,11 @@ def regularise_plant(plant: Plant, size: float) -> Plant:
     n, n_u, n_y, n_w = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0], plant.B1.shape[1]
     reaches, sees = has_full_ranks(plant)
     if not reaches:
-        u_size = size * typical_gain(plant.A, plant.B2, plant.C1, plant.D12)
+        u_size = size * typical_gain(plant.A, plant.B2, C=plant.C1, D=plant.D12)
         C1, D12 = np.vstack([plant.C1, np.zeros((n_u, n))]), np.vstack([plant.D12, u_size * np.eye(n_u)])
         plant = replace(plant, added=True, C1=C1, D12=D12, D11=np.vstack([plant.D11, np.zeros((n_u, n_w))]))
     if not sees:
-        y_size = size * typical_gain(plant.A, plant.B1, plant.C2, plant.D21)
+        y_size = size * typical_gain(plant.A, plant.B1, C=plant.C2, D=plant.D21)
         B1, D21 = np.hstack([plant.B1, np.zeros((n, n_y))]), np.hstack([plant.D21, y_size * np.eye(n_y)])
         plant = replace(
             plant, added=True, B1=B1, D21=D21, D11=np.hstack([plant.D11, np.zeros((plant.D11.shape[0], n_y))])
@@ -234,7 +234,7 @@ def has_full_rank(D: np.ndarray) -> bool:
     return D.shape[0] >= D.shape[1] and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
 
 
-def typical_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
+def typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> float:
     """Median gain around the poles, one where there is none."""
     speed = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
     speed = speed[speed > 1e-9]
@@ -277,12 +277,14 @@ def restore_controller(plant: Plant, K: Matrices) -> control.StateSpace:
     A, B, C, D = K
     B, C, D = B @ plant.out_of_y, plant.into_u @ C, plant.into_u @ D @ plant.out_of_y
     if plant.region:
-        A, B, C, D = to_modal_form(*from_half_plane(restore_feedthrough(plant.D22_region, A, B, C, D), *plant.region))
+        A, B, C, D = to_modal_form(
+            *from_half_plane(restore_feedthrough(plant.D22_region, A, B=B, C=C, D=D), *plant.region)
+        )
     A, B, C = A * plant.speed, B * np.sqrt(plant.speed), C * np.sqrt(plant.speed)
-    A, B, C, D = restore_feedthrough(plant.D22_image, A, B, C, D)
+    A, B, C, D = restore_feedthrough(plant.D22_image, A, B=B, C=C, D=D)
     if plant.dt:
         A, B, C, D = to_discrete(A, B, C, D)
-    return control.StateSpace(*restore_feedthrough(plant.D22, A, B, C, D + plant.first), plant.dt)
+    return control.StateSpace(*restore_feedthrough(plant.D22, A, B=B, C=C, D=D + plant.first), plant.dt)
 
 
 def to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
@@ -297,7 +299,7 @@ def to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) ->
     return forth @ A @ back, forth @ B, C @ back, D
 
 
-def restore_feedthrough(D22: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+def restore_feedthrough(D22: np.ndarray, A: np.ndarray, *, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
     """u = K (y - D22 u) solved for u."""
     if not D22.any():
         return A, B, C, D

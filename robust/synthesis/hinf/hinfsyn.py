@@ -117,7 +117,7 @@ def control_riccati(plant: Plant, gamma: float, *, quick: bool = False) -> tuple
         C1, D11 = (np.vstack([rows[:free], np.zeros_like(rows[free:])]) for rows in (C1, D11))
     B, D = np.hstack([B1, plant.B2]), np.hstack([D11, plant.D12])
     R = D.T @ D - np.diag(np.r_[np.full(n_w, gamma**2), np.zeros(n_u)])
-    X = stabilising_riccati(A, B, C1.T @ C1, R, C1.T @ D, quick=quick)
+    X = stabilising_riccati(A, B, Q=C1.T @ C1, R=R, S=C1.T @ D, quick=quick)
     if X is None:
         return None
     F = -np.linalg.solve(R, D.T @ C1 + B.T @ X)
@@ -159,9 +159,9 @@ def central_controller(plant: Plant, at: Solution, *, rolled_off: bool = False) 
 def bisect_level(
     holds: Callable[[float], object],
     ends: tuple[float, float],
+    *,
     tolerance: float,
     deadline: float,
-    *,
     enough: float = 0.0,
 ) -> tuple[float, float, int]:
     """Largest level seen to fail, smallest seen to hold (inf: none), and how many were tried; from what is known."""
@@ -253,15 +253,15 @@ def synthesise_between_circles(
         if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.low:
             continue
         for problem in regular_outside(plant, *rung):
-            found = keep_better(P, problem, replace(found, tried=10.0 ** -rung[0]), step, deadline)
+            found = keep_better(P, problem, found=replace(found, tried=10.0 ** -rung[0]), step=step, deadline=deadline)
         if found.K is not None:
             found = replace(found, low=max(found.low, unchangeable_gain(P, found.K)))
-            found = raise_lower_bound(plant, rung, found, deadline)
+            found = raise_lower_bound(plant, rung, found=found, deadline=deadline)
         if found.gamma <= max(NEAR_ENOUGH * factor * found.low, enough) or time.monotonic() > deadline:
             return replace(found, late=time.monotonic() > deadline)
     last = normalise_plant(regularise_plant(plant, AXIS_REGULARISATION))
     if last is not None and not (has_zero_on_axis(last) or has_zero_on_axis(dual_plant(last))):
-        found = keep_better(P, last, replace(found, tried=AXIS_REGULARISATION), step, deadline)
+        found = keep_better(P, last, found=replace(found, tried=AXIS_REGULARISATION), step=step, deadline=deadline)
     return replace(found, late=time.monotonic() > deadline)
 
 
@@ -285,7 +285,7 @@ def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     return [one for one in regular if one is not None]
 
 
-def raise_lower_bound(plant: Plant, rung: tuple[int, int], found: CircleResult, deadline: float) -> CircleResult:
+def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: CircleResult, deadline: float) -> CircleResult:
     """With the level that fails inside a disc in the right half plane, which no controller reaches."""
     problem = map_region(plant, *circle_ends(plant, *rung))
     # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
@@ -307,7 +307,7 @@ def raise_lower_bound(plant: Plant, rung: tuple[int, int], found: CircleResult, 
         if regular is None or reached <= found.low or not test(regular, reached):
             continue
         ends = found.low, reached
-        low, _, n_steps = bisect_level(partial(test, regular), ends, TOLERANCE, deadline)
+        low, _, n_steps = bisect_level(partial(test, regular), ends, tolerance=TOLERANCE, deadline=deadline)
         if low > found.low and not any(test(regular, share * low) for share in CHECKED_SHARES):
             found = replace(found, low=low)
         found = replace(found, n_steps=found.n_steps + n_steps + 1 + len(CHECKED_SHARES))
@@ -323,12 +323,12 @@ def full_information_plant(plant: Plant) -> Plant:
 
 
 def keep_better(
-    P: control.StateSpace, problem: Plant, found: CircleResult, step: float, deadline: float
+    P: control.StateSpace, problem: Plant, *, found: CircleResult, step: float, deadline: float
 ) -> CircleResult:
     """With the controller a little above the least level of a problem if it is better, by the norm that was asked."""
     test = partial(solve_riccati_pair, problem, quick=not problem.added)
     ends = max(direct_term_bound(problem), found.low), found.level if test(found.level) else np.inf
-    _, level, n_steps = bisect_level(test, ends, TOLERANCE, deadline)
+    _, level, n_steps = bisect_level(test, ends, tolerance=TOLERANCE, deadline=deadline)
     found = replace(found, n_steps=found.n_steps + n_steps + 1)
     if not np.isfinite(level):
         return found
@@ -583,14 +583,14 @@ def synthesise(
     )
     problem = normalise_plant(plant)
     if problem is not None and not (has_zero_on_axis(problem) or has_zero_on_axis(dual_plant(problem))):
-        best = synthesise_regular(P, problem, best, (gamma_min, tolerance, factor), deadline)
+        best = synthesise_regular(P, problem, nothing=best, wanted=(gamma_min, tolerance, factor), deadline=deadline)
     if best.found or time.monotonic() > deadline:
         return best
-    return synthesise_singular(P, plant, best, (gamma_min, factor), deadline)
+    return synthesise_singular(P, plant, nothing=best, wanted=(gamma_min, factor), deadline=deadline)
 
 
 def synthesise_singular(
-    P: control.StateSpace, plant: Plant, nothing: Synthesis, wanted: tuple[float, float], deadline: float
+    P: control.StateSpace, plant: Plant, *, nothing: Synthesis, wanted: tuple[float, float], deadline: float
 ) -> Synthesis:
     """The best controller of a singular problem, with a lower bound of the problem itself."""
     found = synthesise_between_circles(P, plant, *wanted, deadline)
@@ -622,6 +622,7 @@ def better_synthesis(a: Synthesis, b: Synthesis) -> Synthesis:
 def synthesise_regular(
     P: control.StateSpace,
     problem: Plant,
+    *,
     nothing: Synthesis,
     wanted: tuple[float, float, float],
     deadline: float,
@@ -630,7 +631,7 @@ def synthesise_regular(
     enough, tolerance, factor = wanted
     ends = direct_term_bound(problem), np.inf
     low, high, n_steps = bisect_level(
-        lambda gamma: solve_riccati_pair(problem, gamma), ends, tolerance, deadline, enough=enough
+        lambda gamma: solve_riccati_pair(problem, gamma), ends, tolerance=tolerance, deadline=deadline, enough=enough
     )
     best = replace(nothing, gamma_low=low, gamma_min=high, n_steps=nothing.n_steps + n_steps)
     late = time.monotonic() > deadline

@@ -108,13 +108,13 @@ def mixsyn(
             raise ValueError(f"model must be of the form {possible}, got {model.form}")
         weights[place].append(model.weight)
     stacked = [
-        (WEIGHTED_PORTS[name], weight_on_time_base(name, w, dt, n_u if name == "w_u" else n_y))
+        (WEIGHTED_PORTS[name], weight_on_time_base(name, w, dt=dt, n=n_u if name == "w_u" else n_y))
         for name, many in weights.items()
         for w in many
         if w is not None
     ]
     G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
-    found = hinfsyn(weighted_plant(G, n_y, n_u, stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
+    found = hinfsyn(weighted_plant(G, n_y, n_u=n_u, weights=stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     with_names(K, *names)
     reason = found.reason if found.found else f"not found: {found.reason}"
@@ -141,9 +141,9 @@ def is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
     return isinstance(model, UncertaintyModel)
 
 
-def weight_on_time_base(name: str, w: Weight, dt: float, n: int) -> control.StateSpace:
+def weight_on_time_base(name: str, w: Weight, *, dt: float, n: int) -> control.StateSpace:
     """A stable weight on n signals, on the time base of the loop."""
-    w = stable_weight(name, w, dt, n)
+    w = stable_weight(name, w, dt=dt, n=n)
     if dt and not timebase(w) and not is_constant(w):
         w = discretize(w, dt)
     return control.StateSpace(w.A, w.B, w.C, w.D, dt)

@@ -67,11 +67,11 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
         raise ValueError(f"factor must be above 1, got {factor:g}")
     G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     dt = timebase(G)
-    W1, W2 = shaping_system("W1", W1, G.ninputs, dt), shaping_system("W2", W2, G.noutputs, dt)
+    W1, W2 = shaping_system("W1", W1, n=G.ninputs, dt=dt), shaping_system("W2", W2, n=G.noutputs, dt=dt)
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
     A, B, C, D = to_continuous(*matrices) if dt else matrices
-    X, Z = riccati_solutions(A, B, C, D)
+    X, Z = riccati_solutions(A, B, C=C, D=D)
     gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
     gamma = factor * gamma_min
     L = (1 - gamma**2) * np.eye(len(A)) + X @ Z
@@ -105,7 +105,7 @@ def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(G.A, B, C, D, G.dt)
 
 
-def riccati_solutions(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """X and Z of the shaped plant: those of control and of filtering."""
     if not A.size:
         return A, A
@@ -122,7 +122,7 @@ def riccati_solutions(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
     return X, Z
 
 
-def shaping_system(name: str, given: Weight, n: int, dt: float) -> control.StateSpace:
+def shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.StateSpace:
     """A shaping function beside n channels of the plant, at its input W1 or its output W2."""
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:

@@ -217,7 +217,7 @@ class TunedDesign:
         plant = require_integer("plant", plant, least=0)
         if plant >= len(self.plant.models):
             raise ValueError(f"plant must be below {len(self.plant.models)}, got {plant}")
-        seen = see_plants(self.plant, self.dt, self.delay, False)[plant]
+        seen = see_plants(self.plant, self.dt, delay=self.delay, worst=False)[plant]
         if isinstance(seen, MeasuredPlant):
             raise ValueError("plant must be a system or a model for its loop as one system, got an FRF")
         G = seen.system

@@ -212,7 +212,9 @@ class FrictionChannel:
         friction, M = self.limit.friction, self.mobility(omega, H)
         best: tuple[float, Multipliers | None] = (-np.inf, None)
         for rates in filter_rates(1.0, 1 / friction.bristle_time if friction.bristle_time else np.inf):
-            mu, share = maxwell_slip_multipliers(multiplier_terms(M, omega, rates, friction.K0, friction.stiction))
+            mu, share = maxwell_slip_multipliers(
+                multiplier_terms(M, omega, rates=rates, K0=friction.K0, rho=friction.stiction)
+            )
             if share > best[0] and (mu[1:] > 0).any():
                 used = rates[mu[1:] > 1e-9 * mu[1:].max()]
                 lowest = max(min(omega[0], SLOWEST * used.min()), LOWEST * omega[-1])

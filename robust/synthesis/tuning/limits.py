@@ -223,7 +223,7 @@ class Channel:
         self, omega: np.ndarray, H: np.ndarray, perturbation: Perturbation, level: np.ndarray
     ) -> Scalings:
         """Return the scalings of least gain at increasing positive frequencies."""
-        return fit_scalings(omega, perturbation.pull_out(H, *self.places), self.blocks, level)
+        return fit_scalings(omega, perturbation.pull_out(H, *self.places), blocks=self.blocks, level=level)
 
 
 def largest_singular_values(H: np.ndarray) -> np.ndarray:

@@ -268,11 +268,13 @@ class ModelledLoop:
         factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
         if isinstance(channel, FrictionChannel):
             gains = channel.slopes(float(true[0]), H, self.multipliers[channel.index])
-            return peaks_of_gains(channel, self.index, omega, factor, gains, (L, R), slopes)
+            return peaks_of_gains(
+                channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes
+            )
         perturbation = self.perturbation(true) if channel.perturbation is not None else None
         d = self.scalings_at(channel, np.array([omega]))
         gains = channel.slopes(H, perturbation, None if d is None else d[0])
-        return peaks_of_gains(channel, self.index, omega, factor, gains, (L, R), slopes)
+        return peaks_of_gains(channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes)
 
     def raise_norms(
         self, loop: ClosedLoop, floors: dict[int, float] | None = None
@@ -289,8 +291,8 @@ class ModelledLoop:
             certain = False
             weighting = channel.limit.weighting(self.dt) if channel.perturbation is None else None
             if weighting is not None and best > 0:
-                matrices = weighted_channel(loop, channel, weighting, self.dt)
-                best, where, certain = norm_over_band(matrices, best, where, self.band(channel))
+                matrices = weighted_channel(loop, channel, weighting=weighting, dt=self.dt)
+                best, where, certain = norm_over_band(matrices, best, where=where, band=self.band(channel))
             self.keep(channel.index, where)
             found[channel.index] = (best, where, certain)
         return found
@@ -375,7 +377,7 @@ class ModelledLoop:
 
 
 def weighted_channel(
-    loop: ClosedLoop, channel: AnyChannel, weighting: control.StateSpace, dt: float
+    loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float
 ) -> tuple[np.ndarray, ...]:
     """Return matrices of a channel with its weight behind it, on each output."""
     A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
@@ -392,7 +394,7 @@ def weighted_channel(
 
 
 def norm_over_band(
-    matrices: tuple[np.ndarray, ...], best: float, where: float, band: tuple[float, float]
+    matrices: tuple[np.ndarray, ...], best: float, *, where: float, band: tuple[float, float]
 ) -> tuple[float, float, bool]:
     """Return the norm over a band, its frequency, and whether the Hamiltonian has no crossing above it."""
     A, B, C, D = well_conditioned(matrices)  # type: ignore[arg-type]  # four matrices
@@ -423,6 +425,7 @@ def norm_over_band(
 def peaks_of_gains(
     channel: AnyChannel,
     plant: int,
+    *,
     omega: float,
     factor: float,
     found: list[tuple[float, np.ndarray]],
@@ -572,7 +575,15 @@ class MeasuredLoop:
                 slope = channel.slopes(
                     H[k], None if perturbation is None else perturbation.at(k), None if d is None else d[k]
                 )
-                found += peaks_of_gains(channel, self.index, float(self.image[k]), factor, slope, (L, R), slopes)
+                found += peaks_of_gains(
+                    channel,
+                    self.index,
+                    omega=float(self.image[k]),
+                    factor=factor,
+                    found=slope,
+                    sides=(L, R),
+                    slopes=slopes,
+                )
         return found
 
     def raise_norms(self, M: np.ndarray) -> dict[int, tuple[float, float, bool]]:
@@ -635,7 +646,7 @@ class MeasuredLoop:
         G, omega = self.plant.G, self.plant.omega
         wanted = self.plant.n_unstable + unstable_poles(K, self.dt)
         if G.shape[:2] == (1, 1):
-            turns, clear = winding_number(omega, G[0, 0], -K, self.dt)
+            turns, clear = winding_number(omega, G[0, 0], K=-K, dt=self.dt)
             return turns == wanted, clear
         response = np.moveaxis(np.array(evaluate_on_lines(K, omega)), 0, 0)
         F = np.linalg.det(np.eye(K.noutputs) - response @ np.moveaxis(G, 2, 0))

@@ -254,13 +254,13 @@ def sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Ev
                 cuts += cuts_of_trial(current, tried, near - current.x)
         if not current.poles:
             current = problem.evaluate(current.x)
-        solved = quadratic_program(problem, current, cuts, 1e-3 * np.eye(n), rho, 10 * radius)
+        solved = quadratic_program(problem, current, cuts=cuts, H=1e-3 * np.eye(n), rho=rho, box=10 * radius)
         if solved is None:
             continue
         for shorter in (1.0, 0.5, 0.25, 0.1, 0.03):
             tried = problem.evaluate(np.clip(current.x + shorter * solved[0], low, high))
             if tried.merit(rho) < current.merit(rho):
-                current, _ = lengthen_step(problem, current, tried, shorter * solved[0], rho)
+                current, _ = lengthen_step(problem, current, tried=tried, d=shorter * solved[0], rho=rho)
                 break
     return current
 
@@ -276,7 +276,7 @@ def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float)
         cuts: list[tuple[Peak, np.ndarray]] = []
         accepted = None
         for trial in range(10):
-            solved = quadratic_program(problem, current, cuts, H, rho, box)
+            solved = quadratic_program(problem, current, cuts=cuts, H=H, rho=rho, box=box)
             if solved is None:
                 break
             d, predicted, multipliers = solved
@@ -295,11 +295,11 @@ def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float)
         if accepted is None:
             break
         d, tried, multipliers, predicted = accepted
-        tried, d = lengthen_step(problem, current, tried, d, rho)
+        tried, d = lengthen_step(problem, current, tried=tried, d=d, rho=rho)
         problem.report(tried, rho)
         s = tried.x - current.x
         y = lagrangian_change(current, tried, multipliers)
-        H = damped_update(H, s, y, fresh)
+        H = damped_update(H, s, y=y, fresh=fresh)
         fresh = False
         gained = current.merit(rho) - tried.merit(rho)
         current = evaluate_at_exact_peaks(problem, tried)
@@ -313,7 +313,7 @@ def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float)
 
 
 def lengthen_step(
-    problem: TuningProblem, current: Evaluation, tried: Evaluation, d: np.ndarray, rho: float
+    problem: TuningProblem, current: Evaluation, *, tried: Evaluation, d: np.ndarray, rho: float
 ) -> tuple[Evaluation, np.ndarray]:
     """Return the step doubled as long as the merit falls nearly as steeply."""
     for _ in range(5):
@@ -337,6 +337,7 @@ def cuts_of_trial(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list
 def quadratic_program(
     problem: TuningProblem,
     current: Evaluation,
+    *,
     cuts: list[tuple[Peak, np.ndarray]],
     H: np.ndarray,
     rho: float,
@@ -407,12 +408,12 @@ def quadratic_program(
     if not np.isfinite(x).all() or not np.isfinite(z).all():
         return None
     d = np.clip(x[:n], low, high)
-    after = model_merit(peaks, d, groups, rho)
-    predicted = model_merit(peaks, np.zeros(n), groups, rho) - after
+    after = model_merit(peaks, d, groups=groups, rho=rho)
+    predicted = model_merit(peaks, np.zeros(n), groups=groups, rho=rho) - after
     return d, float(predicted), [(peak, float(z[k])) for k, (peak, _) in enumerate(peaks[:n_peaks]) if z[k] > 1e-9]
 
 
-def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, groups: list[tuple[int, int]], rho: float) -> float:
+def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float) -> float:
     """Return the exact-penalty merit of the linearised peaks after a step d: largest soft peak plus rho violations.
 
     peaks are with their levels, groups are (limit, plant) of the hard limits.
@@ -449,7 +450,7 @@ def frequency_distance(one: float, other: float) -> float:
     return abs(float(np.log(one / other)))
 
 
-def damped_update(H: np.ndarray, s: np.ndarray, y: np.ndarray, fresh: bool) -> np.ndarray:
+def damped_update(H: np.ndarray, s: np.ndarray, *, y: np.ndarray, fresh: bool) -> np.ndarray:
     """BFGS update that keeps H positive definite (Powell 1978)."""
     if not s.any() or not np.isfinite(y).all():
         return H

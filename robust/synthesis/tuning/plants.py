@@ -151,22 +151,25 @@ class MeasuredPlant:
     blocks: Blocks = ONE_DISC
 
 
-def see_plants(plants: Plants, dt: float, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
+def see_plants(plants: Plants, dt: float, *, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
     """Return every plant behind hold and delay, with its set where a limit asks for it."""
-    return [see_plant(f"models[{k}]", model, plants, dt, delay, worst) for k, model in enumerate(plants.models)]
+    return [
+        see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst)
+        for k, model in enumerate(plants.models)
+    ]
 
 
 def see_plant(
-    name: str, model: Any, plants: Plants, dt: float, delay: float, worst: bool
+    name: str, model: Any, *, plants: Plants, dt: float, delay: float, worst: bool
 ) -> ModelledPlant | MeasuredPlant:
     """One plant behind hold and delay."""
     known_on_lines = isinstance(model, Bla | control.FrequencyResponseData) or getattr(model, "measured_only", False)
     if worst:
         require_set(name, model)
     if known_on_lines:
-        return see_measured(name, model, plants.n_unstable, dt, delay, worst)
+        return see_measured(name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst)
     if is_single_set(model):
-        loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), None, delay)
+        loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), w_P=None, delay=delay)
         if loop.dt:
             warn_of_unknown_hold(model, loop.dt)
         if loop.aliases is not None and loop.aliases.inverse and worst:
@@ -204,7 +207,7 @@ def see_plant(
     )
 
 
-def see_machine(machine: FrictionPlant, plants: Plants, dt: float, delay: float) -> ModelledPlant:
+def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: float) -> ModelledPlant:
     """Return the machine of a friction limit behind hold and delay, from force to measured position."""
     if (len(plants.inputs), len(plants.outputs)) != (1, 1):
         raise ValueError(
@@ -246,16 +249,16 @@ def perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
         W = np.ones(omega.size, complex)
         if row.depends_on_units:
             W = response(loop.shaping, omega) * np.exp(1j * omega * loop.plant_delay)
-        return disc_of_form(loop.form, response(loop.weight, omega), np.where(np.isfinite(G), G, 1e140), W)
+        return disc_of_form(loop.form, response(loop.weight, omega), G=np.where(np.isfinite(G), G, 1e140), W=W)
 
     return at
 
 
-def disc_of_form(form: str, w: np.ndarray, G: np.ndarray, W: np.ndarray) -> Perturbation:
+def disc_of_form(form: str, w: np.ndarray, *, G: np.ndarray, W: np.ndarray) -> Perturbation:
     """Return the disc (G + g Delta)/(1 + a Delta) of a form with weight w."""
     row, one = FORMS[form], np.ones_like(G)
     scaled = W * G if row.depends_on_units else G
-    return disc_around(np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G, W)))
+    return disc_around(np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G=G, W=W)))
 
 
 def disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
@@ -297,7 +300,7 @@ def stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSp
     )
 
 
-def see_measured(name: str, model: Any, n_unstable: int, dt: float, delay: float, worst: bool) -> MeasuredPlant:
+def see_measured(name: str, model: Any, *, n_unstable: int, dt: float, delay: float, worst: bool) -> MeasuredPlant:
     """Return an FRF on its lines."""
     perturbation = None
     if is_matrix(model):
@@ -313,20 +316,20 @@ def see_measured(name: str, model: Any, n_unstable: int, dt: float, delay: float
     order = np.argsort(omega)
     if dt and omega[order][-1] * dt >= np.pi:
         raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega.max())}, got {dt:g} s")
-    seen = G * hold_and_delay_factor(model, omega, dt, delay)
+    seen = G * hold_and_delay_factor(model, omega, dt=dt, delay=delay)
     if worst:
         ours, measured = seen[0, 0], G[0, 0]
-        disc = disc_of_form(form, w, ours, np.asarray(W * measured / ours))
+        disc = disc_of_form(form, w, G=ours, W=np.asarray(W * measured / ours))
         perturbation = Perturbation(reads=disc.reads[order], drives=disc.drives[order])
     return MeasuredPlant(omega=omega[order], G=seen[:, :, order], perturbation=perturbation, n_unstable=n_unstable)
 
 
-def hold_and_delay_factor(model: Any, omega: np.ndarray, dt: float, delay: float) -> np.ndarray:
+def hold_and_delay_factor(model: Any, omega: np.ndarray, *, dt: float, delay: float) -> np.ndarray:
     """Return (W,) hold and delay, as `check` puts them into an FRF."""
     factor = np.exp(-1j * omega * delay)
     hold = getattr(model, "hold", "unknown")
     if hold != "unknown":
-        return factor * hold_correction(omega, hold, model.fs, dt)
+        return factor * hold_correction(omega, hold, fs=model.fs, dt=dt)
     if dt and not frf_sampling_time(model):
         if isinstance(model, Bla | UncertaintyModel):
             warn_of_unknown_hold(model, dt)

@@ -161,14 +161,16 @@ def tune(
         raise ValueError(f"progress must be callable, got {short_form(progress)}")
     parts = fixed_parts(system, dt)
     controller = controller_of_blocks(blocks, dt)
-    scenes = make_loops(parts, plant, controller, limits, dt, delay)
+    scenes = make_loops(parts, plant, controller=controller, limits=limits, dt=dt, delay=delay)
     began = time.monotonic()
     problem = TuningProblem(controller, scenes, decay=decay, dt=dt, deadline=began + time_cap, progress=progress)
     problem.find_fixed_modes(np.random.default_rng(0))
     require_paths(problem, limits)
     found, spread, ended = search(problem, n_starts, began + time_cap, rng)
     problem.deadline = np.inf
-    return make_design(problem, found, spread, ended, limits, parts, plant, dt, delay)
+    return make_design(
+        problem, found, spread=spread, ended=ended, limits=limits, parts=parts, plants=plant, dt=dt, delay=delay
+    )
 
 
 def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
@@ -195,6 +197,7 @@ def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
 def make_loops(
     parts: list[control.StateSpace],
     plants: Plants,
+    *,
     controller: Controller,
     limits: Limits,
     dt: float,
@@ -209,19 +212,19 @@ def make_loops(
     sizes = (controller.n_states, controller.n_in, controller.n_out)
     n_u, n_y = len(plants.inputs), len(plants.outputs)
     scenes: list[ModelledLoop | MeasuredLoop] = []
-    for k, seen in enumerate(see_plants(plants, dt, delay, worst)):
+    for k, seen in enumerate(see_plants(plants, dt, delay=delay, worst=worst)):
         if isinstance(seen, ModelledPlant):
             G = with_perturbation(seen.system, plants, dt) if worst else named_plant(seen.system, plants, dt)
             more_in = perturbation_names(n_u, n_y)[0] if worst else []
             more_out = perturbation_names(n_u, n_y)[1] if worst else []
             joined = join_by_name([*parts, G], ports, external=external + more_in, looked_at=looked_at + more_out)
             fixed = state_plant(joined.system, *sizes, dt)
-            channels = channels_of(limits, external, looked_at, seen, (n_u, n_y))
+            channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
             port = Port(reads=plants.inputs, drives=plants.outputs)
             joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
-            channels = channels_of(limits, external, looked_at, seen, (n_u, n_y))
+            channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(
                 MeasuredLoop(
                     k,
@@ -238,7 +241,7 @@ def make_loops(
         if not isinstance(limit, FrictionLimit):
             continue
         for machine in limit.machines:
-            seen = see_machine(machine, plants, dt, delay)
+            seen = see_machine(machine, plants, dt=dt, delay=delay)
             G = with_perturbation(seen.system, plants, dt)
             into, _ = perturbation_names(1, 1)
             joined = join_by_name(
@@ -290,6 +293,7 @@ def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> contr
 def channels_of(
     limits: Limits,
     external: list[str],
+    *,
     looked_at: list[str],
     plant: ModelledPlant | MeasuredPlant,
     sizes: tuple[int, int],
@@ -466,6 +470,7 @@ def require_movable_limits(problem: TuningProblem, current: Evaluation) -> None:
 def make_design(
     problem: TuningProblem,
     found: Evaluation | SearchResult | None,
+    *,
     spread: list[float],
     ended: Ended,
     limits: Limits,
@@ -497,7 +502,7 @@ def make_design(
                     omega=omega,
                     known=Known.NORM if look.is_norm else Known.LINES,
                     n_lines=look.n_lines,
-                    **limit_curves(problem, k, index, x),
+                    **limit_curves(problem, k, limit=index, x=x),
                 )
             )
     values.sort(key=lambda one: (not one.hard, -one.ratio))
@@ -522,7 +527,7 @@ def make_design(
     )
 
 
-def limit_curves(problem: TuningProblem, plant: int, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
+def limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
     """Return the ratio of a limit over frequency, of the design and of the blocks as they were given."""
     scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)

@@ -61,7 +61,7 @@ def join_by_name(
     part_out = [label for part in parts for label in part.output_labels]
     port_in = [label for port in ports for label in port.reads]
     port_out = [label for port in ports for label in port.drives]
-    require_signals(part_in, part_out, port_in, port_out, external, looked_at)
+    require_signals(part_in, part_out, port_in=port_in, port_out=port_out, external=external, looked_at=looked_at)
     G = block_diagonal(parts, dt)
     into_parts, into_ports = same_name(part_in, external), same_name(port_in, external)
     parts_from_ports, ports_from_parts = same_name(part_in, port_out), same_name(port_in, part_out)
@@ -94,6 +94,7 @@ def is_well_posed(around: np.ndarray) -> bool:
 def require_signals(
     part_in: list[str],
     part_out: list[str],
+    *,
     port_in: list[str],
     port_out: list[str],
     external: Sequence[str],

@@ -170,7 +170,7 @@ class Scalings:
         return np.exp([np.interp(at, np.log(self.omega), row) for row in self.log_d]).T
 
 
-def fit_scalings(omega: np.ndarray, N: np.ndarray, blocks: Blocks, level: np.ndarray) -> Scalings:
+def fit_scalings(omega: np.ndarray, N: np.ndarray, *, blocks: Blocks, level: np.ndarray) -> Scalings:
     """Return the scalings of least gain for N (W, ., .) at increasing positive frequencies.
 
     Where perturbations of the set make the loop singular they are those of least mu, the channel over `level` (W,).

@@ -56,7 +56,9 @@ def test_narrow_band_special_odd_under_reads_by_three_and_odd_odd_without_limit(
     for kind, factor in (("special-odd", 3.0), ("odd-odd", np.inf)):
         grid = multisine(kind, fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines
         where = index_lines(grid)
-        ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, where.detection, where.odd_windows)
+        ratio = variance_ratio(
+            np.ones(grid.excited.size), grid.excited, detection=where.detection, window=where.odd_windows
+        )
         middle = ratio[ratio.size // 3 : -ratio.size // 3]
         np.testing.assert_allclose(middle, factor, rtol=0.05)
 
@@ -64,7 +66,9 @@ def test_narrow_band_special_odd_under_reads_by_three_and_odd_odd_without_limit(
 def test_random_odd_needs_no_factor():
     grid = multisine("random-odd", fs=4096, n_samples=4096, f_min=1, f_max=1600, rng=0).lines
     where = index_lines(grid)
-    ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, where.detection, where.odd_windows)
+    ratio = variance_ratio(
+        np.ones(grid.excited.size), grid.excited, detection=where.detection, window=where.odd_windows
+    )
     assert abs(10 * np.log10(ratio.mean())) < 0.1
 
 

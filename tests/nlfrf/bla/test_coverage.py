@@ -98,7 +98,7 @@ def test_a_denominator_is_not_fitted_to_noise():
     rng = np.random.default_rng(0)
     where = index_lines(LineGrid(excited=np.arange(1, 101)))
     noise = complex_normal(rng, (400, 100))
-    fit = fit_locally(1 + 0.1 * noise, np.ones(noise.shape), where)
+    fit = fit_locally(1 + 0.1 * noise, np.ones(noise.shape), index=where)
     assert np.mean(fit.dof < 6) < 0.01
     told = fit.variance[:, [0, 1, 50, 98, 99]] / 0.01
     np.testing.assert_allclose(told.mean(axis=0), 1.0, atol=4 / np.sqrt(6 * 400))

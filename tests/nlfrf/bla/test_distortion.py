@@ -82,7 +82,7 @@ def test_the_level_of_exponential_powers_is_found_with_its_degrees_of_freedom(M,
     found = []
     for _ in range(600):
         y = np.exp(slope * windows.x) * rng.gamma(M, 1 / M, (1, n, F))
-        found.append(fit_log_level(y, np.zeros(y.shape), windows, M)[0][0])
+        found.append(fit_log_level(y, np.zeros(y.shape), windows=windows, M=M)[0][0])
     found = np.array(found)
     inside = slice(6, -6)
     # log of a mean of n M exponentials: -1/(2 n M), and as much for the slope; the prior draws a slope towards zero
@@ -124,7 +124,7 @@ def test_noise_that_is_known_is_not_distortion():
     shape = np.exp(rng.normal(0, 1, (1, n, F)))
     factors, noise = np.array([[2.0, 1.0, 0.5]]), np.full((n, F), 0.7)
     power = (1.5 * shape[0] + noise) * rng.exponential(1.0, (n, F))
-    relative, total = expected_total(power, noise, shape, factors, np.full(F, 0.7))
+    relative, total = expected_total(power, noise, shape=shape, factors=factors, noise_here=np.full(F, 0.7))
     np.testing.assert_allclose(total[0], 1.5 * factors[0] + 0.7, rtol=0.25)
     np.testing.assert_allclose(relative * total[:, None], 1.5 * shape + 0.7, rtol=0.4)
 
@@ -134,7 +134,9 @@ def test_scatter_that_agrees_is_pooled_and_scatter_that_does_not_stands_alone():
     F, nu = 30, 19
     for wrong, least, most in ((1.0, 0.9, 1.1), (0.1, 0.8, 1.2)):
         level, dof = np.log(np.full((1, F), wrong)), np.full((1, F), 40.0)
-        log_level, dof, log_weight = update_by_scatter(level, dof, np.zeros((1, F)), 1, np.ones(F), nu)
+        log_level, dof, log_weight = update_by_scatter(
+            level, dof, log_weight=np.zeros((1, F)), n_hypotheses=1, scatter=np.ones(F), nu=nu
+        )
         weight = np.exp(log_weight - log_weight.max(axis=0))
         weight /= weight.sum(axis=0)
         mean = np.sum(weight * np.exp(log_level), axis=0)

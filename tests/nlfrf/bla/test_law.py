@@ -29,7 +29,7 @@ def law_of(u, y, ms, n_periods=1, noise=0.0, rng=None):
     excited = spectra.select_excited()
     frm = estimate_frm(excited)
     smooth, _fit = smooth_frm(frm, excited, False)
-    return detect_nonlinearity(excited, nonlinear_residual(spectra, excited, frm.G, smooth))
+    return detect_nonlinearity(excited, nonlinear_residual(spectra, excited, measured=frm.G, smooth=smooth))
 
 
 def laws_of(plant, n=20, M=1, design=DESIGN, kind="special-odd", **how):

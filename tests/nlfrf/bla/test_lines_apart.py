@@ -37,11 +37,13 @@ def test_chance_and_a_mode_that_lines_show_stand_out_nowhere(width):
     s = 1j * GRID.excited / 199.0
     G = 1 + (0.3 / (s**2 + 4 * width / 199 * s + 1) if width else 0 * s)
     each, level = scattered(G, 500, np.random.default_rng(1))
-    fits = fit_locally(each, np.ones(each.shape), WHERE).G
+    fits = fit_locally(each, np.ones(each.shape), index=WHERE).G
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert not any(
-            warn_of_outlier_lines(one[None], fit[None], level / 3, WHERE, GRID.excited * 0.5, np.ones((1, 1))).any()
+            warn_of_outlier_lines(
+                one[None], fit[None], level=level / 3, index=WHERE, f=GRID.excited * 0.5, gamma=np.ones((1, 1))
+            ).any()
             for one, fit in zip(each, fits, strict=True)
         )
 

@@ -28,7 +28,7 @@ def resonance(zeta, line=17.0):
 def test_a_mode_a_line_wide_is_no_roughness(follows, most, zeta):
     """Windows read a mode as 7 dB of roughness on half of the lines, beside scatter that is flat as 3 dB."""
     each, known = scattered(resonance(zeta), follows, np.random.default_rng(1))
-    fit = fit_locally(each, np.ones(each.shape), index_lines(LineGrid(excited=LINES)))
+    fit = fit_locally(each, np.ones(each.shape), index=index_lines(LineGrid(excited=LINES)))
     ratio = np.sqrt(np.mean(fit.variance / known, axis=0))
     assert np.all(ratio > 0.85)
     assert np.median(ratio) < most
@@ -37,7 +37,7 @@ def test_a_mode_a_line_wide_is_no_roughness(follows, most, zeta):
 def test_without_a_mode_the_windows_are_left_as_they_are():
     """What chance alone lets a rational function explain costs the level no more than 3 %."""
     each, known = scattered(np.ones(LINES.size, dtype=complex), True, np.random.default_rng(2))
-    fit = fit_locally(each, np.ones(each.shape), index_lines(LineGrid(excited=LINES)))
+    fit = fit_locally(each, np.ones(each.shape), index=index_lines(LineGrid(excited=LINES)))
     mean = fit.variance.mean() / known.mean()
     assert 0.97 - 3 / np.sqrt(6 * N) < mean < 1 + 3 / np.sqrt(6 * N)
 
@@ -54,13 +54,13 @@ def test_two_modes_without_scatter_are_found_exactly():
 def test_the_unit_of_an_frf_does_not_matter(scale):
     each, _ = scattered(resonance(0.05), True, np.random.default_rng(3))
     where, ones = index_lines(LineGrid(excited=LINES)), np.ones(each.shape)
-    one, other = fit_locally(each, ones, where), fit_locally(scale * each, ones, where)
+    one, other = fit_locally(each, ones, index=where), fit_locally(scale * each, ones, index=where)
     np.testing.assert_allclose(other.variance / scale**2, one.variance, rtol=1e-6)
 
 
 @pytest.mark.parametrize("G", [np.zeros(13, dtype=complex), np.ones(13, dtype=complex)], ids=["zero", "one"])
 def test_an_frf_without_dynamics_or_scatter_has_no_roughness(G):
-    fit = fit_locally(G[None], np.ones((1, 13)), index_lines(LineGrid(excited=LINES)))
+    fit = fit_locally(G[None], np.ones((1, 13)), index=index_lines(LineGrid(excited=LINES)))
     assert np.all(fit.variance < 1e-28)
     np.testing.assert_allclose(fit.G[0], G, atol=1e-14)
 
@@ -81,7 +81,9 @@ def test_a_spectrum_that_is_flat_is_fitted_as_one_that_hardly_is_not(grid, noise
     G = 1 / (s**2 + 0.04 * s + 1) + 0.01 * rng.standard_normal((3, grid.size, 2)).view(complex)[..., 0]
     known = None if noise is None else np.full(G.shape, noise)
     tilted = 2.5 + 1e-7 * np.linspace(-1, 1, grid.size)
-    flat, other = (fit_locally(G, np.broadcast_to(w, G.shape), where, known) for w in (np.full(grid.size, 2.5), tilted))
+    flat, other = (
+        fit_locally(G, np.broadcast_to(w, G.shape), index=where, noise=known) for w in (np.full(grid.size, 2.5), tilted)
+    )
     np.testing.assert_allclose(flat.G, other.G, rtol=1e-5)
     np.testing.assert_allclose(flat.variance, other.variance, rtol=1e-4)
     np.testing.assert_array_equal(flat.dof, other.dof)

@@ -138,7 +138,7 @@ def test_by_default_the_best_of_a_few_random_draws_is_taken(n_realizations):
 def test_the_peaks_of_random_phases_are_expected_about_once(band):
     """Exponentially distributed with mean one, near enough: so that peaks as low as 1e-5 are never theirs."""
     ms = multisine(fs=4096, n_samples=4096, n_realizations=400, rng=3, **band)
-    peaks = expected_peaks(ms.crest_factor, ms.lines.excited, ms.amplitude, 4096)
+    peaks = expected_peaks(ms.crest_factor, ms.lines.excited, amplitude=ms.amplitude, n_samples=4096)
     assert 0.5 < peaks.mean() < 1.6
     assert peaks.max() < 11
     assert not any(is_improbable(some) for some in peaks.reshape(-1, 1))

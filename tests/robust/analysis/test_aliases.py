@@ -217,7 +217,7 @@ def test_a_certificate_holds_for_its_numbers_only(form, kind):
 def test_the_sums_over_all_aliases():
     """Against 30 000 aliases taken one by one; a plant that does not roll off has no bound."""
     G, T, K = control.tf([3], [1, 1]), 0.05, gain(2.0, 0.05)
-    loop, omega = assemble_loop(the_set(G, gain(0.2)), K, None, 0.0), np.array([0.5, 5.0, 40.0])
+    loop, omega = assemble_loop(the_set(G, gain(0.2)), K, w_P=None, delay=0.0), np.array([0.5, 5.0, 40.0])
     k = np.arange(1, 30_001)[:, None]
     alias = np.concatenate([2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega])
     hold, size = 2 * np.sin(omega * T / 2) / (alias * T), 3 / np.sqrt(1 + alias**2)
@@ -235,7 +235,7 @@ def test_the_sums_over_all_aliases():
     own = np.abs(2 * np.sinc(omega * T / 2 / np.pi) * 0.2 * response(control.ss(G), omega))
     assert curves.rs == pytest.approx(np.abs(curves.S) * (own + 2 * sums.F), rel=1e-9)
     flat = the_set(control.tf([1, 3], [1, 1]), gain(0.2))
-    assert np.isinf(assemble_loop(flat, K, None, 0.0).curves(omega).rs).all()
+    assert np.isinf(assemble_loop(flat, K, w_P=None, delay=0.0).curves(omega).rs).all()
 
 
 def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
@@ -244,7 +244,7 @@ def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
     unit = check(the_set(G, gain(1.0), perturbation="operator"), K)
     assert unit.omega_rs == pytest.approx(np.pi, rel=1e-3)
     between = the_set(G, gain(1.7 * unit.margin_rs), perturbation="operator")
-    loop = assemble_loop(between, K, None, 0.0)
+    loop = assemble_loop(between, K, w_P=None, delay=0.0)
     made_of = rs_breakdown(loop.with_aliases(loop.curves(unit.omega_rs)), (1.0, 2.0), 1.7)
     assert made_of.single_frequency < 1 < made_of.without_aliases
     assert check(between, K).verdict == "not certified"

@@ -40,8 +40,8 @@ def test_worst_case_is_exact_over_the_disc(form):
     rng = np.random.default_rng(4)
     n = 300
     G, K, w = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(3))
-    w *= rng.uniform(0.05, 0.9, n) / np.abs(perturbed_sensitivity_terms(form, w, G, K)[2])
-    S, a, b = perturbed_sensitivity_terms(form, w, G, K)
+    w *= rng.uniform(0.05, 0.9, n) / np.abs(perturbed_sensitivity_terms(form, w, G=G, K=K)[2])
+    S, a, b = perturbed_sensitivity_terms(form, w, G=G, K=K)
     worst = worst_sensitivity(S, a, b)
     disc = (np.linspace(0.025, 1, 40)[:, None] * np.exp(1j * np.linspace(0, 2 * np.pi, 400, endpoint=False))).ravel()
     brute = np.max(np.abs(1 / (1 + K * perturbed(form, G, w, disc[:, None]))), axis=0)
@@ -57,7 +57,7 @@ def test_margin_on_the_uncertainty_alone(form):
     rng = np.random.default_rng(6)
     n = 200
     G, K, w = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(3))
-    S, a, b = perturbed_sensitivity_terms(form, w, G, K)
+    S, a, b = perturbed_sensitivity_terms(form, w, G=G, K=K)
     nominal = rng.uniform(0.05, 0.95, n)
     x = largest_allowed_factor(nominal, a, b)
     assert nominal / np.abs(S) * worst_sensitivity(S, x * a, x * b) == pytest.approx(1.0, rel=1e-6)

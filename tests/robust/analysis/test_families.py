@@ -36,7 +36,7 @@ def test_every_check_decides_close_to_the_boundary(dt):
     model = UncertaintyModel(G, 1e-17, "multiplicative", np.array([1.0]), np.array([1e-18]), perturbation="LTI")
     for gain, stable in ((limit, False), (np.nextafter(limit, 0), True)):
         K = control.ss([], [], [], [[gain]], dt)
-        nominal = decide_nominal_stability(assemble_loop(model, K, None, 0.0))
+        nominal = decide_nominal_stability(assemble_loop(model, K, w_P=None, delay=0.0))
         assert nominal.stable == stable
         assert nominal.unstable == nominal.at_boundary == (not stable)
         assert "on the stability boundary or beyond it" in str(nominal) or stable

@@ -59,9 +59,9 @@ def test_a_number_with_a_clock_is_a_sampled_controller():
 def test_a_response_that_is_no_number_is_no_pole():
     """At a pole S = 0 and T = 1; where a response failed nothing is known, and nothing may look good there."""
     omega, one = np.array([1.0, 2.0, 3.0]), np.ones(3, complex)
-    curves = loop_curves("multiplicative", omega, np.array([1.0, np.inf, np.nan]) + 0j, one, 0.1 * one, None)
+    curves = loop_curves("multiplicative", omega, G=np.array([1.0, np.inf, np.nan]) + 0j, K=one, w=0.1 * one, w_P=None)
     assert curves.S[:2] == pytest.approx([0.5, 0.0])
     assert curves.rs[:2] == pytest.approx([0.05, 0.1])
     assert np.isnan(curves.S[2])
     assert np.isnan(curves.rs[2])
-    assert find_peak(lambda at: np.where(at > 1, np.nan, 0.1), omega, (1.0, 3.0), np.inf)[0] == np.inf
+    assert find_peak(lambda at: np.where(at > 1, np.nan, 0.1), omega, band=(1.0, 3.0), top=np.inf)[0] == np.inf

@@ -72,7 +72,7 @@ def test_two_equal_loops_are_one():
 
 def test_the_disc_of_an_entry_is_the_sum_over_its_aliases():
     found = sampled_set(ELEMENTS, T)
-    aliases = aliases_of_set("additive", LAG, ROLL, "LTI", T, 0.0)
+    aliases = aliases_of_set("additive", LAG, weight=ROLL, perturbation="LTI", dt=T, delay=0.0)
     exact = aliases.sampled_radius(found.omega, response(sampled(LAG, T), found.omega))
     np.testing.assert_allclose(found.model.radius[0], exact, rtol=1e-3)  # one takes more aliases in blocks
     assert np.all(found.model.radius[0] >= exact * (1 - 1e-3))

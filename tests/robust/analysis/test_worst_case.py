@@ -176,7 +176,7 @@ def test_loop_bounds_are_sufficient(form):
             size = least * 1.0001 if least > 0 else most * 0.9999 if np.isfinite(most) else None
             if size:
                 K = size * np.exp(1j * angle) / G[k : k + 1]
-                terms = perturbed_sensitivity_terms(form, w[k : k + 1], G[k : k + 1], K)
+                terms = perturbed_sensitivity_terms(form, w[k : k + 1], G=G[k : k + 1], K=K)
                 assert p[k] * worst_sensitivity(*terms)[0] <= 1
 
 

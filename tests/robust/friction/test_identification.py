@@ -243,7 +243,7 @@ def test_an_element_with_stiction_has_two_forces_along_one_motion():
         lines=np.array([1]),
     )
     slips, sticks = (
-        element_spectra(replace(level, centred=centred), np.array([1.0]), 1.5, 1e-3)[0, 0, 0]
+        element_spectra(replace(level, centred=centred), np.array([1.0]), stiction=1.5, vs=1e-3)[0, 0, 0]
         for centred in (False, True)
     )
     assert sticks == pytest.approx(-0.95, rel=1e-3)  # a spring

@@ -82,8 +82,8 @@ def test_a_plant_with_its_weights_is_the_loop_with_them():
         ("u", random_system(rng, 1, 2, 2)),
         ("y", random_system(rng, 0, 3, 3)),
     ]
-    whole = lower_lft(weighted_plant(P, 3, 2, weights), K)
-    bare = lower_lft(weighted_plant(P, 3, 2, [], reference=False), K)
+    whole = lower_lft(weighted_plant(P, 3, n_u=2, weights=weights), K)
+    bare = lower_lft(weighted_plant(P, 3, n_u=2, weights=[], reference=False), K)
     for s in (0.3j, 2j):
         p, k = P(s), K(s)
         g_zd, g_zu, g_yd, g_yu = p[:1, :1], p[:1, 1:], p[1:, :1], p[1:, 1:]
@@ -156,25 +156,27 @@ def test_winding_number_counts_what_polynomials_say(gain):
     """8 k/(s + 1)^3 is stable up to k = 1; P/(s - 1) needs gain above one: one turn less."""
     omega = np.geomspace(1e-2, 1e2, 800)
     three = state_space("G", control.tf([8.0], [1, 3, 3, 1]))
-    turns, clear = winding_number(omega, response(three, omega), state_space("K", gain), 0.0)
+    turns, clear = winding_number(omega, response(three, omega), K=state_space("K", gain), dt=0.0)
     unstable = np.sum(np.roots([1, 3, 3, 1 + 8 * gain]).real > 0)
     assert turns == -unstable
     assert clear
     one = state_space("G", control.tf([1.0], [1, -1]))
-    turns, clear = winding_number(omega, response(one, omega), state_space("K", 3 * gain), 0.0)
+    turns, clear = winding_number(omega, response(one, omega), K=state_space("K", 3 * gain), dt=0.0)
     assert clear
     assert turns == 1 - (3 * gain < 1)
 
 
 def test_a_mode_that_no_log_grid_sees_is_on_the_grid():
     sharp = from_roots(np.zeros(0), np.array([-1e-7 + 3j, -1e-7 - 3j]), 1.0, 0.0)
-    omega = loop_grid(np.array([1.0, 10.0]), np.zeros(0, complex), [sharp], 0.0)
+    omega = loop_grid(np.array([1.0, 10.0]), np.zeros(0, complex), systems=[sharp], dt=0.0)
     assert np.abs(omega / 3 - 1).min() < 1e-7
     assert np.abs(structure_grid(sharp) / 3 - 1).min() < 1e-7
 
 
 def test_the_highest_of_a_curve_is_found_between_the_points():
-    peak, where = find_peak(lambda w: 1 / np.hypot(1 - w**2, 0.1 * w), np.geomspace(0.01, 100, 60), (0.01, 100), np.inf)
+    peak, where = find_peak(
+        lambda w: 1 / np.hypot(1 - w**2, 0.1 * w), np.geomspace(0.01, 100, 60), band=(0.01, 100), top=np.inf
+    )
     assert peak == pytest.approx(1 / (0.1 * np.sqrt(1 - 0.05**2)), rel=1e-6)
     assert where == pytest.approx(np.sqrt(1 - 0.1**2 / 2), rel=1e-3)
 
@@ -188,7 +190,7 @@ def test_several_curves_are_climbed_together_as_each_alone():
 
     points = np.geomspace(0.01, 100, 700)
     points = np.unique(np.concatenate([points, 1 + 1e-4 * np.linspace(-2, 2, 21)]))
-    found = refine_peaks(curves, points, curves(points), (0.01, 100.0))
+    found = refine_peaks(curves, points, values=curves(points), band=(0.01, 100.0))
     sharp, flat, corner = found
     assert sharp == pytest.approx((1e4, 1.0), rel=1e-7)
     scan = np.linspace(1, 40, 1_000_001)

@@ -65,13 +65,17 @@ def test_riccati_equations():
     for n in (1, 3, 8):
         A, B, C = rng.standard_normal((n, n)), rng.standard_normal((n, 2)), rng.standard_normal((2, n))
         R, S = np.eye(2), np.zeros((n, 2))
-        X = stabilising_riccati(A, B, C.T @ C, R, S)
+        X = stabilising_riccati(A, B, Q=C.T @ C, R=R, S=S)
         assert pytest.approx(solve_continuous_are(A, B, C.T @ C, R), rel=1e-7, abs=1e-9) == X
         assert np.linalg.eigvals(A - B @ B.T @ X).real.max() < 0
     # x' = a x + u: X = a + sqrt(a^2 + q)
-    X = stabilising_riccati(np.array([[2.0]]), np.ones((1, 1)), np.array([[5.0]]), np.ones((1, 1)), np.zeros((1, 1)))
+    X = stabilising_riccati(
+        np.array([[2.0]]), np.ones((1, 1)), Q=np.array([[5.0]]), R=np.ones((1, 1)), S=np.zeros((1, 1))
+    )
     assert pytest.approx(5.0) == X
-    assert stabilising_riccati(np.array([[1.0]]), np.zeros((1, 1)), np.eye(1), np.eye(1), np.zeros((1, 1))) is None
+    assert (
+        stabilising_riccati(np.array([[1.0]]), np.zeros((1, 1)), Q=np.eye(1), R=np.eye(1), S=np.zeros((1, 1))) is None
+    )
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3])

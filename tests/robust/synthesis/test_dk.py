@@ -108,7 +108,7 @@ def test_out_of_time_the_best_is_kept():
 
 def test_scalings_are_minimum_phase_and_have_an_inverse():
     omega = np.geomspace(1e-2, 1e2, 80)
-    D, inverse = minimum_phase(omega, np.abs((1j * omega + 2) / (1j * omega + 0.3)), 0.0, 1)
+    D, inverse = minimum_phase(omega, np.abs((1j * omega + 2) / (1j * omega + 0.3)), dt=0.0, order=1)
     assert np.all(D.poles().real < 0)
     assert np.all(inverse.poles().real < 0)
     assert np.abs(response(D, omega)) == pytest.approx(np.abs((1j * omega + 2) / (1j * omega + 0.3)), rel=1e-3)

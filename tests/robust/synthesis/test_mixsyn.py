@@ -53,7 +53,7 @@ def test_two_channels_with_a_zero_in_the_way(crossovers, gamma):
     assert design.met
     assert design.gamma <= 1.011 * design.gamma_min
     one = control.StateSpace([], [], [], np.eye(2), 0)
-    theirs = control.hinfsyn(weighted_plant(G, 2, 2, [("e", w_P), ("u", one)]), 2, 2)[2]  # SLICOT's
+    theirs = control.hinfsyn(weighted_plant(G, 2, n_u=2, weights=[("e", w_P), ("u", one)]), 2, 2)[2]  # SLICOT's
     assert design.gamma_min == pytest.approx(theirs, rel=5e-3)
     omega = np.geomspace(1e-5, 1e4, 3000)
     g, k, w = (np.moveaxis(X(1j * omega), 2, 0) for X in (G, design.K, w_P))

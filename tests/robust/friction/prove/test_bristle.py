@@ -108,13 +108,18 @@ def test_energy_falls_along_a_motion_with_lugre():
     K0, rho, sigma = 64e3, 1 / 0.7, 13.0
     loop = friction_loop(RIG, pd(20e3, 60.0))
     omega, rates = loop_frequencies(loop, 300), filter_rates(1.5 * RIG.resonance, np.inf)[0]
-    table = bristle_terms(mobility(loop, omega), omega, rates, K0, sigma)
+    table = bristle_terms(mobility(loop, omega), omega, rates=rates, K0=K0, microdamping=sigma)
     weights = bristle_multipliers(table, rho)
     assert (largest_share(table, weights) < 0).all()
-    form = bristle_dissipation(loop, rates, weights, K0, sigma)
+    form = bristle_dissipation(loop, rates, weights=weights, K0=K0, microdamping=sigma)
     judged = in_balanced_coordinates(form)
     found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
-    storages = (build_storage(judged.form, P, slack, N) for slack, P in found if P is not None for N in (8, 128))
+    storages = (
+        build_storage(judged.form, P, slack=slack, n_intervals=N)
+        for slack, P in found
+        if P is not None
+        for N in (8, 128)
+    )
     storage = next(storage for storage in storages if not judge_storage(judged, storage)[0])
     back, used = np.linalg.inv(judged.V), rates[weights.nu > 0]
     P, n, rest = back.T @ storage.coefficients[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]

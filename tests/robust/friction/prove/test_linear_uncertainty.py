@@ -19,8 +19,8 @@ def test_the_rows_of_the_friction_are_those_of_the_proof():
     """At p = 0, and by hand at one frequency for the whole form."""
     omega, rates = np.geomspace(1, 1e3, 7), np.array([20.0, 300.0])
     M = np.exp(1j * omega / 100) / 50
-    table, q = uncertain_rows(M, omega, rates, 64e3, 1.3, np.full(7, 500.0))
-    assert np.allclose(table[..., 0, 0].real, multiplier_terms(M, omega, rates, 64e3, 1.3))
+    table, q = uncertain_rows(M, omega, rates=rates, K0=64e3, rho=1.3, error=np.full(7, 500.0))
+    assert np.allclose(table[..., 0, 0].real, multiplier_terms(M, omega, rates=rates, K0=64e3, rho=1.3))
     f, p, i = 0.3 - 0.2j, 0.1 + 0.5j, 3
     s, a = 1j * omega[i], rates[1]
     v, fh = M[i] * (f - p), a / (a + s) * f
@@ -35,7 +35,7 @@ def test_a_small_gain_alone():
     M, omega, rates = np.array([-0.02 + 0.0j]), np.array([100.0]), np.array([100.0])
     edge = omega[0] / abs(M[0])  # [N/m] at which |error M/jw| = 1
     for share, exists in ((0.95, True), (1.05, False)):
-        table, q = uncertain_rows(M, omega, rates, 64e3, 1.3, np.array([share * edge]))
+        table, q = uncertain_rows(M, omega, rates=rates, K0=64e3, rho=1.3, error=np.array([share * edge]))
         assert find_multipliers(table, q) is exists
 
 

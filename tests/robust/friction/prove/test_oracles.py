@@ -20,7 +20,7 @@ def pid_mobility(omega, m=1.0, Kp=200.0, Kd=20.0, Ki=400.0):
 def test_pid_and_coulomb_friction_on_a_free_mass(a, proves):
     """One filter proves it exactly for Ki/Kp < a < Kd/m: such an a exists where Kp Kd > m Ki (Bisoffi et al. 2018)."""
     omega = np.geomspace(1e-3, 1e4, 4000)
-    row = multiplier_terms(pid_mobility(omega), omega, np.array([a]), np.inf, 1.0)[:, 1]
+    row = multiplier_terms(pid_mobility(omega), omega, rates=np.array([a]), K0=np.inf, rho=1.0)[:, 1]
     assert bool((row < 0).all()) is proves
 
 
@@ -31,7 +31,11 @@ def test_the_stiffest_stiction_that_one_filter_allows(rho, K0):
     rates = np.geomspace(1.7, 2.1, 200)
 
     def allowed(stiffness):
-        return (multiplier_terms(pid_mobility(omega), omega, rates, stiffness, rho)[:, 1:] < 0).all(axis=0).any()
+        return (
+            (multiplier_terms(pid_mobility(omega), omega, rates=rates, K0=stiffness, rho=rho)[:, 1:] < 0)
+            .all(axis=0)
+            .any()
+        )
 
     assert allowed(0.995 * K0)
     assert not allowed(1.005 * K0)
@@ -55,7 +59,7 @@ def test_largest_presliding_stiffness_of_the_weights(name):
     _, expected, spring = ORACLES[name]
     rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
     for rho, K0 in zip((1.05, 1 / 0.7, 2.0), expected, strict=True):
-        assert largest_stiffness(loop, rates, rho) == pytest.approx(K0, rel=0.025)
+        assert largest_stiffness(loop, rates, rho=rho) == pytest.approx(K0, rel=0.025)
     assert destabilizing_stiffness(loop, 0.995 * spring) is None
     assert destabilizing_stiffness(loop, 1.005 * spring) is not None
 

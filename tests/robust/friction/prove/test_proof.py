@@ -70,14 +70,14 @@ def stored_energy(loop, K0, rho):
     """A judged storage function, as V_tot of (state, filters, elastic force) just before a sample."""
     omega = loop_frequencies(loop)
     rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
-    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates, K0, rho))
+    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho))
     mu[mu < 1e-9 * mu.max()] = 0
-    form = maxwell_slip_dissipation(loop, rates, mu, K0, rho)
+    form = maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho)
     judged = in_balanced_coordinates(form)
     back = np.linalg.inv(judged.V)
     for slack in SLACKS:
         P = proposed_storage(judged.form, slack)
-        storage = None if P is None else build_storage(judged.form, P, slack, 32)
+        storage = None if P is None else build_storage(judged.form, P, slack=slack, n_intervals=32)
         if storage is not None and not judge_storage(judged, storage)[0]:
             break
     P = back.T @ storage.coefficients[-1, 3] @ back
@@ -126,15 +126,15 @@ def test_the_judge_refuses_what_is_not_so():
     loop = oracle_loop("P1")
     omega = loop_frequencies(loop)
     rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
-    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates, 64e3, 1.05))
-    judged = in_balanced_coordinates(maxwell_slip_dissipation(loop, rates, mu, 64e3, 1.05))
+    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=64e3, rho=1.05))
+    judged = in_balanced_coordinates(maxwell_slip_dissipation(loop, rates, mu=mu, K0=64e3, rho=1.05))
     passed = 0
     for slack in SLACKS:
         P = proposed_storage(judged.form, slack)
-        if P is None or judge_storage(judged, build_storage(judged.form, P, slack, 32))[0]:
+        if P is None or judge_storage(judged, build_storage(judged.form, P, slack=slack, n_intervals=32))[0]:
             continue
         passed += 1
-        storage = build_storage(judged.form, P, slack, 32)
+        storage = build_storage(judged.form, P, slack=slack, n_intervals=32)
         for tampered in (-storage.coefficients, 0.5 * storage.coefficients, storage.coefficients[::-1]):
             assert judge_storage(
                 judged, type(storage)(coefficients=tampered, lengths=storage.lengths, first=storage.first)
@@ -151,7 +151,9 @@ def test_nothing_unstable_is_ever_certified():
         kappas = np.linspace(0, 64e3, 40)
         if max(loop.growth(kappa) for kappa in kappas) > 1e-6:
             tried += 1
-            assert not certify_maxwell_slip(loop, 64e3, 1.05, 0.0, 1.5 * RIG.resonance).certificate.holds
+            assert not certify_maxwell_slip(
+                loop, 64e3, rho=1.05, bristle_time=0.0, reference=1.5 * RIG.resonance
+            ).certificate.holds
 
 
 def test_a_refuting_spring_is_named_and_grows():

@@ -115,7 +115,16 @@ def test_without_integral_action_the_rest_is_in_the_bound():
     K = control.ss(control.tf([100.0, 2e4], [1e-4, 1]))
     loop = friction_loop(MACHINE, K)
     open_still = Finding(verdict=FrictionVerdict.NOT_DECIDED, reason="")
-    found = settling_verdict(MACHINE, K, 0.0, loop, any_maxwell_slip(1e5, 2.0), FS, np.nan, open_still)
+    found = settling_verdict(
+        MACHINE,
+        K,
+        delay=0.0,
+        loop=loop,
+        friction=any_maxwell_slip(1e5, 2.0),
+        Fs=FS,
+        error_bound=np.nan,
+        undecided=open_still,
+    )
     assert found.settling_error > FS * 0.75 / 2e4
     assert found.certificate.verify().verified
 

@@ -207,9 +207,9 @@ def test_no_pole_comes_to_stand_on_a_line():
     for place in (0, 20, 59):
         data = 1 / (s**2 + abs(s[place]) ** 2 * (1 + 1e-14)) + 1e-3 / (s + 30)
         weight = 1 / np.abs(data)
-        poles = vector_fit(s, data, weight, starting_poles(3, abs(s[0]), abs(s[-1]), spacing="log"))
+        poles = vector_fit(s, data, weight=weight, poles=starting_poles(3, abs(s[0]), abs(s[-1]), spacing="log"))
         assert np.all(np.abs(poles.real) >= 0.99e-8 * np.abs(poles))
-        zeros, gain = fit_numerator(s, data, weight, poles, 2)
+        zeros, gain = fit_numerator(s, data, weight=weight, poles=poles, n_zeros=2)
         assert np.isfinite([*zeros, gain]).all()
 
 
@@ -219,7 +219,7 @@ def test_a_numerator_of_lower_degree_keeps_the_digits_of_its_zeros():
     poles = np.concatenate([[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in (1.57, 70.0, 370.0)])
     truth = np.concatenate([[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in (1.6, 72.0)])
     data = np.prod(s[:, None] - truth, axis=1) / np.prod(s[:, None] - poles, axis=1)
-    zeros, gain = fit_numerator(s, data, 1 / np.abs(data), poles, 5)
+    zeros, gain = fit_numerator(s, data, weight=1 / np.abs(data), poles=poles, n_zeros=5)
     near = zeros[np.argsort(np.abs(zeros))][:4]
     assert np.sort_complex(near) == pytest.approx(np.sort_complex(truth), rel=1e-9)
     assert np.abs(zeros).max() > 1e8

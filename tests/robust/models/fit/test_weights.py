@@ -207,7 +207,7 @@ def test_slopes_and_curvature_are_those_of_differences(order):
         theta = rng.uniform(-5.0, 5.0, 2 * order)
         e, J = problem.excess(theta, 0.3, order)
         first = rng.normal(size=e.size)
-        H = section_hessian(problem, theta, order, first, J)
+        H = section_hessian(problem, theta, order=order, first=first, J=J)
         for i, step in enumerate(1e-5 * np.eye(2 * order)):
             (up, J_up), (down, J_down) = (problem.excess(theta + s, 0.3, order) for s in (step, -step))
             np.testing.assert_allclose((up - down) / 2e-5, J[i], rtol=1e-5, atol=1e-7)

@@ -89,7 +89,7 @@ def test_the_set_is_that_of_perturbed_factors():
         rim = row.perturbed(G, np.array([eps]), Delta)
         assert chordal(G, rim) == pytest.approx(eps, rel=1e-9)
         assert np.abs(row.deviation(rim, G)) == pytest.approx(eps, rel=1e-9)
-        S, a, b = perturbed_sensitivity_terms("coprime", np.array([eps]), np.array([G]), np.array([K]))
+        S, a, b = perturbed_sensitivity_terms("coprime", np.array([eps]), G=np.array([G]), K=np.array([K]))
         stays = row.rs_measure(np.array([eps]), b)[0]
         assert stays == pytest.approx(eps * abs(S[0]) * np.sqrt((1 + abs(K) ** 2) * (1 + abs(G) ** 2)), rel=1e-9)
         assert (stays < 1) == (abs(b[0]) < 1)
@@ -99,7 +99,7 @@ def test_the_set_is_that_of_perturbed_factors():
             assert np.abs(1 / (1 + K * made)).max() <= worst_sensitivity(S, a, b)[0] * (1 + 1e-9)
             x = 0.5 / stays
             grown = row.scale_for(np.array([eps]), np.array([x]))[0]  # a and b times x belong to eps times that
-            assert perturbed_sensitivity_terms("coprime", np.array([eps * grown]), np.array([G]), np.array([K]))[
+            assert perturbed_sensitivity_terms("coprime", np.array([eps * grown]), G=np.array([G]), K=np.array([K]))[
                 2
             ] == pytest.approx(x * b)
 
@@ -212,7 +212,7 @@ def test_claims_are_decided_beside_their_limits(seed):
         # and that formula is the one of the curves
         K_late, W_late = K, scale * np.exp(1j * omega * delay)
         G_late = G * np.exp(-1j * omega * delay)
-        curves = loop_curves("coprime", omega, G_late, K_late, eps + 0j, P, W_late)
+        curves = loop_curves("coprime", omega, G=G_late, K=K_late, w=eps + 0j, w_P=P, W=W_late)
         assert np.max(curves.rp) == pytest.approx(worst, rel=1e-6)
         for factor, true in ((1 - 1e-4, True), (1 + 1e-4, False)):
             loop = as_claim(

@@ -111,7 +111,7 @@ def test_score_test_is_chi_square_for_known_directions():
     p = []
     for _ in range(2000):
         z = sizes * (rng.normal(size=80) + 1j * rng.normal(size=80))
-        p.append(fit_shape_and_level(x, np.ones(3), z)["p_value"])
+        p.append(fit_shape_and_level(x, np.ones(3), z=z)["p_value"])
     assert kstest(p, "uniform").statistic < 0.06  # 0.03 at 5 %: 80 lines of very different size count for fewer
 
 

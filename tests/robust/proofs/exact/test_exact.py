@@ -48,7 +48,9 @@ def test_hold_and_delay_enclose_the_sampled_plant(delay):
     whole = int(np.floor(delay / 0.1 + 1e-9))
     rest = to_rational(delay) - whole * to_rational(0.1)
     with ctx.workprec(192):
-        found = zoh_quotient(matrices(G), to_rational(0.1), whole, rest if rest > fmpq(1, 10**9) else fmpq(0))
+        found = zoh_quotient(
+            matrices(G), to_rational(0.1), whole=whole, rest=rest if rest > fmpq(1, 10**9) else fmpq(0)
+        )
         moved = bilinear_image(found)
         direct = [at(found, np.exp(0.1j * w)) for w in omega]
         image = [at(moved, 1j * np.tan(0.05 * w)) for w in omega]
@@ -61,7 +63,7 @@ def test_a_gain_behind_the_hold_and_samples_of_delay():
     """A constant under a delay of one and a half samples is seen two samples late."""
     gain = matrices(control.ss([], [], [], [[2.0]]))
     with ctx.workprec(128):
-        assert abs(at(zoh_quotient(gain, fmpq(1, 10), 1, fmpq(1, 20)), 2.0 + 0j) - 0.5) < 1e-15
+        assert abs(at(zoh_quotient(gain, fmpq(1, 10), whole=1, rest=fmpq(1, 20)), 2.0 + 0j) - 0.5) < 1e-15
     assert at(delay_by_samples(transfer_quotient(gain), 3), 2.0 + 0j) == 0.25
 
 

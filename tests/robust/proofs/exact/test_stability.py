@@ -57,15 +57,15 @@ def test_thirty_states_that_floating_point_loses():
 @pytest.mark.parametrize(("delay", "stable"), [(np.pi / 2, True), (np.nextafter(np.pi / 2, 2), False), (8.0, False)])
 def test_an_integrator_behind_a_delay(delay, stable):
     """s + exp(-s tau) is stable for tau < pi/2, which no double is."""
-    assert hurwitz_with_delay(fmpq_poly([0, 1]), fmpq_poly([1]), 1, to_rational(delay)).holds == stable
+    assert hurwitz_with_delay(fmpq_poly([0, 1]), fmpq_poly([1]), degree=1, delay=to_rational(delay)).holds == stable
 
 
 def test_a_delay_that_stabilises():
     """s^2 + 1 behind -0.5 exp(-s tau): poles at +-j sqrt(0.5) at tau = 0 move in first, and out again later."""
     den, num = fmpq_poly([1, 0, 1]), fmpq_poly([fmpq(-1, 2)])
-    assert not hurwitz_with_delay(den, num, 2, fmpq(0)).holds
+    assert not hurwitz_with_delay(den, num, degree=2, delay=fmpq(0)).holds
     shifted = den + fmpq_poly([0, -fmpq(1, 100)])  # at tau = 0 clearly unstable by 0.005
-    found = [hurwitz_with_delay(shifted, num, 2, to_rational(tau)).holds for tau in (0.01, 1.0, 6.0)]
+    found = [hurwitz_with_delay(shifted, num, degree=2, delay=to_rational(tau)).holds for tau in (0.01, 1.0, 6.0)]
     assert found == [False, True, False]
 
 
@@ -73,11 +73,11 @@ def test_a_delay_with_a_known_limit():
     """5 exp(-s tau)/(s + 1): |L| = 1 at sqrt(24), where the phase left is pi - atan(sqrt(24))."""
     limit = (np.pi - np.arctan(np.sqrt(24))) / np.sqrt(24)
     den, num = fmpq_poly([1, 1]), fmpq_poly([5])
-    assert hurwitz_with_delay(den, num, 1, to_rational(limit * (1 - 1e-14))).holds
-    assert not hurwitz_with_delay(den, num, 1, to_rational(limit * (1 + 1e-14))).holds
+    assert hurwitz_with_delay(den, num, degree=1, delay=to_rational(limit * (1 - 1e-14))).holds
+    assert not hurwitz_with_delay(den, num, degree=1, delay=to_rational(limit * (1 + 1e-14))).holds
 
 
 @pytest.mark.parametrize(("num", "den"), [([1, 1], [2, 1]), ([3, 2], [1, 1]), ([-1], [1, 1])])
 def test_what_a_delay_leaves_open_is_not_stable(num, den):
     """A gain of one or more at infinite frequency, and a pole at zero whatever the delay."""
-    assert not hurwitz_with_delay(fmpq_poly(den), fmpq_poly(num), 1, fmpq(1, 10)).holds
+    assert not hurwitz_with_delay(fmpq_poly(den), fmpq_poly(num), degree=1, delay=fmpq(1, 10)).holds

@@ -60,7 +60,7 @@ def test_fifty_designs_agree_with_check(seed, ask):
     content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources())
     K = shaped_controller(state, 1.0 if begin is None else begin, dt)
     report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
-    loop = assemble_loop(model, K, w_P, delay)
+    loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     left_out = loop.aliases is not None and loop.aliases.inverse  # which the page says, and leaves to the check
     assert left_out == ("aliases left to the check" in content["models"][0]["set"])
     curves = (replace(loop, continuous_plant=None) if left_out else loop).curves(report.omega)
@@ -98,7 +98,7 @@ def test_the_step_response_is_that_of_the_loop(dt, delay, ask):
     model = robust.UncertaintyModel(plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.1, 0.1]))
     state = {"gain": 0.3, "elements": [{"kind": "integrator", "f": 0.2}]}
     content = page_content(model, w_P=None, K=None, dt=dt, delay=delay, sources=PartSources())
-    loop = assemble_loop(model, shaped_controller(state, 1.0, dt), None, delay)
+    loop = assemble_loop(model, shaped_controller(state, 1.0, dt), w_P=None, delay=delay)
     times = np.arange(0, 400) * 0.05
     T = control.StateSpace(*closed_loop(loop.G, loop.K, ("y",), ("r",)), dt)
     wanted = control.step_response(T, times).outputs

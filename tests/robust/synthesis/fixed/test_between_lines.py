@@ -33,7 +33,7 @@ def sensitivity(G, K, omega):
 def test_a_resonance_of_the_controller_between_two_lines_is_counted(zeta, times, place):
     K = control.ss(5 * resonance(zeta, times, place))
     stable = bool(np.all(control.feedback(LAG * K, 1).poles().real < 0))
-    turns, clear = winding_number(LINES, LAG(1j * LINES), K, 0.0)
+    turns, clear = winding_number(LINES, LAG(1j * LINES), K=K, dt=0.0)
     assert not clear or (turns == 0) == stable
     if place < LINES[-1]:
         assert clear
@@ -42,7 +42,7 @@ def test_a_resonance_of_the_controller_between_two_lines_is_counted(zeta, times,
 
 def test_a_mode_of_the_controller_on_the_axis_is_not_counted_as_stable():
     K = control.ss(5 + control.tf([1e-3, 0], [1, 0, 10.5**2]))
-    assert not winding_number(LINES, LAG(1j * LINES), K, 0.0)[1]
+    assert not winding_number(LINES, LAG(1j * LINES), K=K, dt=0.0)[1]
 
 
 def test_sampled_modes_too():
@@ -54,7 +54,7 @@ def test_sampled_modes_too():
         )
         G = control.sample_system(control.ss(LAG), dt)
         stable = bool(np.all(np.abs(control.feedback(G * K, 1).poles()) < 1))
-        turns, clear = winding_number(LINES, G(np.exp(1j * LINES * dt)), K, dt)
+        turns, clear = winding_number(LINES, G(np.exp(1j * LINES * dt)), K=K, dt=dt)
         assert clear
         assert (turns == 0) == stable
 
@@ -83,7 +83,7 @@ def test_the_modes_of_one_controller_in_the_loop_of_another():
             omega=LINES, G=np.moveaxis(G(1j * LINES), 2, 0), left=none + np.eye(2), right=none, radius=none
         )
         for order in ([0, 1], [1, 0]):
-            if not check_sequential_stability(unit, seen.with_modes(K), K, order, 0.0):
+            if not check_sequential_stability(unit, seen.with_modes(K), K=K, order=order, dt=0.0):
                 said.append(bool(np.all(whole.poles().real < 0)))
     assert len(said) > 100
     assert all(said)

@@ -30,7 +30,7 @@ def test_loop_bounds_are_exact_over_the_phase(form):
         def holds(k, level, g=g, p=p, w=w, phases=phases):
             K = level * phases / g[k]
             worst = worst_sensitivity(
-                *perturbed_sensitivity_terms(form, np.full(K.size, w + 0j), np.full(K.size, g[k]), K)
+                *perturbed_sensitivity_terms(form, np.full(K.size, w + 0j), G=np.full(K.size, g[k]), K=K)
             )
             return np.max(p[k] * worst) <= 1
 

@@ -30,7 +30,7 @@ def problem_of(arguments):
     controller = controller_of_blocks(arguments["blocks"], dt)
     limits = [(limit, True) for limit in arguments["hard"]] + [(limit, False) for limit in arguments["soft"]]
     parts = fixed_parts(arguments["system"], dt)
-    scenes = make_loops(parts, plant, controller, limits, dt, arguments["delay"])
+    scenes = make_loops(parts, plant, controller=controller, limits=limits, dt=dt, delay=arguments["delay"])
     return TuningProblem(controller, scenes, decay=0.0, dt=dt, deadline=np.inf, progress=None)
 
 

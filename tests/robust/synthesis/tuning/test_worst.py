@@ -35,7 +35,7 @@ def test_the_inverse_form_keeps_its_numerator():
     S, w = 0.1, 0.5
     G = np.array([9.0 + 0j])
     row = FORMS["inverse-multiplicative"]
-    a, g = row.a(np.array([w]), G, G, G / G), plant_numerator("inverse-multiplicative", np.array([w]), G)
+    a, g = row.a(np.array([w]), G, G, G / G), plant_numerator("inverse-multiplicative", np.array([w]), G=G)
     assert abs(g[0]) < 1e-15
     # d and -a Delta act before the plant, S is seen before that: u' = S (d - a Delta), f = S d + (1 - S) a Delta
     N = np.array([[[-a[0] * S, S], [a[0] * (1 - S), S]], [[1.0, S], [a[0] * (1 - S), S]]], complex)
