@@ -10,10 +10,11 @@ those of the load.
 
 With --attack: random machines with Maxwell slip, free or on a spring, half of them with noise, a quarter with a delay
 (those of benchmarks/read_class.py without a load), and PD and PID loops around them. A loop that the truth refutes and
-that is proved for the class that was read is false.
+that is proved for the class that `robust.friction_class` read from the records is false. --levels: rms of the force
+over the break-away force, in the place of levels that stick, bend and slide.
 
 python -m benchmarks.read_machine [--runs 20] [--presets linear-motor,belt] [--at rest,motion] [--quiet]
-python -m benchmarks.read_machine --attack 40
+python -m benchmarks.read_machine --attack 40 [--levels 0.04,0.12,0.6]
 """
 
 from __future__ import annotations
@@ -35,11 +36,14 @@ __all__ = [
     "AT_REST",
     "IN_MOTION",
     "TWO_MASSES",
+    "Counts",
     "Plan",
     "attack",
+    "attack_case",
     "measure_at_rest",
     "measure_in_motion",
     "pulls_of",
+    "records_of",
     "truth_of",
 ]
 
@@ -152,12 +156,15 @@ def pulls_of(fit: Any, truth: dict[str, float]) -> dict[str, tuple[float, bool]]
     return found
 
 
-def records_of(case: Case, number: int) -> list[nlfrf.Record]:
-    """Records of a random machine at levels that stick, bend and slide, its delay and noise in the position."""
+def records_of(case: Case, number: int, levels: tuple[float, ...] | None = None) -> list[nlfrf.Record]:
+    """Records of a random machine, its delay and noise in the position; levels stick, bend and slide if not given.
+
+    levels : rms of the force over the break-away force.
+    """
     rng, records = np.random.default_rng([number, 7]), []
     strength = float(case.rig.friction.strength.sum())
-    for pair in GOOD:
-        rms = strength * 10 ** rng.uniform(*np.log10(pair))
+    for i, pair in enumerate(GOOD if levels is None else levels):
+        rms = strength * (10 ** rng.uniform(*np.log10(pair)) if levels is None else levels[i])
         ms = nlfrf.multisine("special-odd", fs=2048, n_samples=4096, f_min=1.0, f_max=200.0, rms=rms, rng=rng)
         record = nlfrf.simulate(case.rig, ms, n_periods=3, n_discard=3, oversampling=16)
         turn = np.exp(-2j * np.pi * np.fft.rfftfreq(4096, 1 / 2048) * case.delay)
@@ -166,10 +173,48 @@ def records_of(case: Case, number: int) -> list[nlfrf.Record]:
     return records
 
 
-def attack(n_machines: int, n_loops: int = 12) -> None:
-    """Read random machines, and hold what is proved for the class against the truth."""
-    refuted = provable = read_provable = proved = false = machines = 0
-    number = -1
+@dataclass
+class Counts:
+    """Loops of one machine, or of all."""
+
+    provable: int = 0
+    #: Of machines that were read.
+    refuted: int = 0
+    read_provable: int = 0
+    proved: int = 0
+    false: int = 0
+    refusal: str = ""
+
+    def add(self, other: Counts) -> None:
+        for name in ("provable", "refuted", "read_provable", "proved", "false"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+
+
+def attack_case(number: int, n_loops: int, levels: tuple[float, ...] | None = None) -> Counts:
+    """Read one random machine, and hold what is proved for the class against the truth."""
+    case, counts = draw_case(number, seed=1), Counts()
+    loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
+    truth = robust.any_maxwell_slip(case.K0)
+    verdicts = [robust.prove_friction(case.truth, K, truth, delay=late + case.delay).verdict for K, late in loops]
+    counts.provable = verdicts.count("proved")
+    try:
+        found = robust.friction_class(records_of(case, number, levels), free=not case.stiffness)
+    except ValueError as error:
+        counts.refusal = str(error)
+        return counts
+    counts.refuted, counts.read_provable = verdicts.count("refuted"), verdicts.count("proved")
+    for (K, late), verdict in zip(loops, verdicts, strict=True):
+        if verdict != "not decided" and prove_read(found, K, late):
+            counts.proved += verdict == "proved"
+            counts.false += verdict == "refuted"
+    if counts.false:
+        print(f"{number} FALSE: K0 {case.K0:.4g}, k {case.stiffness:.4g}, delay {case.delay:.3g}: {found}", flush=True)
+    return counts
+
+
+def attack(n_machines: int, n_loops: int = 12, levels: tuple[float, ...] | None = None) -> None:
+    """Attack random machines of one mass with Maxwell slip."""
+    total, machines, number, refused = Counts(), 0, -1, 0
     begin = time.process_time()
     while machines < n_machines:
         number += 1
@@ -177,28 +222,16 @@ def attack(n_machines: int, n_loops: int = 12) -> None:
         if case.family != FAMILIES[0] or case.flexible:
             continue
         machines += 1
-        loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
-        truth = robust.any_maxwell_slip(case.K0)
-        verdicts = [robust.prove_friction(case.truth, K, truth, delay=late + case.delay).verdict for K, late in loops]
-        provable += verdicts.count("proved")
-        try:
-            found = robust.identify_friction(records_of(case, number), free=not case.stiffness).assumed_class()
-        except ValueError as error:
-            print(f"{number}: refused: {error}", flush=True)
-            continue
-        refuted += verdicts.count("refuted")
-        read_provable += verdicts.count("proved")
-        for (K, late), verdict in zip(loops, verdicts, strict=True):
-            if verdict == "not decided" or not prove_read(found, K, late):
-                continue
-            proved += verdict == "proved"
-            if verdict == "refuted":
-                false += 1
-                print(f"{number} FALSE: K0 {case.K0:.4g}, k {case.stiffness:.4g}, delay {case.delay:.3g}: {found}")
+        counts = attack_case(number, n_loops, levels)
+        total.add(counts)
+        if counts.refusal:
+            refused += 1
+            print(f"{number}: refused: {counts.refusal}", flush=True)
     print(
-        f"{machines} machines, {n_loops} loops each, {time.process_time() - begin:.0f} s of CPU: of {refuted} loops "
-        f"that the truth refutes {false} were proved; of {provable} provable ones {proved} were proved "
-        f"({proved / max(1, provable):.0%}; {proved / max(1, read_provable):.0%} of those of machines that were read)"
+        f"{machines} machines, {refused} refused, {n_loops} loops each, {time.process_time() - begin:.0f} s of CPU: of "
+        f"{total.refuted} loops that the truth refutes {total.false} were proved; of {total.provable} provable ones "
+        f"{total.proved} were proved ({total.proved / max(1, total.provable):.0%}; "
+        f"{total.proved / max(1, total.read_provable):.0%} of those of machines that were read)"
     )
 
 
@@ -211,10 +244,11 @@ def main() -> None:
     parser.add_argument("--masses", type=int, default=1, help="2: motor and load, at rest")
     parser.add_argument("--quiet", action="store_true", help="the tables only")
     parser.add_argument("--attack", type=int, default=0, help="random machines to attack instead")
+    parser.add_argument("--levels", default="", help="of the attack")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     if args.attack:
-        attack(args.attack)
+        attack(args.attack, levels=tuple(map(float, args.levels.split(","))) if args.levels else None)
         return
     places = args.at.split(",")
     pooled: list[bool] = []

@@ -69,7 +69,6 @@ from .friction.identification import identify_friction as identify_friction
 from .friction.in_motion import SlidingFit as SlidingFit
 from .friction.in_motion import identify_sliding as identify_sliding
 from .friction.levels import FrictionClass as FrictionClass
-from .friction.levels import friction_class as friction_class
 from .friction.linear_uncertainty import FrequencyTest as FrequencyTest
 from .friction.linear_uncertainty import friction_frequency_test as friction_frequency_test
 
@@ -78,6 +77,7 @@ from .friction.plant import friction_plant as friction_plant
 from .friction.plant import sliding_machine as sliding_machine
 from .friction.prove import FrictionProof as FrictionProof
 from .friction.prove import prove_friction as prove_friction
+from .friction.reading import friction_class as friction_class
 
 # Saturation: a machine with friction whose actuator saturates
 from .friction.saturation import SaturatedProof as SaturatedProof

@@ -81,6 +81,14 @@ NoiseBand = Annotated[
 ]
 
 
+#: How a trace is read.
+Reference = Annotated[str | None, typer.Option(help="Name of what was added to the loop, where the drive was on.")]
+SamplingFrequency = Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")]
+Period = Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")]
+Discard = Annotated[int, typer.Option(help="Periods to leave out at the start.")]
+PlayedDesign = Annotated[Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it.")]
+
+
 @app.callback()
 def common(version: Version = False) -> None:
     """Uncertainty models of measured machines, controllers for them, and a check that says what was proved."""
@@ -300,19 +308,33 @@ def verify(
 @app.command()
 def prove(
     machine: Annotated[
-        list[Path], typer.Argument(help="Model written by 'robust model', or BLAs at three levels or more.")
+        list[Path],
+        typer.Argument(help="Model written by 'robust model', or BLAs or records at three levels or more."),
     ],
     controller: Annotated[Path, typer.Argument(help="Controller written by 'robust design'.")],
     stiffness: Annotated[
-        float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; read from the BLAs otherwise.")
+        float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; read from the levels otherwise.")
     ] = None,
     nominal: Annotated[
-        Path | None, typer.Option(help="Model of one level, for a flexible machine or one with a delay.")
+        Path | None, typer.Option(help="With BLAs: model of one level, for a flexible machine or one with a delay.")
     ] = None,
+    free: Annotated[bool, typer.Option("--free", help="With records: there is no spring to ground.")] = False,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Delay = None,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
     limits: Annotated[bool, typer.Option("--limits", help="Look for the largest stiffness and stiction too.")] = False,
+    input: Annotated[str | None, typer.Option("--input", help="Name of the force in traces, u when not given.")] = None,
+    output: Annotated[
+        str | None, typer.Option("--output", help="Name of the position in traces, y when not given.")
+    ] = None,
+    reference: Reference = None,
+    fs: SamplingFrequency = None,
+    period: Period = None,
+    discard: Discard = 0,
+    design: PlayedDesign = None,
+    hold: Annotated[
+        str | None, typer.Option(help="How the force runs between its samples: zoh or band-limited.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result (.txt), its certificates beside it.")] = None,
     json: Json = False,
 ) -> None:
@@ -323,16 +345,20 @@ def prove(
     if out is not None:
         require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
     [(K, late)] = from_options.load_loops([controller], delay)
-    machines, friction, text = certificates.class_from_files(machine, controller, nominal, stiffness, stiction)
+    named = {"u": input, "y": output, "r": reference, "fs": fs, "n_samples": period, "design": design, "hold": hold}
+    load = {name: option for name, option in {**named, "n_discard": discard or None}.items() if option is not None}
+    basis = certificates.class_from_files(
+        machine, controller, nominal=nominal, stiffness=stiffness, stiction=stiction, free=free, load=load
+    )
     with spinner("proving"):
-        proofs = certificates.prove_all(machines, K, friction, delay=late, Fs=force, limits=limits)
-        tested = certificates.describe_frequency_test(machine, nominal, K, friction, late)
-    text += "\n\n".join(map(str, proofs)) + tested
+        proofs = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force, limits=limits)
+        tested = certificates.describe_frequency_test(basis, K, late)
+    text = f"{basis.description}\n" + "\n\n".join(map(str, proofs)) + tested
     say = printer(json)
     say(text)
     if out is not None:
         write_text(out, f"{text}\n\n{command_signature('robust prove')}\n")
-        certificates.save_proofs(proofs, out)
+        certificates.save_proofs(proofs, out, basis)
     finish_command(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
 
 
@@ -424,8 +450,8 @@ def report(
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
-        machines, friction, _ = certificates.class_from_files([model], controller, None, stiffness, stiction)
-        proof = certificates.prove_all(machines, K, friction, delay=late, Fs=force)[0]
+        basis = certificates.class_from_files([model], controller, stiffness=stiffness, stiction=stiction)
+        proof = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
     with spinner("checking and drawing"):
         result = robust.write_report(
             out,
@@ -482,12 +508,10 @@ def check_gains(
     output: Annotated[
         str | None, typer.Option("--output", help='Position in the traces: "y", with --design "position".')
     ] = None,
-    reference: Annotated[
-        str | None, typer.Option(help="Name of what was added to the loop, where the drive was on.")
-    ] = None,
-    fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")] = None,
-    period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
-    discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
+    reference: Reference = None,
+    fs: SamplingFrequency = None,
+    period: Period = None,
+    discard: Discard = 0,
     design: Annotated[
         list[Path] | None,
         typer.Option(

@@ -29,6 +29,7 @@ __all__ = [
     "DECIMALS",
     "DESIGN_MARK",
     "FILE_KINDS",
+    "MEASURED_RECORD",
     "PICTURE_SIGNATURE",
     "RECORD_SCHEMAS",
     "SIMULATED_MARK",

@@ -7,13 +7,14 @@ dissipation          the dissipation inequality of the multipliers, in states th
 exact                verification of friction proofs in exact arithmetic
 identification       the entry point: machine and friction with intervals, from records at several levels
 in_motion            mass, viscous and Coulomb friction of an axis in motion
-levels               machine and class read from measured levels, and what of it is refused
+levels               machine and class read from BLAs at several levels, and what of it is refused
 load                 where the search for a motor and a load begins
 linear_uncertainty   the class beside an LTI error of the linear part: a test at frequencies, no proof
 multipliers          weights of filters on the friction, by a linear program
 passivity            every passive friction: what damping a loop leaves at its port
 plant                a machine with friction and its sampled loop; bounded motion
 prove                a proof for every friction of a class
+reading              the entry point: machine and class from BLAs or records at several levels
 saturation           a machine with friction whose actuator saturates
 settling             how far from rest friction with stiction can keep a loop
 storage              quadratic storage functions, and polynomials that keep their sign

@@ -12,12 +12,12 @@ from .identification import identify_friction as identify_friction
 from .in_motion import SlidingFit as SlidingFit
 from .in_motion import identify_sliding as identify_sliding
 from .levels import FrictionClass as FrictionClass
-from .levels import friction_class as friction_class
 from .linear_uncertainty import FrequencyTest as FrequencyTest
 from .linear_uncertainty import friction_frequency_test as friction_frequency_test
 from .plant import friction_plant as friction_plant
 from .plant import sliding_machine as sliding_machine
 from .prove import FrictionProof as FrictionProof
 from .prove import prove_friction as prove_friction
+from .reading import friction_class as friction_class
 from .saturation import SaturatedProof as SaturatedProof
 from .saturation import prove_saturated as prove_saturated

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,23 +11,25 @@ from scipy.stats import f as f_distribution
 from nlfrf import Bla
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import ArrayField, value
-from robust._base.channels import is_single
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.passivity import port_responses, refuse_unknown_amplitude
 from robust.friction.plant import FrictionPlant, friction_plant, with_port_impedance
 from robust.friction.prove import error_of_nominal, machines_of_nominal
+from robust.friction.units import MechanicalUnits, mechanical_units, position_unit_of
 from robust.lti.sampling import hold_correction
 
 __all__ = [
+    "ASSUMPTION_NOTE",
     "FEWEST_LINES",
     "SIGMAS",
     "FrictionClass",
     "LevelFit",
+    "class_from_blas",
     "fit_level",
-    "friction_class",
     "machines_of",
     "nominal_reaction",
     "one_mass_reaction",
+    "require_one_position_unit",
     "require_si",
     "weighted_mean",
 ]
@@ -338,6 +340,8 @@ ASSUMPTION_NOTE = (
 class FrictionClass:
     """A linear part and a class of friction, read from measured levels: an assumption, with what it was read from.
 
+    Of an axis that turns, N is Nm and m is rad; `machine` and `friction` know their unit.
+
     Fields
     ------
     machine : FrictionPlant
@@ -370,6 +374,7 @@ class FrictionClass:
     Examples
     --------
     >>> import nlfrf
+    >>> from robust import friction_class
     >>> grid = dict(fs=4096, n_samples=16384, f_min=1.25, f_max=250, rng=1)
     >>> rig = nlfrf.paper_rig()
     >>> blas = [nlfrf.identify(nlfrf.simulate(rig, nlfrf.multisine("special-odd", rms=rms, **grid), n_periods=2))
@@ -431,57 +436,10 @@ def require_si(name: str, unit: str) -> None:
         )
 
 
-def friction_class(
-    blas: Sequence[Bla], *, nominal: object = None, stiction: float = 1.5, margin: float = 1.25
+def class_from_blas(
+    blas: list[Bla], *, nominal: object = None, stiction: float = 1.5, margin: float = 1.25
 ) -> FrictionClass:
-    """Read machine and presliding stiffness from BLAs at three levels or more, for `prove_friction`.
-
-    At each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines, the last term an element that
-    slips. The machine gets the least k that the highest level allows within three standard deviations, less what k may
-    fall once more when the force doubles again. The class gets the stiffness from k of the highest level to that at
-    rest, extrapolated from the lowest levels, times a margin, and what the machine was lowered by. The damping is left
-    at zero.
-
-    A flexible machine, or one with a delay, needs a `nominal`, fitted at the lowest level, where the friction is a
-    spring, or at the highest, where it is none: what it leaves of the levels is the friction. It is proved without
-    damping and with that of the fit (`FrictionClass.machines`).
-
-    Parameters
-    ----------
-    blas : sequence of Bla
-        From force [N] to position [m], of one machine, at levels from sticking to sliding.
-    nominal : NominalFit, control.StateSpace or FrictionPlant, optional
-        From force to position where friction acts, at least two poles more than zeros (``fit_nominal(blas[0],
-        n_poles=4, n_zeros=2)``); or a machine with a friction port of its own. The delay of a fit is kept.
-    stiction : float
-        Largest over smallest force of a slider: no frequency response shows it.
-    margin : float
-        Times the presliding stiffness that was read.
-
-    Returns
-    -------
-    FrictionClass
-
-    Raises
-    ------
-    ValueError
-        Fewer than three levels; a turned sign; a delay or a misfit that the model does not explain; two lowest levels
-        that are alike, or so different in stiffness that neither sticks; a highest level that still sticks.
-
-    References
-    ----------
-    "The impact of nonlinear friction on frequency response function measurements".
-
-    Examples
-    --------
-    >>> friction_class([])
-    Traceback (most recent call last):
-        ...
-    ValueError: blas must hold at least three levels, from sticking to sliding, got 0
-    """
-    blas = list(blas) if isinstance(blas, Iterable) else blas
-    if not isinstance(blas, list) or not all(map(is_single, blas)):
-        raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {short_form(blas)}")
+    """Read machine and presliding stiffness from the BLAs of three levels or more; see `friction_class`."""
     for bla in blas:
         require_si("blas", bla.unit)
         refuse_unknown_amplitude("blas", bla)
@@ -491,6 +449,9 @@ def friction_class(
         raise ValueError(f"blas must have at least {FEWEST_LINES} lines each, got {fewest}")
     if require_real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
+    own = getattr(nominal, "position_unit", "")
+    position_unit = require_one_position_unit("blas", [bla.y_unit or own for bla in blas])
+    units = mechanical_units(position_unit)
     blas = [bla.times(hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=0.0)) for bla in blas]
     machines: tuple[FrictionPlant, ...] = ()
     description, fits = "", []
@@ -499,14 +460,18 @@ def friction_class(
     else:
         machines, description, fits = fit_around(blas, nominal)
     fits.sort(key=lambda fit: -fit.force)
-    reading = read_levels(fits, has_nominal=bool(machines))
+    reading = read_levels(fits, has_nominal=bool(machines), units=units)
     read = reading.stiffness_rest - fits[0].slow
-    friction = any_maxwell_slip(margin * read + fits[0].slow - reading.stiffness_low, stiction)
+    K0 = margin * read + fits[0].slow - reading.stiffness_low
+    friction = any_maxwell_slip(K0, stiction, position_unit=position_unit)
     if machines:
-        machines = tuple(with_port_impedance(one, reading.stiffness_low, reading.mass) for one in machines)
+        machines = tuple(
+            replace(with_port_impedance(one, reading.stiffness_low, reading.mass), position_unit=position_unit)
+            for one in machines
+        )
         mass = np.full(len(fits), 1 / float(machines[-1].velocity @ machines[-1].B_port))
     else:
-        machines = (friction_plant(reading.mass, reading.stiffness_low),)
+        machines = (friction_plant(reading.mass, reading.stiffness_low, position_unit=position_unit),)
         mass = np.array([fit.mass for fit in fits])
     return FrictionClass(
         machine=machines[0],
@@ -523,6 +488,14 @@ def friction_class(
         stiffness_low=reading.stiffness_low,
         misfit=np.array([fit.misfit for fit in fits]),
     )
+
+
+def require_one_position_unit(name: str, units: Sequence[str]) -> str:
+    """Return "m" or "rad" of levels, or refuse levels of which some move and some turn."""
+    found = sorted({position_unit_of(unit) for unit in units})
+    if len(found) > 1:
+        raise ValueError(f"{name} must be of one axis, got positions in {' and in '.join(sorted(set(units)))}")
+    return found[0]
 
 
 def fit_around(blas: list[Bla], nominal: object) -> tuple[tuple[FrictionPlant, ...], str, list[LevelFit]]:
@@ -542,9 +515,9 @@ def fit_around(blas: list[Bla], nominal: object) -> tuple[tuple[FrictionPlant, .
     return machines, description, fits
 
 
-def read_levels(fits: list[LevelFit], *, has_nominal: bool) -> LevelSummary:
+def read_levels(fits: list[LevelFit], *, has_nominal: bool, units: MechanicalUnits) -> LevelSummary:
     """Put the levels together, the highest first; refuse what they do not give."""
-    require_model(fits, has_nominal=has_nominal)
+    require_model(fits, has_nominal=has_nominal, units=units)
     mass, mass_std = weighted_mean([fit.mass for fit in fits], [fit.mass_std for fit in fits])
     top, lowest = fits[0], fits[-1]
     second = next((fit for fit in fits if fit.force <= top.force / 2), lowest)
@@ -557,7 +530,7 @@ def read_levels(fits: list[LevelFit], *, has_nominal: bool) -> LevelSummary:
     if not lost > SIGMAS * np.hypot(lowest.stiffness_std, (top.slow_high - top.slow) / SIGMAS):
         raise ValueError(
             f"blas must span from sticking to sliding, got stiffnesses from {top.stiffness / 1e3:.4g} to "
-            f"{lowest.stiffness / 1e3:.4g} kN/m"
+            f"{lowest.stiffness / 1e3:.4g} {units.stiffness}"
         )
     if np.isfinite(top.slips_below):
         raise ValueError(
@@ -568,24 +541,25 @@ def read_levels(fits: list[LevelFit], *, has_nominal: bool) -> LevelSummary:
     if top.slow - low > lost:
         raise ValueError(
             f"blas must reach so high that the friction slides: at the highest level the stiffness of the machine is "
-            f"known to {(top.slow - low) / 1e3:.4g} kN/m only, as much as was lost to it ({lost / 1e3:.4g} kN/m). "
+            f"known to {(top.slow - low) / 1e3:.4g} {units.stiffness} only, as much as was lost to it "
+            f"({lost / 1e3:.4g} {units.stiffness}). "
             "Measure at a higher level, or for longer"
         )
     return LevelSummary(
         mass=mass,
         mass_std=mass_std,
         stiffness_low=low,
-        stiffness_rest=stiffness_at_rest(fits, lost),
+        stiffness_rest=stiffness_at_rest(fits, lost, units=units),
         fallen=fallen,
     )
 
 
-def require_model(fits: list[LevelFit], *, has_nominal: bool) -> None:
+def require_model(fits: list[LevelFit], *, has_nominal: bool, units: MechanicalUnits) -> None:
     """Refuse a turned sign, a delay, and levels that the model does not explain."""
     if not has_nominal and all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
         raise ValueError(
-            f"blas must be from force to position, got a mass of {fits[0].mass:.3g} kg: the output falls when the "
-            "input rises. Turn the sign of the sensor"
+            f"blas must be from force to position, got a mass of {fits[0].mass:.3g} {units.mass}: the output "
+            "falls when the input rises. Turn the sign of the sensor"
         )
     tau, tau_std = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])
     worst = max(fits, key=lambda fit: fit.misfit / fit.misfit_limit)
@@ -603,8 +577,8 @@ def require_model(fits: list[LevelFit], *, has_nominal: bool) -> None:
         model = "the nominal" if has_nominal else "one mass"
         raise ValueError(
             f"blas must show no mode beyond {model}, got a reaction that softens with -w^4 by {softening:.2g} +- "
-            f"{softening_std:.1g} N s^4/m, as below a mode above the band: it would be missing in the loop. Measure up "
-            "to it, and give a nominal with it"
+            f"{softening_std:.1g} {units.force} s^4/{units.position}, as below a mode above the band: it would be "
+            "missing in the loop. Measure up to it, and give a nominal with it"
         )
     if worst.misfit > worst.misfit_limit:
         model = "the nominal and a friction at its port" if has_nominal else "one mass on a spring"
@@ -618,7 +592,7 @@ def require_model(fits: list[LevelFit], *, has_nominal: bool) -> None:
         )
 
 
-def stiffness_at_rest(fits: list[LevelFit], lost: float) -> float:
+def stiffness_at_rest(fits: list[LevelFit], lost: float, *, units: MechanicalUnits) -> float:
     """Stiffness [N/m] at vanishing motion, extrapolated from the lowest level and the one that tells most with it.
 
     A virgin curve with a second derivative at rest loses stiffness in proportion to the amplitude: the loss from rest
@@ -640,14 +614,15 @@ def stiffness_at_rest(fits: list[LevelFit], lost: float) -> float:
     if difference > allowed:
         raise ValueError(
             f"blas must reach so low that the stiffness no longer rises: it is {other.stiffness / 1e3:.4g} and "
-            f"{lowest.stiffness / 1e3:.4g} kN/m at the two lowest levels, {100 * difference / lost:.3g} % of what the "
-            f"friction adds, more than {100 * STIFFNESS_AGREEMENT:g} %. Measure at a lower level"
+            f"{lowest.stiffness / 1e3:.4g} {units.stiffness} at the two lowest levels, "
+            f"{100 * difference / lost:.3g} % of what the friction adds, more than {100 * STIFFNESS_AGREEMENT:g} %. "
+            "Measure at a lower level"
         )
     raise ValueError(
         f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g} times the force the "
-        f"stiffness falls by {difference / 1e3:.3g} +- {spread / SIGMAS / 1e3:.1g} kN/m, so that it may be "
-        f"{added / 1e3:.3g} kN/m more at rest, over {100 * STIFFNESS_AGREEMENT:g} % of what the friction adds. "
-        "Measure at a third of the lowest level"
+        f"stiffness falls by {difference / 1e3:.3g} +- {spread / SIGMAS / 1e3:.1g} {units.stiffness}, so that "
+        f"it may be {added / 1e3:.3g} {units.stiffness} more at rest, over {100 * STIFFNESS_AGREEMENT:g} % of what the "
+        "friction adds. Measure at a third of the lowest level"
     )
 
 
@@ -670,18 +645,19 @@ def describe_class(
 ) -> str:
     """Say what was read, what is assumed, and what the data cannot show."""
     low, rest = reading.stiffness_low / 1e3, reading.stiffness_rest / 1e3
-    top = fits[0]
+    top, units = fits[0], friction.units
+    kilo = units.stiffness
     misfit = max(fit.misfit for fit in fits)
-    fell = f" and {reading.fallen / 1e3:.2g} kN/m, what it fell by when the force doubled," if reading.fallen else ""
-    widened = f"{SIGMAS:g} standard deviations{fell} below the {top.slow / 1e3:.4g} kN/m of the highest level"
-    mass = f"m = {reading.mass:.4g} +- {reading.mass_std:.1g} kg"
+    fell = f" and {reading.fallen / 1e3:.2g} {kilo}, what it fell by when the force doubled," if reading.fallen else ""
+    widened = f"{SIGMAS:g} standard deviations{fell} below the {top.slow / 1e3:.4g} {kilo} of the highest level"
+    mass = f"m = {reading.mass:.4g} +- {reading.mass_std:.1g} {units.mass}"
     if has_nominal:
-        machine = f"around {has_nominal}; at the friction port {mass} and k = {low:.4g} kN/m beside it ({widened})"
+        machine = f"around {has_nominal}; at the friction port {mass} and k = {low:.4g} {kilo} beside it ({widened})"
     else:
-        machine = f"{mass}, k = {low:.4g} kN/m ({widened}), c = 0"
+        machine = f"{mass}, k = {low:.4g} {kilo} ({widened}), c = 0"
     return (
-        f"Assumed, read from {len(fits)} levels {band}: {machine}; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times "
-        f"what is between the highest level and {rest:.4g} kN/m at rest, and what is below it down to k; misfit at "
-        f"most {misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no level shows. "
-        f"{ASSUMPTION_NOTE}"
+        f"Assumed, read from {len(fits)} levels {band}: {machine}; K0 = {friction.K0 / 1e3:.4g} {kilo}, {margin:g} "
+        f"times what is between the highest level and {rest:.4g} {kilo} at rest, and what is below it down to k; "
+        f"misfit at most {misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no "
+        f"level shows. {ASSUMPTION_NOTE}"
     )

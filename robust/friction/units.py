@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nlfrf._base.values import value
 
-__all__ = ["MechanicalUnits", "mechanical_units"]
+__all__ = ["MechanicalUnits", "mechanical_units", "position_unit_of"]
 
 
 @value
@@ -42,3 +42,12 @@ def mechanical_units(position_unit: str) -> MechanicalUnits:
     if position_unit not in UNITS:
         raise ValueError(f'position_unit must be "m" or "rad", got {position_unit!r}')
     return UNITS[position_unit]
+
+
+def position_unit_of(unit: str) -> str:
+    """Return "rad" for a position or a ratio such as rad/Nm in rad, "m" for every other unit and for none.
+
+    >>> position_unit_of("rad/Nm"), position_unit_of("m"), position_unit_of("")
+    ('rad', 'm', 'm')
+    """
+    return "rad" if unit.split("/")[0] == "rad" else "m"

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import format_count, short_form
-from nlfrf._base.files import parse_json_of, require_file_of
+from nlfrf._base.files import MEASURED_RECORD, RECORD_SCHEMAS, parse_json_of, require_file_of
+from nlfrf._base.types import JsonObject
+from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.analysis.loop_proofs import stability_claim
@@ -21,11 +24,13 @@ from robust.analysis.report import RobustnessReport
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim, read_friction_claim, write_friction_claim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.levels import friction_class, require_si
+from robust.friction.levels import FrictionClass, require_si
 from robust.friction.linear_uncertainty import friction_frequency_test
 from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.prove import FrictionProof, machines_of_nominal, plant_matrices, prove_friction
+from robust.friction.reading import friction_class
 from robust.friction.saturation import SaturatedProof
+from robust.friction.units import position_unit_of
 from robust.io.models import PathLike, load_model
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
@@ -36,6 +41,7 @@ if TYPE_CHECKING:
     import control
 
 __all__ = [
+    "FrictionBasis",
     "certificate_path",
     "class_from_files",
     "describe_frequency_test",
@@ -86,9 +92,8 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     stable weights: proved, rigorous
     robust stability: proved, rigorous
     """
-    proof = report.certificate if isinstance(report, (FrictionProof, SaturatedProof)) else None
-    if proof is not None and isinstance(proof.claim, FrictionClaim):
-        write_friction_claim(path, proof.claim, [{"subject": proof.subject, "found by": proof.method}])
+    if isinstance(report, (FrictionProof, SaturatedProof)) and report.certificate is not None:
+        save_friction_proof(report, path)
         return
     found = [c for c in getattr(report, "certificates", ()) if c.holds and isinstance(c.claim, LoopClaim)]
     if not found:
@@ -103,6 +108,26 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     )
     how = [{"subject": c.subject, "found by": c.method} for c in found]
     write_claim(path, claim, how)
+
+
+def save_friction_proof(
+    proof: FrictionProof | SaturatedProof, path: PathLike, basis: FrictionBasis | None = None
+) -> None:
+    """Write a proof with friction, and what its class was read from."""
+    certificate = proof.certificate
+    if certificate is None or not isinstance(certificate.claim, FrictionClaim):
+        raise ValueError(f"report must hold a proof of a single loop, got the verdict {proof.verdict!r}")
+    read_from: JsonObject | None = None
+    units = proof.friction.units
+    if basis is not None:
+        read_from = {"evidence": basis.description, "files": list(basis.sources)}
+    write_friction_claim(
+        path,
+        certificate.claim,
+        found=[{"subject": certificate.subject, "found by": certificate.method}],
+        read_from=read_from,
+        units={"K0": f"{units.force}/{units.position}", "microdamping": units.damping},
+    )
 
 
 def verify_certificate(
@@ -193,16 +218,62 @@ def is_same_system(mine: Matrices, other: Matrices) -> bool:
     return parts and mine.dt == other.dt
 
 
-# ---- What a proof for a machine with friction starts from, read from files: machines, a class, in words where from.
+# ---- What a proof for a machine with friction starts from, read from files.
+
+#: Kinds of files of ours that a machine and its friction are read from.
+MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, MEASURED_RECORD, "robust-model", "robust-matrix-model")
+#: Arguments of `load_record` -> options of `nlfrf identify`.
+LOAD_OPTIONS = {
+    "u": "--input",
+    "y": "--output",
+    "r": "--reference",
+    "fs": "--fs",
+    "n_samples": "--period",
+    "n_discard": "--discard",
+    "design": "--design",
+    "hold": "--hold",
+}
+
+
+@value
+class FrictionBasis:
+    """What a proof with friction starts from.
+
+    Fields
+    ------
+    machines : tuple of FrictionPlant
+        The linear part, with each damping that is to be proved.
+    friction : AnyFriction
+        The class.
+    description : str
+        What was read from what, and how surely.
+    sources : tuple of dict
+        Of each file its name, its kind, its SHA-256, and the options that it was read with.
+    levels : FrictionClass or None
+        What was read without a nominal; None with one, and from a model.
+    """
+
+    machines: tuple[FrictionPlant, ...]
+    friction: AnyFriction
+    description: str
+    sources: tuple[dict[str, object], ...]
+    levels: FrictionClass | None = None
 
 
 def class_from_files(
-    files: Sequence[Path], controller: Path, nominal: Path | None, stiffness: float | None, stiction: float
-) -> tuple[tuple[FrictionPlant, ...], AnyFriction, str]:
-    """Return machines, friction class and the text of what was found.
+    files: Sequence[Path],
+    controller: Path,
+    *,
+    nominal: Path | None = None,
+    stiffness: float | None = None,
+    stiction: float = 1.5,
+    free: bool = False,
+    load: Mapping[str, Any] | None = None,
+) -> FrictionBasis:
+    """Return machines and friction class of one model and a stiffness [N/m], or of BLAs or records at several levels.
 
-    From one model and a stiffness [N/m], or from BLAs at three levels or more and perhaps a model at the highest; a
-    stiffness that is given replaces that of the BLAs. The controller stands in the commands of the messages only.
+    A stiffness that is given replaces that of the levels. The controller stands in the commands of the messages only.
+    `load` has what `nlfrf.load_record` takes, for traces.
 
     Raises
     ------
@@ -210,42 +281,135 @@ def class_from_files(
         Files that do not make a machine and its friction; each message ends with the command that goes on.
     """
     for path in files:
-        require_file_of(path, "nlfrf-bla", "nlfrf-frm", "robust-model", "robust-matrix-model")
+        require_file_of(path, *MACHINE_FILES)
     models = [path for path in files if path.suffix.lower() == ".json"]
-    blas = [path for path in files if path not in models]
-    if len(models) == 1 and blas and nominal is None:
+    measured = [path for path in files if path not in models]
+    if len(models) == 1 and measured and nominal is None:
         raise ValueError(
             f"machine must be one model or BLAs at three levels, got both; "
-            f"{next_command_hint(prove_command(blas, controller, nominal=models[0]))}"
+            f"{next_command_hint(prove_command(measured, controller, nominal=models[0]))}"
         )
     if models:
         return class_from_model(models, controller, stiffness=stiffness, stiction=stiction)
-    if len(blas) < 3:
-        fit = f"robust model {shell_quote(blas[-1])} --poles 4 --zeros 2 -o nominal.json"
+    load = {} if load is None else load
+    levels = {path: load_level(path, load) for path in measured}
+    records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
+    blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
+    if records and blas:
         raise ValueError(
-            f"machine must be BLAs at three levels, from sticking to sliding, or one model with the stiffness of the "
-            f"friction, got {format_count(len(blas), 'BLA')}; "
+            f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))} and the records "
+            f"{', '.join(map(str, records))}: take the records of all levels, or identify these; "
+            + next_command_hint(
+                *(identify_command(path, load) for path in records),
+                prove_command([bla_of(path) if path in records else path for path in levels], controller),
+            )
+        )
+    if records:
+        found = class_from_records(
+            records, controller, nominal=nominal, stiffness=stiffness, stiction=stiction, free=free, load=load
+        )
+    else:
+        if given := [LOAD_OPTIONS[name] for name in load] + ["--free"] * free:
+            raise ValueError(
+                f"machine must be records for {' and '.join(given)}, got BLAs; "
+                + next_command_hint(prove_command(list(blas), controller, nominal=nominal, stiffness=stiffness))
+            )
+        found = class_from_bla_files(blas, controller, nominal=nominal, stiffness=stiffness, stiction=stiction)
+    friction = found.friction
+    if stiffness is not None:
+        friction = any_maxwell_slip(stiffness, friction.stiction, position_unit=friction.position_unit)
+    return FrictionBasis(
+        machines=found.machines,
+        friction=friction,
+        description=str(found),
+        sources=(
+            *(describe_source(path, "record" if records else "BLA", load if records else {}) for path in measured),
+            *(() if nominal is None else (describe_source(nominal, "model"),)),
+        ),
+        levels=found if nominal is None else None,
+    )
+
+
+def load_level(path: Path, load: Mapping[str, Any]) -> nlfrf.Bla | nlfrf.Record:
+    """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
+    schema = nlfrf.inspect_file(path).schema
+    if schema and "record" not in schema:
+        return nlfrf.load_bla(path)
+    record: nlfrf.Record = nlfrf.load_record(path, **load)
+    return record
+
+
+def class_from_records(
+    records: Mapping[Path, nlfrf.Record],
+    controller: Path,
+    *,
+    nominal: Path | None,
+    stiffness: float | None,
+    stiction: float,
+    free: bool,
+    load: Mapping[str, Any],
+) -> FrictionClass:
+    """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
+    identified = [identify_command(path, load) for path in records]
+    largest = bla_of(max(records, key=lambda path: float(np.std(records[path].y))))
+    fit = f"robust model {shell_quote(largest)} --poles 4 --zeros 2 -o nominal.json"
+    if len(records) < 3:
+        known = prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE")
+        raise ValueError(
+            f"machine must be records at three levels, from sticking to sliding, got "
+            f"{format_count(len(records), 'record')}; " + next_command_hint(*identified, fit, known)
+        )
+    around = prove_command([bla_of(path) for path in records], controller, nominal=nominal or "nominal.json")
+    if nominal is not None:
+        raise ValueError(
+            "nominal must be left out with records, which are read as one mass with their delay, got one; "
+            + next_command_hint(*identified, around)
+        )
+    with add_next_command(
+        "for a machine that is flexible, around a nominal " + next_command_hint(*identified, fit, around)
+    ):
+        return friction_class(list(records.values()), stiction=stiction, free=free)
+
+
+def class_from_bla_files(
+    blas: Mapping[Path, nlfrf.Bla],
+    controller: Path,
+    *,
+    nominal: Path | None,
+    stiffness: float | None,
+    stiction: float,
+) -> FrictionClass:
+    """Read the class from BLAs, perhaps around a nominal; a refusal has the commands that go on."""
+    files, measured = list(blas), list(blas.values())
+    if len(files) < 3:
+        fit = f"robust model {shell_quote(files[-1])} --poles 4 --zeros 2 -o nominal.json"
+        raise ValueError(
+            "machine must be BLAs or records at three levels, from sticking to sliding, or one model with the "
+            f"stiffness of the friction, got {format_count(len(files), 'BLA')}; "
             + next_command_hint(
                 fit, prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE")
             )
         )
-    measured = [nlfrf.load_bla(path) for path in blas]
-    highest = blas[highest_level(measured)]
+    highest = files[highest_level(measured)]
     if nominal is None:
         fit = f"robust model {shell_quote(highest)} --poles 4 --zeros 2 -o nominal.json"
         with add_next_command(
             "for a machine that is flexible or well damped "
-            + next_command_hint(fit, prove_command(blas, controller, nominal="nominal.json"))
+            + next_command_hint(fit, prove_command(files, controller, nominal="nominal.json"))
         ):
-            found = friction_class(measured, stiction=stiction)
-    else:
-        given = load_machine(nominal, highest, prove_command(blas, controller, nominal="nominal.json"))
-        with add_next_command(
-            next_command_hint(prove_command([nominal], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
-        ):
-            found = friction_class(measured, nominal=given, stiction=stiction)
-    friction = found.friction if stiffness is None else any_maxwell_slip(stiffness, stiction)
-    return found.machines, friction, f"{found}\n"
+            return friction_class(measured, stiction=stiction)
+    around = load_machine(nominal, highest, prove_command(files, controller, nominal="nominal.json")).nominal
+    with add_next_command(
+        next_command_hint(prove_command([nominal], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
+    ):
+        return friction_class(measured, nominal=around, stiction=stiction)
+
+
+def describe_source(path: Path, kind: str, load: Mapping[str, Any] | None = None) -> dict[str, object]:
+    """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
+    options = {LOAD_OPTIONS[name]: str(option) for name, option in (load or {}).items()}
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return {"file": path.name, "kind": kind, "sha256": digest, **({"options": options} if options else {})}
 
 
 def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
@@ -259,7 +423,7 @@ def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
 
 def class_from_model(
     models: Sequence[Path], controller: Path, *, stiffness: float | None, stiction: float
-) -> tuple[tuple[FrictionPlant, ...], AnyFriction, str]:
+) -> FrictionBasis:
     """One model, and the stiffness of its friction, which no model shows."""
     model = models[0]
     if len(models) > 1:
@@ -274,13 +438,19 @@ def class_from_model(
             + ", or read it from BLAs at three levels: "
             + prove_command(["LOW.npz", "MID.npz", "HIGH.npz"], controller, nominal=model)
         )
-    G = load_machine(model, Path("BLA.npz"), prove_command(["nominal.json"], controller, stiffness=stiffness))
-    machines, description = machines_of_nominal(G)
-    return machines, any_maxwell_slip(stiffness, stiction), f"{description}\n"
+    known = load_machine(model, Path("BLA.npz"), prove_command(["nominal.json"], controller, stiffness=stiffness))
+    machines, description = machines_of_nominal(known.nominal)
+    position_unit = position_unit_of(known.unit)
+    return FrictionBasis(
+        machines=tuple(replace(machine, position_unit=position_unit) for machine in machines),
+        friction=any_maxwell_slip(stiffness, stiction, position_unit=position_unit),
+        description=description,
+        sources=(describe_source(model, "model"),),
+    )
 
 
-def load_machine(path: Path, bla: Path, command: str) -> control.StateSpace:
-    """Return the nominal of a model in a file, from force to position; a refusal has the command that fits one."""
+def load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
+    """Return a model in a file whose nominal is a machine, from force to position, or refuse with a command for one."""
     model = load_model(path)
     if getattr(model, "measured_only", True):
         fit = f"robust model {shell_quote(bla)} --poles 4 --zeros 2 -o nominal.json"
@@ -293,7 +463,18 @@ def load_machine(path: Path, bla: Path, command: str) -> control.StateSpace:
     fit = f"robust model {shell_quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
     with add_next_command(next_command_hint(fit, command)):
         machines_of_nominal(model.nominal)
-    return model.nominal
+    return model
+
+
+def bla_of(record: Path) -> Path:
+    """Return the file that a hint gives the BLA of a record."""
+    return Path(f"{record.name.partition('.')[0]}-bla.npz")
+
+
+def identify_command(path: Path, load: Mapping[str, Any]) -> str:
+    """Return the command line that identifies the BLA of a record, with the options that it was read with."""
+    options = [f"{LOAD_OPTIONS[name]} {shell_quote(str(option))}" for name, option in load.items()]
+    return " ".join(["nlfrf identify", shell_quote(path), *options, f"-o {shell_quote(bla_of(path))}"])
 
 
 def prove_command(
@@ -343,20 +524,18 @@ def prove_all(
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 
-def describe_frequency_test(
-    files: Sequence[Path], nominal: Path | None, K: control.StateSpace, friction: AnyFriction, delay: float
-) -> str:
-    """Describe the frequency test of mass and stiffness of BLAs within two standard deviations; else empty."""
-    if len(files) == 1 or nominal is not None:
+def describe_frequency_test(basis: FrictionBasis, K: control.StateSpace, delay: float) -> str:
+    """Describe the frequency test of mass and stiffness of levels within two standard deviations; else empty."""
+    found = basis.levels
+    if found is None:
         return ""
-    found = friction_class([nlfrf.load_bla(path) for path in files], stiction=friction.stiction)
     errors = {"mass": 2 * found.mass_std, "stiffness": 2 * found.stiffness_std}
-    test = friction_frequency_test(found.machine, K, friction, delay=delay, margin=True, **errors)
+    test = friction_frequency_test(found.machine, K, basis.friction, delay=delay, margin=True, **errors)
     return f"\n\nTwo standard deviations. {test}"
 
 
-def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> None:
+def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: FrictionBasis) -> None:
     """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
     proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
     for number, proof in enumerate(proved):
-        save_certificate(proof, certificate_path(out, number))
+        save_friction_proof(proof, certificate_path(out, number), basis)

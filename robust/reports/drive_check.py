@@ -7,7 +7,6 @@ The machine is what a trace leaves once delay and lag are taken off, where its i
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
@@ -28,9 +27,10 @@ from robust.analysis.performance import StepResponse, classical_margins, measure
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.analysis.worst_plant import WorstCase, worst_case
-from robust.friction.levels import FrictionClass, friction_class
+from robust.friction.levels import FrictionClass
 from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.prove import FrictionProof
+from robust.friction.reading import friction_class
 from robust.io.certificates import highest_level, prove_all
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
@@ -61,12 +61,6 @@ LOW_LINES, HELD = 6, 0.5
 SAME_GAIN = 1e-3
 #: Orders of the weight that are tried.
 WEIGHT_ORDERS = (4, 6, 8)
-#: Units of a machine that moves in m -> those of one that turns, in the evidence of `friction_class`, which knows one.
-ROTARY_UNITS = {
-    r"\bkN/m\b": "kNm/rad",
-    r"\bN s\^4/m\b": "Nm s^4/rad",
-    r"\bkg\b(?! m)": "kg m^2",
-}
 
 
 class Conditions(NamedTuple):
@@ -172,24 +166,10 @@ class DriveCheck:
             )
         parts["friction"] = f"not judged: {self.friction_note}"
         if self.proofs:
-            evidence = in_rotary_units(str(self.friction)) if position == "rad" else str(self.friction)
-            parts["friction"] = "\n".join([evidence, *map(str, self.proofs), *map(str, self.cures)])
-        elif position == "rad":
-            parts["friction"] = in_rotary_units(parts["friction"])
+            parts["friction"] = "\n".join([str(self.friction), *map(str, self.proofs), *map(str, self.cures)])
         if self.step is not None:
             parts["step of the position set point"] = f"of 1 {position} {self.step}"
         return "\n\n".join(f"{title}\n{content}" for title, content in parts.items())
-
-
-def in_rotary_units(text: str) -> str:
-    """Translate the evidence of levels of a machine in m and N to one in rad and Nm.
-
-    >>> in_rotary_units("m = 2 kg, K0 = 12 kN/m")
-    'm = 2 kg m^2, K0 = 12 kNm/rad'
-    """
-    for pattern, unit in ROTARY_UNITS.items():
-        text = re.sub(pattern, unit, text)
-    return text
 
 
 def read_trace(path: Path, settings: DriveSettings, *, actual: bool = False, **load: Any) -> nlfrf.Record:

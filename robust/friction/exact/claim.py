@@ -205,22 +205,31 @@ def claim_from_dict(given: object) -> FrictionClaim:
 # ---- Proofs of a machine with friction as files that someone else can check: every number as given, and a digest.
 
 SCHEMA = "robust-friction-certificate"
-VERSION = 3
-READABLE_VERSIONS = (1, 2, 3)  # the first without actuators, the second without settling
+VERSION = 4
+READABLE_VERSIONS = (1, 2, 3, 4)  # the first without actuators, the second without settling, the third without sources
 
 
 def write_friction_claim(
-    path: str | os.PathLike[str], claim: FrictionClaim, found: Sequence[Mapping[str, object]] = ()
+    path: str | os.PathLike[str],
+    claim: FrictionClaim,
+    *,
+    found: Sequence[Mapping[str, object]] = (),
+    read_from: JsonObject | None = None,
+    units: Mapping[str, str],
 ) -> None:
-    """Write a claim with how it was found; the digest covers everything else in the file."""
+    """Write a claim with how it was found and what it was read from; the digest covers everything else in the file.
+
+    units : of `K0` and `microdamping`.
+    """
     entries: JsonObject = {
         "schema": SCHEMA,
         "version": VERSION,
-        "units": {"dt": "s", "delay": "s", "K0": "N/m", "microdamping": "Ns/m", "bristle_time": "s", "rates": "rad/s"},
+        "units": {"dt": "s", "delay": "s", "bristle_time": "s", "rates": "rad/s", **units},
         "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
         + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
         "claim": claim_to_dict(claim),
         "found": list(found),
+        **({} if read_from is None else {"read from": read_from}),
     }
     entries["digest"] = content_digest(entries)
     write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")

@@ -165,7 +165,7 @@ def test_two_masses_are_no_one_mass():
     fit = robust.identify_friction(records)
     question = next(one for one in fit.questions if one.kind is robust.Gap.OTHER_MACHINE)
     assert "more than 2 % beyond noise" in question.description
-    assert "take masses=2, or give friction_class a nominal" in question.description
+    assert "take masses=2, or give friction_class the BLAs and a nominal" in question.description
 
 
 @pytest.fixture(scope="module")

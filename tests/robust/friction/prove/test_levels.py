@@ -1,5 +1,7 @@
 """Machine and class from measured levels: what is read is right, and levels that do not reach are refused."""
 
+import json
+import re
 import sys
 from dataclasses import replace
 
@@ -13,6 +15,7 @@ from nlfrf import save_bla
 from robust import cli
 from robust.friction.levels import fit_level, one_mass_reaction, require_si
 from robust.friction.plant import friction_loop
+from robust.io.certificates import class_from_files, prove_all, save_proofs
 from tests.support.bla import make_bla
 from tests.support.friction_loops import RIG, Element, motion, pid
 from tests.support.printed import unwrapped
@@ -310,3 +313,42 @@ def test_levels_in_units_with_a_prefix_are_refused(unit):
 def test_levels_in_si_units_are_no_reason_to_refuse():
     for u_unit, y_unit in (("N", "m"), ("Nm", "rad"), ("V", "V"), ("", "")):
         require_si("blas", replace(level(80e3, 0.1), y_unit=y_unit, u_unit=u_unit).unit)
+
+
+IN_METRES = re.compile(r"kN/m|\bkg\b(?! m\^2)|Ns/m|\d m\b|\bN\b")
+
+
+def turning(bla):
+    return replace(bla, y_unit="rad", u_unit="Nm")
+
+
+def test_levels_of_an_axis_that_turns_are_read_in_its_own_units(flexible_levels):
+    """The same numbers as in m and N, in kg m^2 and kNm/rad, refusals included."""
+    straight = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1)]
+    read, turned = robust.friction_class(straight), robust.friction_class(list(map(turning, straight)))
+    assert (turned.friction.K0, turned.friction.position_unit) == (read.friction.K0, "rad")
+    assert "kNm/rad" in str(turned)
+    assert not IN_METRES.search(unwrapped(turned))
+    nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
+    around = robust.friction_class(list(map(turning, flexible_levels)), nominal=nominal)
+    assert {machine.position_unit for machine in around.machines} == {around.friction.position_unit} == {"rad"}
+    with pytest.raises(ValueError, match=r"it is 110 and 144 kNm/rad at the two lowest levels"):
+        robust.friction_class([turning(level(k, f)) for k, f in ((80e3, 2.0), (110e3, 0.2), (144e3, 0.1))])
+    with pytest.raises(ValueError, match=r"a mass of -1 kg m\^2: the output falls"):
+        robust.friction_class([turning(level(-k, f, m=-1)) for k, f in ((80e3, 2.0), (143e3, 0.1), (144e3, 0.03))])
+    with pytest.raises(ValueError, match="blas must be of one axis, got positions in m and in rad"):
+        robust.friction_class([turning(straight[0]), *(replace(bla, y_unit="m") for bla in straight[1:])])
+
+
+def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(measured_levels, tmp_path):
+    bla = turning(measured_levels[2])
+    nominal = robust.fit_nominal(bla, n_poles=2, n_zeros=0)
+    robust.save_model(robust.uncertainty(bla, nominal), tmp_path / "m.json")
+    basis = class_from_files([tmp_path / "m.json"], tmp_path / "K.json", stiffness=74e3, stiction=1.2)
+    proof = prove_all(basis.machines, pid(20e3, 3e5, 60.0), basis.friction)[0]
+    assert "74 kNm/rad" in unwrapped(proof)
+    save_proofs([proof], tmp_path / "p.txt", basis)
+    written = json.loads((tmp_path / "p.certificate.json").read_text())
+    assert written["units"]["K0"] == "Nm/rad"
+    assert [one["kind"] for one in written["read from"]["files"]] == ["model"]
+    assert robust.verify_certificate(tmp_path / "p.certificate.json").verified

@@ -1,0 +1,104 @@
+"""A class of friction from measured levels: from their BLAs, or from their records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from nlfrf import Bla, Record
+from nlfrf._base.arguments import short_form
+from robust._base.channels import is_single
+from robust.friction.identification import identify_friction
+from robust.friction.levels import FrictionClass, class_from_blas
+
+__all__ = ["friction_class"]
+
+
+def friction_class(
+    blas: Sequence[Bla] | Sequence[Record],
+    *,
+    nominal: object = None,
+    stiction: float = 1.5,
+    margin: float = 1.25,
+    free: bool = False,
+) -> FrictionClass:
+    """Read machine and presliding stiffness at three levels or more, from BLAs or records, for `prove_friction`.
+
+    **Records** are read by `identify_friction`, and the class is its `assumed_class`. The delay is in it, and the
+    class uses the ends of intervals of 95 %. The axis is one rigid mass in the band.
+
+    **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines, the last term an element
+    that slips. The machine gets the least k that the highest level allows within three standard deviations, less what k
+    may fall once more when the force doubles again. The class gets the stiffness from k of the highest level to that at
+    rest, extrapolated from the lowest levels, times a margin, and what the machine was lowered by. The damping is left
+    at zero.
+
+    A flexible machine, or BLAs with a delay, need a `nominal`, fitted at the lowest level, where the friction is a
+    spring, or at the highest, where it is none: what it leaves of the levels is the friction. It is proved without
+    damping and with that of the fit (`FrictionClass.machines`).
+
+    Parameters
+    ----------
+    blas : sequence of Bla, or of Record
+        From force [N] to position [m], of one machine, at levels from sticking to sliding. Records are at rest, and
+        several periods of each show the noise.
+    nominal : NominalFit, control.StateSpace or FrictionPlant, optional
+        From force to position where friction acts, at least two poles more than zeros (``fit_nominal(blas[0],
+        n_poles=4, n_zeros=2)``); or a machine with a friction port of its own. The delay of a fit is kept. With BLAs
+        alone.
+    stiction : float
+        Largest over smallest force of a slider: no frequency response shows it. Of records at least the upper end of
+        what was identified.
+    margin : float
+        Times the presliding stiffness that was read.
+    free : bool
+        Whether there is no spring to ground. With records alone: BLAs always leave a spring open.
+
+    Returns
+    -------
+    FrictionClass
+
+    Raises
+    ------
+    ValueError
+        Fewer than three levels; BLAs and records together; a turned sign; a delay of BLAs or a misfit that the model
+        does not explain; two lowest levels that are alike, or so different in stiffness that neither sticks; a highest
+        level that still sticks. Of records any gap that leaves the machine or K0 open (`FrictionFit.questions`).
+
+    References
+    ----------
+    "The impact of nonlinear friction on frequency response function measurements".
+
+    Examples
+    --------
+    >>> friction_class([])
+    Traceback (most recent call last):
+        ...
+    ValueError: blas must hold at least three levels, from sticking to sliding, got 0
+    >>> import nlfrf
+    >>> axis, grid = nlfrf.servo_axis("linear motor"), dict(fs=4000, n_samples=4000, f_min=2, f_max=300)
+    >>> played = [nlfrf.multisine("special-odd", rms=rms, rng=3, **grid) for rms in (1, 15, 60)]
+    >>> records = [nlfrf.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played]
+    >>> found = friction_class(records, free=True)                    # the axis has 2 N/um
+    >>> bool(2e6 < found.friction.K0 < 2.6e6)
+    True
+    """
+    levels = list(blas) if isinstance(blas, Iterable) else [blas]
+    records = [one for one in levels if isinstance(one, Record)]
+    measured = [one for one in levels if isinstance(one, Bla) and is_single(one)]
+    if len(records) + len(measured) < len(levels):
+        raise ValueError(f"blas must be a list of BLAs of one input and output, or of Records, got {short_form(blas)}")
+    if records and measured:
+        raise ValueError(
+            f"blas must be BLAs alone or Records alone, got {len(measured)} and {len(records)}: a BLA has lost the "
+            "motion that a record is read by. Take the records of all levels, or identify them"
+        )
+    if not records:
+        if free:
+            raise ValueError("free must be left out with BLAs, which leave a spring to ground open, got True")
+        return class_from_blas(measured, nominal=nominal, stiction=stiction, margin=margin)
+    if nominal is not None:
+        raise ValueError(
+            "nominal must be left out with Records, which are read as one mass, got one: give the BLAs, "
+            "nlfrf.identify(record) of each"
+        )
+    return identify_friction(records, free=free).assumed_class(stiction=stiction, margin=margin)
