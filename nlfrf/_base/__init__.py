@@ -4,7 +4,7 @@ arguments    checks of arguments, and the text of messages: counts, ratios of un
 axes         axes, grids and decibels of every picture
 command      what the two commands share: versions, warnings and refusals in one line
 extras       packages that an extra installs, with the command for it
-files        files written whole, none overwritten, strict JSON
+files        files written whole, none overwritten; strict JSON, checked against a schema
 numbers      least squares, Fourier transforms, quantiles of the largest root
 own_process  files read by a library that may crash, in a process of its own
 progress     a bar for whatever counts what it has done

@@ -656,7 +656,7 @@ def schema_fault(content: Json, schema: JsonObject, root: JsonObject | None = No
     return ""
 
 
-def check_reference(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
+def check_schema_ref(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
     """Hold content against another part of the schema, "#" or "#/$defs/name"."""
     part = root if wanted == "#" else root["$defs"][wanted.removeprefix("#/$defs/")]
     return schema_fault(content, part, root, place)
@@ -766,7 +766,7 @@ def same_json(one: Json, other: Json) -> bool:
 
 
 SCHEMA_RULES: dict[str, SchemaRule] = {
-    "$ref": check_reference,
+    "$ref": check_schema_ref,
     "type": check_type,
     "const": lambda content, wanted, *rest: check_enum(content, [wanted], *rest),
     "enum": check_enum,

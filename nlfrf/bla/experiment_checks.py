@@ -106,9 +106,10 @@ def check_experiments(record: Record, spectra: Spectra) -> tuple[Spectra, Spectr
 
 
 def correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, played: np.ndarray) -> CrestCorrection:
-    """Return the correction for the crest factor of each input as played (n_u, M, N), averaged over the inputs.
+    """Return the correction for the crest factor, averaged over the inputs as played (n_u, M, N).
 
-    Warns of the first input whose crest factor is lower than that of random phases.
+    Warns of an input whose crest factor is lower than that of random phases. The inputs after one whose peaks hardly
+    happen with random phases are left out. `before` has the spectra before realisations that repeat were joined.
     """
     corrections, any_low, lines = [], False, excited.lines
     names = ("u",) if record.is_single else record.inputs

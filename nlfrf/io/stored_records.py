@@ -82,7 +82,7 @@ def save_record(record: Record, path: str | os.PathLike[str], *, decimal: str = 
 
 
 def record_to_arrays(record: Record) -> dict[str, np.ndarray]:
-    """All of a record as named arrays."""
+    """Return a record as the named arrays of a file: signals, lines and labels, with schema, version and axes."""
     several = not record.is_single
     content = {
         "schema": np.array(MULTIRECORD_SCHEMA if several else RECORD_SCHEMA),

@@ -323,7 +323,10 @@ def smoothed(values: np.ndarray) -> np.ndarray:
 
 
 def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, vs: float) -> np.ndarray:
-    """(E, M, W) spectra of the forces of elements of unit stiffness along a motion."""
+    """Return (E, M, W) spectra, as peak amplitudes, of E elements of unit stiffness along M motions, on W lines.
+
+    Each motion is run through twice and the second run counts: it is the steady state. `breakaway` (E,) are distances.
+    """
     if not breakaway.size:
         return np.zeros((0, *motion.U.shape), dtype=complex)
     sliders = nlfrf.friction.VaryingSliders(
@@ -608,11 +611,15 @@ def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring:
                 best = off, Candidate(terms=chosen, numbers=numbers, stiffness=k, breakaway=tried)
         assert best is not None
         starts.append(best)
-    return [joined(one) for _, one in sorted(starts, key=lambda start: start[0])]
+    return [join_neighbouring_elements(one) for _, one in sorted(starts, key=lambda start: start[0])]
 
 
-def joined(candidate: Candidate) -> Candidate:
-    """The elements of a grid that hold something, neighbours joined two by two."""
+def join_neighbouring_elements(candidate: Candidate) -> Candidate:
+    """Join the elements of a grid two by two: stiffness added, break-away distance averaged by it.
+
+    Elements below 0.1 % of stiffness and of force are left out, and the MOST_ELEMENTS of most force are kept; one of
+    next to no stiffness where none is left.
+    """
     k, D = candidate.stiffness, candidate.breakaway
     some = (k > 1e-3 * k.sum()) | (k * D > 1e-3 * (k @ D))
     if not some.any():

@@ -650,11 +650,11 @@ def describe_class(
     misfit = max(fit.misfit for fit in fits)
     fell = f" and {reading.fallen / 1e3:.2g} {kilo}, what it fell by when the force doubled," if reading.fallen else ""
     widened = f"{SIGMAS:g} standard deviations{fell} below the {top.slow / 1e3:.4g} {kilo} of the highest level"
-    mass = f"m = {reading.mass:.4g} +- {reading.mass_std:.1g} {units.mass}"
+    mass = f"m = {reading.mass:.4g} +- {reading.mass_std:.1g} {units.mass} (one standard deviation)"
     if has_nominal:
         machine = f"around {has_nominal}; at the friction port {mass} and k = {low:.4g} {kilo} beside it ({widened})"
     else:
-        machine = f"{mass}, k = {low:.4g} {kilo} ({widened}), c = 0"
+        machine = f"{mass}, k = {low:.4g} {kilo} ({widened}), c = 0 {units.damping}"
     return (
         f"Assumed, read from {len(fits)} levels {band}: {machine}; K0 = {friction.K0 / 1e3:.4g} {kilo}, {margin:g} "
         f"times what is between the highest level and {rest:.4g} {kilo} at rest, and what is below it down to k; "

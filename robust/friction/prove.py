@@ -218,21 +218,25 @@ def certify_bristle(
 
 def friction_certificate(
     reason: str,
-    found: np.ndarray,
+    rates_and_weights: np.ndarray,
     *,
     omega: np.ndarray,
     form: np.ndarray,
     numbers: Multipliers | None = None,
     energy: JudgedStorage | None = None,
 ) -> FrictionCertificate:
-    """Return the certificate of what was proved, or of the reason why not."""
+    """Return the certificate of a proof, where the reason why not is empty, else of that reason.
+
+    `rates_and_weights` (2, n) are the filters and weights found, `form` (W,) the dissipation at omega, `numbers` and
+    `energy` the exact multipliers and storage of a proof.
+    """
     intervals = np.array([[0.0, np.inf]])
     proof = Certificate(
         subject=SUBJECT, outcome=Outcome.HOLDS, level=0.0, method=METHOD, intervals=intervals, reason=""
     )
     certificate = failed_certificate(SUBJECT, 0.0, reason) if reason else proof
     return FrictionCertificate(
-        certificate=certificate, multipliers=found, omega=omega, form=form, numbers=numbers, energy=energy
+        certificate=certificate, multipliers=rates_and_weights, omega=omega, form=form, numbers=numbers, energy=energy
     )
 
 

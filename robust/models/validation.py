@@ -41,6 +41,7 @@ SAME_LINE = 1e-9  # relative: one line
 VARIANCE_FLOOR = 1e-8  # of the largest eigenvalue of a covariance
 CONFIDENCE = 0.95  # of a record that is held against a record
 DIFFERENCE_STEP = 1e-5
+CHANGED = 0.01  # p below which a change counts as seen in the conclusion; chosen, nothing else depends on it
 LINE_TOLERANCE = 1e-6  # relative: a line of the FRF that a model is made around
 
 
@@ -155,7 +156,18 @@ class Validation:
             f"level: the rest is {self.level:.2g} times what both records scatter, p = {self.p_level:.2g}; "
             f"{self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
         )
-        return "\n  ".join(rows)
+        return "\n  ".join([*rows, f"conclusion: {self.conclusion}"])
+
+    @property
+    def conclusion(self) -> str:
+        """Return in words whether a change is seen, of shape or scatter, and whether the set holds every line."""
+        seen = {"the FRF has another shape": self.p_value, "it scatters more than both records say": self.p_level}
+        changed = [what for what, p in seen.items() if p < CHANGED]
+        words = ", and ".join(changed) if changed else "no change is seen"
+        if np.isnan(self.distance).all():
+            return f"{words} (at {100 * CHANGED:g} %)"
+        holds = "holds every line" if not self.n_outside_set else "does not hold every line"
+        return f"{words} (at {100 * CHANGED:g} %); the set {holds} of this record"
 
 
 #: The name of `Validation` for several channels before one type took any number of them.

@@ -147,7 +147,7 @@ def ascend(
 
     With real blocks that is the real part, less a price of the imaginary one which is over its multiplier.
     """
-    delta, turned = unit_blocks(delta, s), not s.skew.size
+    delta, turned = normalize_perturbation(delta, s), not s.skew.size
     price = np.full(len(M), 0.0 if turned else EIGENVALUE_TURNS)
     reached, todo = np.zeros(len(M)), np.arange(len(M))
     for _ in range(n_steps):
@@ -165,7 +165,7 @@ def ascend(
         before = mode.value.real - price[todo] * np.abs(mode.value.imag)
         best, moved = before.copy(), now.copy()
         for share in MOVES:
-            candidate = unit_blocks((1 - share) * now + share * smallest, s)
+            candidate = normalize_perturbation((1 - share) * now + share * smallest, s)
             values = np.linalg.eigvals(N @ candidate)
             each = np.abs(values) if turned else values.real - price[todo][:, None] * np.abs(values.imag)
             better = each.max(axis=1) > best
@@ -254,8 +254,8 @@ def refine_angle(theta: np.ndarray, width: float, *, a: np.ndarray, b: np.ndarra
     return (low + high) / 2
 
 
-def unit_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """Perturbations with every complex block of size one, where it moves most; real ones alone with the largest."""
+def normalize_perturbation(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """Return perturbations (W, ., .) with each complex block of norm one; all real: the largest entry is 1."""
     delta = delta.copy()
     if set(s.kinds) == {"real"}:
         largest = np.abs(delta).max(axis=(1, 2), keepdims=True)

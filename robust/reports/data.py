@@ -21,7 +21,7 @@ __all__ = ["bla_section", "cross_check_section", "excitation_section", "nominal_
 
 
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
-    """Return what was played, and what was measured."""
+    """Return the section on grid, lines, level and length of each record; of `blas` the kind of the grid alone."""
     from nlfrf import plot
 
     facts, pictures = [], []

@@ -12,13 +12,21 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 import control
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import format_hertz, format_paragraph, ratio_unit, require_kind, require_positive
+from nlfrf._base.arguments import (
+    SCREEN_WIDTH,
+    format_hertz,
+    format_paragraph,
+    ratio_unit,
+    require_kind,
+    require_positive,
+)
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Verdict
 from robust._base.warnings import DesignWarning
@@ -136,6 +144,29 @@ class DriveCheck:
         return self.proved and not self.doubts
 
     @property
+    def conclusion(self) -> str:
+        """Whether the gains passed, and why not, in a sentence."""
+        if self.safe:
+            rest = "; comes to rest with every friction of the class, read and assumed as below" if self.proofs else ""
+            return f"PASSED: stable with every linear plant of the set at its confidence, |S| at most the limit{rest}"
+        if self.doubts or not self.report.robustly_stable:
+            return f"NOT PASSED: {self.doubts[0] if self.doubts else self.report.reason}"
+        return "NOT PASSED: stable with every linear plant of the set, but " + (
+            "not at rest with every friction of the class" if self.is_exact else "of an approximation of the drive"
+        )
+
+    @property
+    def stiffness(self) -> str | None:
+        """The least stiffness of the axis in its loop, over frequency; None where it is not stable or not known."""
+        G, K = self.report.G, self.report.K
+        if G is None or K is None or not self.report.nominally_stable:
+            return None
+        stiffness = np.abs(1 + G * K) / np.abs(G)
+        k = int(np.argmin(stiffness))
+        unit = ratio_unit(self.unit, self.settings.base_unit)
+        return f"{stiffness[k]:.3g} {unit} at least, at {format_hertz(self.report.omega[k])}; more at all others"
+
+    @property
     def assumption(self) -> str:
         """What is taken from the settings and not from the traces."""
         timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
@@ -157,6 +188,8 @@ class DriveCheck:
             "traces": "\n".join([*self.traces, self.assumption]),
             f"linear loop, from {self.base} ({ratio_unit(position, self.unit)})": linear,
         }
+        if (stiffness := self.stiffness) is not None:
+            parts["stiffness against a force on the axis, nominal"] = stiffness
         if self.worst is not None:
             k = int(np.argmax(self.worst.gain))
             where = format_hertz(self.worst.omega[k])
@@ -168,7 +201,9 @@ class DriveCheck:
         if self.proofs:
             parts["friction"] = "\n".join([str(self.friction), *map(str, self.proofs), *map(str, self.cures)])
         if self.step is not None:
-            parts["step of the position set point"] = f"of 1 {position} {self.step}"
+            size = f"of 1 {position}, linear, without limits: in {position}, it"
+            parts["step of the position set point"] = f"{size} {self.step}"
+        parts = {"gains": "\n".join(wrap(self.conclusion, SCREEN_WIDTH))} | parts
         return "\n\n".join(f"{title}\n{content}" for title, content in parts.items())
 
 
@@ -604,6 +639,6 @@ def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla) -> str:
     """Level and band of a trace, a row."""
     force, motion = np.sqrt(np.mean(record.u**2)), np.std(record.y)
     return (
-        f"{name}: {force:.3g} {record.u_unit} rms, {motion:.3g} {record.y_unit} rms, {bla.f.size} lines from "
-        f"{bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz"
+        f"{name}: {force:.3g} {record.u_unit} rms, {motion:.3g} {record.y_unit} rms, noise included; "
+        f"{bla.f.size} lines from {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz"
     )

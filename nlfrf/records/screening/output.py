@@ -382,7 +382,7 @@ def align_decimated(
     lever = float(np.sum(slope**2 * weight))
     typical = float(np.median(output.rest))
     noise, gain_noise = (
-        noise_std(weight * by, by, of_noise=typical / lines.size, n_periods=len(y))
+        alignment_noise_std(weight * by, by, noise_variance=typical / lines.size, n_periods=len(y))
         for by in (slope**2, np.ones(lines.size))
     )
     sound = output.rest < max(MAX_UNEXPLAINED * total, 10 * typical)
@@ -411,13 +411,13 @@ def align_decimated(
     )
 
 
-def noise_std(observed: np.ndarray, by: np.ndarray, *, of_noise: float, n_periods: int) -> float:
-    """Standard deviation of a delay, or of a gain, by noise: lines (F,) tell of it by their power in the mean.
+def alignment_noise_std(observed: np.ndarray, weight: np.ndarray, *, noise_variance: float, n_periods: int) -> float:
+    """Return the standard deviation by noise of the delay, or gain, of a period: of lines (F,) with power `observed`.
 
     The mean of the periods has noise in it too, which tells nothing.
     """
-    signal_power = observed.sum() - of_noise / n_periods * by.sum()
-    return float(np.sqrt(of_noise / 2 * observed.sum()) / signal_power) if signal_power > 0 else np.inf
+    signal_power = observed.sum() - noise_variance / n_periods * weight.sum()
+    return float(np.sqrt(noise_variance / 2 * observed.sum()) / signal_power) if signal_power > 0 else np.inf
 
 
 def forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
@@ -525,10 +525,10 @@ def follows_input(output: AlignedPeriods, lines: np.ndarray, *, n_samples: int, 
     delay = output.delay[whole]
     X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)
     # a delay was looked for in all places, or none was needed
-    return have_common_part(X, FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
+    return periods_share_a_signal(X, FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
 
 
-def have_common_part(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
+def periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     """(P,) whether each period has more in common with the others than noise has, but for so small a chance.
 
     Noise of any colour: each line counts by its power over that around it, or over the noise around it, because either

@@ -44,7 +44,10 @@ MAX_RESONANCE_ERROR = 0.01
 
 
 def longest_step(pole: complex) -> float:
-    """Return the longest step [s] with which the Runge-Kutta method keeps a mode with this pole from growing."""
+    """Return the longest step [s] with which the Runge-Kutta method of order 4 keeps the mode of a pole from growing.
+
+    inf for a pole at zero, and for an unstable one, which grows with every step.
+    """
     if abs(pole) == 0 or pole.real > 0:
         return np.inf
     direction = pole / abs(pole)

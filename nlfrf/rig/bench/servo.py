@@ -617,7 +617,11 @@ def run_experiment(experiment: ServoExperiment) -> Arrays:
 
 
 def base_position(experiment: ServoExperiment) -> np.ndarray:
-    """(n,) position set point of the motion: constant velocity, reached and reversed over a quarter of a period."""
+    """Return (n,) the position set point of the whole experiment [unit of the axis].
+
+    Each stroke lasts as long as all periods do, the first backwards; without strokes there is one, forwards. Velocity
+    is constant but for a quarter of a multisine period at each change.
+    """
     block = (experiment.n_discard + experiment.n_periods) * experiment.ms.n_samples
     directions = np.tile([-1.0, 1.0], experiment.strokes) if experiment.strokes else np.ones(1)
     velocity = stepped_profile(experiment.base_velocity * directions, block, experiment.ms.n_samples // 4)

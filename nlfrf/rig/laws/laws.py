@@ -607,7 +607,7 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
 
 
 def pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
-    """Return the numbers of a law with a Stribeck curve."""
+    """Return the numbers of a law with a Stribeck curve for the kernel `form`; n: its own shape, C of a GMS model."""
     return kernel_data.Law(
         form=form,
         Fs=float(law.Fs),

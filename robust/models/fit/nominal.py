@@ -224,7 +224,7 @@ def checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.nd
 
 
 def estimate_input_delays(sought: MatrixFitProblem, dt: float) -> tuple[SharedPoles, np.ndarray]:
-    """Return the model and the delays of the inputs that explain the phases best.
+    """Return the model and the delays (n_u,) [s] of its inputs, none negative, that explain the phases best.
 
     Each input's column is scanned by itself, then all are refined with the model: a Gauss-Newton step of delays and
     model together moves the delays, the model follows. In discrete time the samples on both sides are tried in turn.
@@ -261,7 +261,10 @@ def estimate_input_delays(sought: MatrixFitProblem, dt: float) -> tuple[SharedPo
 
 
 def scan_input_delay(sought: MatrixFitProblem, i: int) -> float:
-    """Scan the delay of one input by rough fits of its column, in steps of an eighth of a turn."""
+    """Scan the delay [s] of one input by rough fits of its column, up to twice its mean group delay.
+
+    Steps are an eighth of a turn at the highest frequency, or longer: MAX_DELAY_TRIALS are made at most.
+    """
     G, omega = sought.G[:, :, i : i + 1], sought.omega
     rises = np.flatnonzero(np.diff(omega) > 0)  # several levels stand one behind the other
     falls = -np.angle(np.sum(G[rises + 1] * G[rises].conj(), axis=(1, 2))) / np.diff(omega)[rises]

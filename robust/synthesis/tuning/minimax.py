@@ -266,7 +266,10 @@ def sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Ev
 
 
 def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> tuple[Evaluation, float]:
-    """Step by quadratic programs on the peaks, as long as they improve."""
+    """Step by quadratic programs on the peaks, as long as they improve the merit; rho weighs the hard limits in it.
+
+    Returns the last evaluation, and how far from stationary it is: |H d| of the last program.
+    """
     n = current.x.size
     if not current.poles:
         current = problem.evaluate(current.x)

@@ -192,3 +192,16 @@ def test_interpolation_and_slopes_are_exact_where_they_should_be():
     there = one.on_lines(np.array([1.5, 3.0]))
     np.testing.assert_allclose(there.G, np.exp(1j * there.omega), rtol=1e-12)
     np.testing.assert_allclose(there.variance, [1.5, 3.0])
+
+
+def test_the_conclusion_says_what_changed_and_whether_the_set_holds_it():
+    """A gain 30 % higher is another shape; the same record is no change."""
+    ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    first, louder = (
+        nlfrf.identify(nlfrf.Record(u=ms.u[None], y=(g * ms.u + 0.02 * ms.u**3)[None], fs=128, lines=ms.lines))
+        for g in (1.0, 1.3)
+    )
+    assert str(robust.validate(first, first)).endswith("conclusion: no change is seen (at 1 %)")
+    assert "the FRF has another shape" in robust.validate(first, louder).conclusion
+    model = robust.uncertainty(first, control.tf([1.0], [1]), order=0, above="flat")
+    assert robust.validate(model, louder).conclusion.endswith("the set does not hold every line of this record")

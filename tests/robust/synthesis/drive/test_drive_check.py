@@ -4,6 +4,7 @@ import json
 import re
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -13,7 +14,7 @@ import nlfrf
 import robust
 from robust import cli
 from robust.drive import cascade, load_gains
-from robust.reports.drive_check import check_drive, ran_with, read_experiments, read_trace
+from robust.reports.drive_check import DriveCheck, check_drive, ran_with, read_experiments, read_trace
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -97,7 +98,7 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     assert re.search(r"\|S\| at most 1\.[5-9]\d? over the set, at \d+", page)
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in page
     assert "behind a current loop of 0.3 ms, sampled at 4 kHz with 0.25 ms of delay" in page
-    assert "of 1 m goes to 1, 10 to 90 % in" in page
+    assert "of 1 m, linear, without limits: in m, it goes to 1, 10 to 90 % in" in page
     assert 2000 < float(re.search(r"K0 = (\d+) kN/m", page)[1]) < 3500  # the axis has 2000
     assert float(re.search(r"m = ([\d.]+) \+-", page)[1]) == pytest.approx(12, rel=0.02)
     assert page.replace("wrote page.txt\n", "").strip() in (folder / "page.txt").read_text()
@@ -131,7 +132,7 @@ def test_no_metre_is_said_of_a_radian(run):
     code, page, _ = run("joint.npz joint.toml")
     assert code == 0, page
     assert "rad/Nm" in page
-    assert "of 1 rad goes to 1" in page
+    assert "of 1 rad, linear, without limits: in rad, it goes to 1" in page
     assert "Nm rms" in page
     assert not re.search(r"\bm/N\b|\bN/m\b|\bkN\b|\bkg\b|\d m\b|\bm rms|\d N\b", page)
 
@@ -474,3 +475,18 @@ def test_a_position_gain_in_a_doubtful_unit_is_warned_of(tmp_path, kv, in_second
         found = load_gains(path)
     assert found.kv == pytest.approx(in_seconds, rel=0.01)
     assert f"is {found.kv:.3g} 1/s" in str(seen[0].message)
+
+
+def test_stiffness_in_the_loop_is_that_of_spring_and_gain():
+    """(m s^2 + c s + k) + K is least where the mass takes the springs away: c omega is left."""
+    m, c, k, K = 2.0, 5.0, 3e4, 2e4
+    omega = np.append(np.geomspace(1, 1e3, 50), np.sqrt((k + K) / m))
+    omega.sort()
+    s = 1j * omega
+    report = SimpleNamespace(G=1 / (m * s**2 + c * s + k), K=np.full(omega.size, K), omega=omega, nominally_stable=True)
+    found = SimpleNamespace(report=report, unit="N", settings=SimpleNamespace(base_unit="m"))
+    assert DriveCheck.stiffness.fget(found) == (
+        f"{c * np.sqrt((k + K) / m):.3g} N/m at least, at {np.sqrt((k + K) / m) / 2 / np.pi:.4g} Hz; more at all others"
+    )
+    report.nominally_stable = False
+    assert DriveCheck.stiffness.fget(found) is None
