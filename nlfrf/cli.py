@@ -443,7 +443,7 @@ def levels(
 
 
 def read_axis(path: Path) -> nlfrf.ServoAxis:
-    """The axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
+    """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
     if path.suffix.lower() != ".toml":
         if path.suffix:
             raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")

@@ -115,7 +115,7 @@ def required_distributions() -> Iterator[str]:
 
 
 def is_installation(folder: Path) -> bool:
-    """Whether a folder holds installed modules, or Python's own."""
+    """Return whether a folder holds installed modules, or Python's own."""
     paths = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
     known = folder in paths or folder.name in ("site-packages", "dist-packages", "lib-dynload")
     return known or any(folder.glob("*.dist-info"))
@@ -184,7 +184,7 @@ def find_name_conflict() -> str | None:
 
 
 def is_damaged(home: Path) -> bool:
-    """Whether files of our `robust` are gone, or its first one is not what was installed."""
+    """Return whether files of our `robust` are gone, or its first one is not what was installed."""
     from importlib import metadata  # which imports much of Python's own
 
     if not (home / "__init__.py").exists():

@@ -16,6 +16,7 @@ from nlfrf._base.types import Seed
 
 __all__ = [
     "HOLDS",
+    "SCREEN_WIDTH",
     "DataWarning",
     "channel_names",
     "data_warning",
@@ -78,7 +79,7 @@ def one_line(text: str) -> str:
 
 
 def short_form(thing: object) -> str:
-    """A short form of anything, for the end of a message."""
+    """Return a short form of anything, for the end of a message."""
     if isinstance(thing, np.ndarray):
         return f"an array of shape {thing.shape}"
     text = " ".join(repr(thing).split())
@@ -86,17 +87,17 @@ def short_form(thing: object) -> str:
 
 
 def format_hertz(omega: float) -> str:
-    """A frequency for people."""
+    """Return a frequency for people."""
     return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"
 
 
 def format_count(n: int, what: str) -> str:
-    """A count with its noun."""
+    """Return a count with its noun."""
     return f"{n} {what}" + "s" * (n != 1)
 
 
 def format_small_count(n: int, what: str) -> str:
-    """A count with its noun, small numbers in words.
+    """Return a count with its noun, small numbers in words.
 
     >>> format_small_count(1, "sample"), format_small_count(2, "sample"), format_small_count(40, "sample")
     ('one sample', 'two samples', '40 samples')
@@ -135,13 +136,13 @@ def wrap_lines(text: str) -> str:
 
 
 def format_paragraph(label: str, text: str) -> list[str]:
-    """A labelled paragraph that fits a screen."""
+    """Return a labelled paragraph that fits a screen."""
     rows = wrap(" ".join(text.split()), SCREEN_WIDTH - 14) or [""]
     return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
 
 
 def inverse_unit(unit: str) -> str:
-    """The unit of one over a quantity.
+    """Return the unit of one over a quantity.
 
     >>> inverse_unit("m/N"), inverse_unit("1/N"), inverse_unit("rad"), inverse_unit("m/s/V")
     ('N/m', 'N', '1/rad', '1/(m/s/V)')
@@ -153,7 +154,7 @@ def inverse_unit(unit: str) -> str:
 
 
 def ratio_unit(top: str, bottom: str) -> str:
-    """The unit of one quantity over another; empty where neither is known.
+    """Return the unit of one quantity over another; empty where neither is known.
 
     >>> ratio_unit("m", "N"), ratio_unit("m", ""), ratio_unit("", "")
     ('m/N', 'm/1', '')
@@ -162,7 +163,7 @@ def ratio_unit(top: str, bottom: str) -> str:
 
 
 def label_with_unit(what: str, unit: str, otherwise: str) -> str:
-    """A quantity with its unit in brackets, for an axis: the one known, or what it would be.
+    """Return a quantity with its unit in brackets, for an axis: the one known, or what it would be.
 
     >>> label_with_unit("u", "N", "unit of u"), label_with_unit("u", "", "unit of u")
     ('u [N]', 'u [unit of u]')
@@ -202,7 +203,7 @@ def require_kind(name: str, thing: object, *kinds: type) -> None:
 
 
 def require_positive(name: str, number: object) -> float:
-    """The number as a float, or a refusal unless it is finite and above zero."""
+    """Return the number as a float, or a refusal unless it is finite and above zero."""
     found = require_real(name, number)
     if not found > 0:
         raise ValueError(f"{name} must be positive, got {found:g}")
@@ -210,7 +211,7 @@ def require_positive(name: str, number: object) -> float:
 
 
 def require_nonnegative(name: str, number: object) -> float:
-    """The number as a float, or a refusal unless it is finite and at least zero."""
+    """Return the number as a float, or a refusal unless it is finite and at least zero."""
     found = require_real(name, number)
     if found < 0:
         raise ValueError(f"{name} must be zero or positive, got {found:g}")
@@ -218,7 +219,7 @@ def require_nonnegative(name: str, number: object) -> float:
 
 
 def require_real(name: str, number: object) -> float:
-    """The number as a float, or a refusal unless it is one finite real number."""
+    """Return the number as a float, or a refusal unless it is one finite real number."""
     if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real):
         raise ValueError(f"{name} must be a real number, got {short_form(number)}")
     if not np.isfinite(float(number)):
@@ -227,7 +228,7 @@ def require_real(name: str, number: object) -> float:
 
 
 def require_integer(name: str, number: object, *, least: int) -> int:
-    """The number as an int, or a refusal unless it is a whole number of at least `least`."""
+    """Return the number as an int, or a refusal unless it is a whole number of at least `least`."""
     if type(number) is int and number >= least:
         return number
     if isinstance(number, numbers.Real) and not isinstance(number, (bool, np.bool_)):
@@ -238,7 +239,7 @@ def require_integer(name: str, number: object, *, least: int) -> int:
 
 
 def require_probability(name: str, number: object) -> float:
-    """The number as a float, or a refusal unless it lies strictly between 0 and 1."""
+    """Return the number as a float, or a refusal unless it lies strictly between 0 and 1."""
     p = require_real(name, number)
     if not 0 < p < 1:
         raise ValueError(f"{name} must lie strictly between 0 and 1, got {p:g}")
@@ -254,14 +255,14 @@ def random_generator(name: str, seed: Seed) -> np.random.Generator:
 
 
 def require_choice(name: str, choice: object, choices: tuple[str, ...]) -> str:
-    """The choice, or a refusal that lists what can be chosen."""
+    """Return the choice, or a refusal that lists what can be chosen."""
     if choice not in choices:
         raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {short_form(choice)}")
     return str(choice)
 
 
 def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
-    """The array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
+    """Return the array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
     if isinstance(array, np.ma.MaskedArray):
         require_unmasked(name, array)
     array = np.asarray(array)

@@ -93,7 +93,7 @@ def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
 
 
 def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]) -> tuple[np.ndarray, Axes]:
-    """(n, m) axes of a matrix, in the place of those given or in a new figure, and a foot for their legend.
+    """Return (n, m) axes of a matrix, in the place of those given or in a new figure, and a foot for their legend.
 
     Rows are called at their left end, columns at their top: outputs and inputs. A row shares what goes up.
     """
@@ -198,7 +198,7 @@ def join_labels(bottom: Axes, top: Axes) -> None:
 
 
 def line_style(handle: Any) -> dict[str, Any]:  # what it holds has many types, as the arguments of a drawing have
-    """How a curve or a band is drawn, for a sample of it in a legend."""
+    """Return how a curve or a band is drawn, for a sample of it in a legend."""
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
         kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
         return {name: getattr(handle, f"get_{name}")() for name in kept}
@@ -208,7 +208,7 @@ def line_style(handle: Any) -> dict[str, Any]:  # what it holds has many types, 
 
 
 def legend_columns(ax: Axes, labels: list[str]) -> int:
-    """How many columns of a legend fit under the axes."""
+    """Return how many columns of a legend fit under the axes."""
     available = ax.get_position().width * ax.figure.figure.get_figwidth() * LETTER_SIZE
     if ax.figure.get_layout_engine() is not None:
         available *= MAX_GROWTH

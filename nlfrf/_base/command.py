@@ -91,7 +91,7 @@ def guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
 
 
 def find_paths(value: object) -> list[Path]:
-    """The paths among what a parameter was given."""
+    """Return the paths among what a parameter was given."""
     return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
 
@@ -128,7 +128,7 @@ def clean_streams() -> Iterator[None]:
 
 
 def rich_console() -> Console:
-    """A console of rich on standard error itself: what moves there is drawn by codes that are meant."""
+    """Return a console of rich on standard error itself: what moves there is drawn by codes that are meant."""
     from rich.console import Console
 
     return Console(file=getattr(sys.stderr, "stream", sys.stderr))
@@ -176,7 +176,7 @@ def run_command(name: str, app: Callable[..., object], *shown: type[Warning], op
 
 
 def name_options(text: str, options: Mapping[str, str]) -> str:
-    """A message of the library in the words of the command line.
+    """Return a message of the library in the words of the command line.
 
     >>> name_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
     '--period must be 7; give --period 7 or --resample'
@@ -193,7 +193,7 @@ def name_options(text: str, options: Mapping[str, str]) -> str:
 
 
 def describe_error(error: Exception) -> str:
-    """What went wrong, for a command line: the system's own errors name their file first."""
+    """Return what went wrong, for a command line: the system's own errors name their file first."""
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{one_line(str(error.filename))} could not be opened: {error.strerror.lower()}"
     return one_line(str(error))
@@ -213,7 +213,7 @@ def finish_command(results: object, good: bool, json: bool) -> None:
 
 
 def parse_number(name: str, text: str) -> float:
-    """A number given as text, or a refusal."""
+    """Return a number given as text, or a refusal."""
     try:
         return float(text)
     except ValueError:

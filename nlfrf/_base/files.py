@@ -152,7 +152,7 @@ def guarded_outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Itera
 
 
 def is_command() -> bool:
-    """Whether a command is running, and not a script of the user's."""
+    """Return whether a command is running, and not a script of the user's."""
     return RUNNING_COMMAND.get() is not None
 
 
@@ -207,7 +207,7 @@ def admit_file(path: Path, new: Path, role: Role) -> None:
 
 
 def is_guarded(running: Outputs | None, role: Role) -> bool:
-    """Whether a file that is no result of ours has to stay."""
+    """Return whether a file that is no result of ours has to stay."""
     return role is not Role.KEPT and (role is Role.DERIVED if running is None else not running.overwrite)
 
 
@@ -221,7 +221,7 @@ def raise_for_foreign(path: Path, running: Outputs | None) -> None:
 
 
 def resolve_target(path: Path) -> Path:
-    """The file behind a path: a symbolic link is written through, as by every other program."""
+    """Return the file behind a path: a symbolic link is written through, as by every other program."""
     return Path(os.path.realpath(path))
 
 
@@ -236,12 +236,12 @@ def is_same_file(one: Path, other: Path) -> bool:
 
 
 def describe_path(path: Path, taken: Path) -> str:
-    """A path, and the input it is another name of."""
+    """Return a path, and the input it is another name of."""
     return str(path) if str(path) == str(taken) else f"{path}, which is {taken}"
 
 
 def is_replaceable(target: Path, path: Path) -> bool:
-    """Whether an existing file says that these packages made it."""
+    """Return whether an existing file says that these packages made it."""
     kind = file_kind(target, path.suffix.lower())
     # anybody's generator may write a column u0: ours has its design beside it
     return kind is not None and (
@@ -250,7 +250,7 @@ def is_replaceable(target: Path, path: Path) -> bool:
 
 
 def command_signature(command: str) -> str:
-    """The line at the end of a text file by which `file_kind` knows the command that wrote it.
+    """Return the line at the end of a text file by which `file_kind` knows the command that wrote it.
 
     >>> command_signature("robust check")
     "(written by 'robust check')"
@@ -259,7 +259,7 @@ def command_signature(command: str) -> str:
 
 
 def file_kind(path: Path, suffix: str) -> str | None:
-    """What a file says it is, None where it does not say that these packages made it, or cannot be read.
+    """Return what a file says it is, None where it does not say that these packages made it, or cannot be read.
 
     A record counts only where a command simulated it, because a measurement is written by the same function.
     """
@@ -268,7 +268,7 @@ def file_kind(path: Path, suffix: str) -> str | None:
 
 
 def stated_kind(path: Path, suffix: str) -> str | None:
-    """What a file says it is, a measured record too; None where it does not say, or cannot be read."""
+    """Return what a file says it is, a measured record too; None where it does not say, or cannot be read."""
     try:
         return KIND_READERS[suffix](path)
     except Exception:  # a damaged file makes its reader raise anything; so does a suffix that nobody here writes
@@ -363,7 +363,7 @@ def kind_of_sound(path: Path) -> str | None:
 
 
 def first_and_last_bytes(path: Path) -> bytes:
-    """The first and the last bytes of a file."""
+    """Return the first and the last bytes of a file."""
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
         stream.seek(max(len(head), path.stat().st_size - HEAD_BYTES))
@@ -389,7 +389,7 @@ VERSION = 2  # of the schemas of records and results: 2 has hold, names and unit
 
 
 def to_path(path: object) -> Path:
-    """The path as a `Path`, or a refusal of what is none."""
+    """Return the path as a `Path`, or a refusal of what is none."""
     if not isinstance(path, str | os.PathLike):
         raise ValueError(f"path must be a text or a pathlib.Path, got {short_form(path)}")
     return Path(path)
@@ -432,7 +432,7 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None]
 
 
 def current_umask() -> int:
-    """The process's umask; mkstemp makes files that only their owner may read."""
+    """Return the process's umask; mkstemp makes files that only their owner may read."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -125,7 +125,7 @@ def iterate_blocks(n: int, size: int = 1) -> list[slice]:
 
 
 def all_finite(x: np.ndarray) -> bool:
-    """Whether every number of an array of any shape is finite.
+    """Return whether every number of an array of any shape is finite.
 
     A nan or an infinite number stays in a sum, which is one pass with nothing beside it; a sum may overflow where no
     number of it does, so only a finite one is believed.
@@ -138,12 +138,12 @@ def all_finite(x: np.ndarray) -> bool:
 
 
 def streams_equal(x: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two streams (n,) are the same, number by number; over at the first block that differs."""
+    """Return whether two streams (n,) are the same, number by number; over at the first block that differs."""
     return all(np.array_equal(x[some], other[some]) for some in iterate_blocks(x.size))
 
 
 def has_equal_periods(x: np.ndarray) -> bool:
-    """Whether the periods of x (M, P, N) are the same in each realisation, number by number."""
+    """Return whether the periods of x (M, P, N) are the same in each realisation, number by number."""
     if x[:, 0].size <= BLOCK_ENTRIES:
         return bool((x[:, 1:] == x[:, :1]).all())
     return all(streams_equal(one[0], period) for one in x for period in one[1:])
@@ -157,7 +157,7 @@ def is_constant(x: np.ndarray) -> bool:
 
 @lru_cache(maxsize=64)
 def fast_length(n: int) -> int:
-    """The least 2^a 3^b 5^c that is n or more: a length that the FFT is quick for.
+    """Return the least 2^a 3^b 5^c that is n or more: a length that the FFT is quick for.
 
     >>> [fast_length(n) for n in (1, 7, 1000, 1025, 8193)]
     [1, 8, 1000, 1080, 8640]
@@ -188,7 +188,7 @@ def rfft(x: np.ndarray) -> np.ndarray:
 
 
 def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """(..., K) `rfft` of x (..., n) at some lines; a long one is put together of short ones.
+    """Return (..., K) `rfft` of x (..., n) at some lines; a long one is put together of short ones.
 
     The samples a, a + A, a + 2 A, ... have a transform X_a of n / A lines, and X[k] is the sum over a of
     X_a[k] exp(-2j pi k a / n), where X_a repeats itself beyond its lines (decimation in time; Cooley & Tukey, 1965).

@@ -41,7 +41,7 @@ Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], 
 
 
 def read_in_own_process(reader_file: str, path: Path) -> Contents:
-    """What the function ``contents`` of a room, given by its file, finds in a file.
+    """Return what the function ``contents`` of a room, given by its file, finds in a file.
 
     The room is loaded by its path alone, so it may import nothing of this package.
 
@@ -104,7 +104,7 @@ def require_size(wanted: int, file_size: int) -> None:
 
 
 def receive(stream: IO[bytes], file_size: int) -> Contents | None:
-    """What `send` wrote of a file of that size; None where it ends before it is whole."""
+    """Return what `send` wrote of a file of that size; None where it ends before it is whole."""
     head = stream.readline()
     if not head.endswith(b"\n"):
         return None

@@ -70,6 +70,6 @@ def progress_bar(label: str = "") -> Callable[[int, int], None]:
 
 
 def in_notebook() -> bool:
-    """Whether this runs in the kernel of a notebook, and not in a terminal."""
+    """Return whether this runs in the kernel of a notebook, and not in a terminal."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return hasattr(shell, "kernel")

@@ -64,7 +64,7 @@ class Sketch(NamedTuple):
 
 
 def repr_line(thing: DataclassInstance) -> str:
-    """A value as it stands at a prompt: its type and fields, arrays by their shape.
+    """Return a value as it stands at a prompt: its type and fields, arrays by their shape.
 
     >>> from nlfrf._base.values import value
     >>> @value
@@ -104,12 +104,12 @@ def short_repr(thing: object) -> str:
 
 
 def is_written_out(array: np.ndarray) -> bool:
-    """Whether `short_repr` shows the numbers of an array, not its shape."""
+    """Return whether `short_repr` shows the numbers of an array, not its shape."""
     return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
 
 
 def html_card(thing: DataclassInstance) -> str:
-    """A value as HTML: what it says of itself, a picture where it has one, its fields with their meaning."""
+    """Return a value as HTML: what it says of itself, a picture where it has one, its fields with their meaning."""
     kind = type(thing)
     parts = [f"<b>{html.escape(kind.__name__)}</b>"]
     has_own_text = kind.__str__ is not object.__str__
@@ -131,7 +131,7 @@ def html_card(thing: DataclassInstance) -> str:
 
 
 def describe_content(thing: object) -> str:
-    """What a field holds: of real numbers between what and what, too."""
+    """Return what a field holds: of real numbers between what and what, too."""
     described = short_repr(thing)
     if isinstance(thing, np.ndarray) and not is_written_out(thing) and thing.dtype.kind in "fiu":
         finite = thing[np.isfinite(thing)]
@@ -141,7 +141,7 @@ def describe_content(thing: object) -> str:
 
 @cache
 def field_meanings(kind: type) -> dict[str, str]:
-    """What the docstring of a type says of each of its fields, the first sentence."""
+    """Return what the docstring of a type says of each of its fields, the first sentence."""
     text = inspect.getdoc(kind) or ""
     section = re.search(r"(?:Fields|Parameters|Attributes)\n-+\n(.*?)(?=\n\n?[A-Z]\w+\n-+|\Z)", text, re.S)
     found: dict[str, str] = {}
@@ -187,12 +187,12 @@ def svg_sketch(sketch: Sketch) -> str:
 
 
 def svg_text(x: float, y: float, *, described: str, colour: str = "#444") -> str:
-    """A few words in a picture."""
+    """Return a few words in a picture."""
     return f"<text x='{x:.0f}' y='{y:.0f}' font-size='10' fill='{colour}'>{html.escape(described)}</text>"
 
 
 def thin_curve(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A curve of few points: of each stretch of a long one its lowest and its highest."""
+    """Return a curve of few points: of each stretch of a long one its lowest and its highest."""
     x, y = np.ravel(x), np.ravel(y)
     if y.size <= MOST:
         return x, y
@@ -271,7 +271,7 @@ def value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) 
 
 
 def freeze_array(array: np.ndarray) -> np.ndarray:
-    """A read-only copy; the array itself where nobody else can write it.
+    """Return a read-only copy; the array itself where nobody else can write it.
 
     A view is its own where the array that it looks into is read-only too.
     """
@@ -283,7 +283,7 @@ def freeze_array(array: np.ndarray) -> np.ndarray:
 
 
 def field_names(thing: DataclassInstance | type[DataclassInstance]) -> tuple[str, ...]:
-    """The names of a value's fields, or of a value type's, in order."""
+    """Return the names of a value's fields, or of a value type's, in order."""
     return tuple(field.name for field in fields(thing))
 
 
@@ -293,7 +293,7 @@ SIMPLE_TYPES = {"str", "bool", "int", "float", str, bool, int, float}
 
 
 def to_json(thing: object, most: float = np.inf) -> str:
-    """A value, or a list of them, as JSON: complex numbers as [re, im], what is not finite as null.
+    """Return a value, or a list of them, as JSON: complex numbers as [re, im], what is not finite as null.
 
     Arrays of more than `most` numbers are left out, and their shape told.
 
@@ -334,7 +334,7 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
 
 
 def simple_properties(thing: object) -> dict[str, object]:
-    """The properties of a value that are said to be a word, a truth or a number, by name."""
+    """Return the properties of a value that are said to be a word, a truth or a number, by name."""
     found = {}
     for kind in reversed(type(thing).__mro__):
         for name, held in vars(kind).items():

@@ -227,7 +227,7 @@ def wanted_force(
     n_log: int | None,
     rng: Rng,
 ) -> Multisine:
-    """The multisine that is wanted of the force, at an rms of one."""
+    """Return the multisine that is wanted of the force, at an rms of one."""
     require_kind("source", source, ServoAxis, Record)
     fs = source.drive.fs if isinstance(source, ServoAxis) else source.fs
     return multisine(
@@ -254,7 +254,7 @@ def experiment_within(
     rms: float | None,
     limits: AxisLimits | None,
 ) -> AxisExperiment:
-    """The experiment at its level, or at the largest that the limits allow; refused where it passes one."""
+    """Return the experiment at its level, or at the largest that the limits allow; refused where it passes one."""
     if plant is not None:
         require_kind("plant", plant, Bla)
     if limits is not None:
@@ -299,7 +299,7 @@ def base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> Motio
 
 
 def multisine_motion(ms: Multisine, loop: DriveLoop) -> Motion:
-    """What a multisine at the port moves, the worst of its realisations."""
+    """Return what a multisine at the port moves, the worst of its realisations."""
 
     def behind(H: np.ndarray) -> np.ndarray:
         return replace(ms, amplitude=ms.amplitude * np.abs(H), phase=ms.phase + np.angle(H)).u

@@ -207,7 +207,7 @@ def read_level(record: Record) -> Level:
 
 
 def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelState], str]:
-    """The state of each level, and why no three of them can be taken."""
+    """Return the state of each level, and why no three of them can be taken."""
     states = [LevelState.UNREADABLE] * len(read)
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
@@ -276,7 +276,7 @@ def plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
 
 
 def choose_levels(states: list[LevelState], stiffness: np.ndarray) -> list[int]:
-    """A level below the highest that sticks, the one nearest to half of the fall, the lowest that slides."""
+    """Return a level below the highest that sticks, the one nearest to half of the fall, the lowest that slides."""
     sticks, bends, slides = (
         [k for k, one in enumerate(states) if one is wanted]
         for wanted in (LevelState.STICKS, LevelState.BENDS, LevelState.SLIDES)
@@ -286,7 +286,7 @@ def choose_levels(states: list[LevelState], stiffness: np.ndarray) -> list[int]:
 
 
 def level_of_spectrum(record: Record, shape: np.ndarray) -> float:
-    """The rms of a force of a given spectrum (F,), of rms one, that moves the axis as far as a record does."""
+    """Return the rms of a force of a given spectrum (F,), of rms one, that moves the axis as far as a record does."""
     U, Y, _ = (np.atleast_2d(one[0].mean(axis=0)) for one in record_spectra(record))
     moved = np.sum(squared_modulus(Y)) * 2 / record.n_samples**2
     return float(np.sqrt(moved / (np.sum(squared_modulus(Y / U) * shape**2) / 2)))

@@ -62,7 +62,7 @@ def drive_loop(source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: B
 
 
 def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(M, P, F) spectra of force and position, (M, F) of the reference, on the excited lines."""
+    """Return (M, P, F) spectra of force and position, (M, F) of the reference, on the excited lines."""
     if record.r is None or not record.is_single:
         raise ValueError("source must be a record of one input and output with its reference r, got one without")
     U, Y, R = (rfft_at(one, record.lines.excited) for one in (record.u, record.y, record.r))
@@ -81,7 +81,7 @@ def interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: st
 
 
 def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
-    """(F,) FRF from force set point to encoder, without friction: hold, delay and current lag included.
+    """Return (F,) FRF from force set point to encoder, without friction: hold, delay and current lag included.
 
     The hold is exact: x' = A x + B u over each period, in which u changes once, `delay_periods` after the sample.
     """
@@ -112,7 +112,7 @@ def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
 
 
 def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:
-    """(F,) force set point of one unit at a port, the loop closed around G; the equations of docs/guide/axis.md.
+    """Return (F,) force set point of one unit at a port, the loop closed around G; the equations of docs/guide/axis.md.
 
     A position loop that runs in every nth period is taken as its mean over them: what it folds down is left out.
     """

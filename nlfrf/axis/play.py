@@ -140,7 +140,7 @@ def require_designed_gains(axis: ServoAxis, path: Path) -> None:
 
 
 def set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
-    """The set points of a port, None where the file has none; refused in another unit."""
+    """Return the set points of a port, None where the file has none; refused in another unit."""
     full = file.full_name(port)
     if full not in file.arrays:
         return None
@@ -150,7 +150,7 @@ def set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
 
 
 def stop_sample(trace: ServoTrace, limits: AxisLimits) -> int:
-    """How many samples pass before a limit is."""
+    """Return how many samples pass before a limit is."""
     require_kind("limits", limits, AxisLimits)
     way = np.maximum.accumulate(trace.position) - np.minimum.accumulate(trace.position)
     passed = (np.abs(trace.force_set) > limits.force) | (np.abs(trace.v[0]) > limits.velocity) | (way > limits.travel)

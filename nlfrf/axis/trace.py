@@ -133,7 +133,7 @@ def load_trace(
 
 
 def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -> tuple[Record, ...]:
-    """The records of traces, after a look at what they hold."""
+    """Return the records of traces, after a look at what they hold."""
     fs, lines = runs[0].fs, experiment.ms.lines
     N = design_period(experiment.ms, fs)
     require_fast_trace(experiment, fs, N)
@@ -186,7 +186,7 @@ class Periods(NamedTuple):
 
 
 def read_run(file: Channels, u: str, *, y: str, fs: float | None) -> Run:
-    """The two channels of a file; a force in a unit of motion is refused."""
+    """Return the two channels of a file; a force in a unit of motion is refused."""
     run = Run(file.signal("u", u), file.signal("y", y), file.sampling_frequency(fs, (u, y)), file.labels(u, y))
     unit = run.labels["u_unit"]
     if unit in MOTION_UNITS:
@@ -244,7 +244,7 @@ def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> di
 
 
 def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
-    """How smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike."""
+    """Return how smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike."""
     H = U / R
     steps = np.divide(
         H[1:] * H[:-1].conj(), np.abs(H[1:] * H[:-1]), out=np.zeros(H.size - 1, complex), where=H[1:] != 0
@@ -277,7 +277,7 @@ def same_signal(A: np.ndarray, R: np.ndarray, *, lines: np.ndarray, N: int) -> f
 
 
 def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
-    """Whether force and position are as the design expects, but for friction.
+    """Return whether force and position are as the design expects, but for friction.
 
     Refuses set points in place of what was measured; warns of a limit, a wrong sign, another size than expected.
     """

@@ -857,7 +857,7 @@ def choose_source(level_from: str, excited: Spectra, *, grid: LineGrid, n_detect
 
 
 def can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
-    """Whether odd detection lines give the distortion variance within a known factor on this grid."""
+    """Return whether odd detection lines give the distortion variance within a known factor on this grid."""
     kind = grid.kind
     if grid.odd.size < n_detection or kind in ("full", "odd", "odd-odd"):
         return False

@@ -57,7 +57,7 @@ class SingularValues:
     confidence: float
 
     def _sketch_(self) -> Sketch:
-        """The values, for a notebook."""
+        """Return the values, for a notebook."""
         with np.errstate(divide="ignore"):
             decibels = 20 * np.log10(self.sigma)
         return Sketch("Hz", "dB", [(f"value {i + 1}", self.f, one) for i, one in enumerate(decibels)], log=True)
@@ -116,7 +116,7 @@ class RelativeGains:
     confidence: float
 
     def __str__(self) -> str:
-        """The elements where they are largest and least, in a few lines."""
+        """Return the elements where they are largest and least, in a few lines."""
         size = np.abs(self.gains)
         rows = [f"relative gains of {len(self.outputs)} outputs by {len(self.inputs)} inputs on {self.f.size} lines"]
         for (j, out), (i, name) in ((a, b) for a in enumerate(self.outputs) for b in enumerate(self.inputs)):

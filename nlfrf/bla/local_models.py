@@ -263,7 +263,7 @@ class LocalModels(NamedTuple):
 
 
 def is_flat(amplitude: np.ndarray) -> bool:
-    """Whether each of the spectra (..., F) is the same on all lines."""
+    """Return whether each of the spectra (..., F) is the same on all lines."""
     return bool((amplitude.min(axis=-1) >= MIN_FLATNESS * amplitude.max(axis=-1)).all())
 
 

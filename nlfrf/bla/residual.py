@@ -59,7 +59,7 @@ class NonlinearResidual(NamedTuple):
 
 
 def gain_varies(gain: np.ndarray) -> bool:
-    """Whether |G|^2 (F,) changes over the band by more than scatter."""
+    """Return whether |G|^2 (F,) changes over the band by more than scatter."""
     ratio = gain.max() / max(gain.min(), TINY)
     if ratio > CLEAR_GAIN_VARIATION or ratio <= MIN_GAIN_VARIATION:
         return bool(ratio > CLEAR_GAIN_VARIATION)

@@ -137,12 +137,12 @@ class Channels:
         }
 
     def unit(self, full: str) -> str:
-        """The unit of a channel by its full name, empty where the file tells none."""
+        """Return the unit of a channel by its full name, empty where the file tells none."""
         bracket = UNIT_SUFFIX.search(full)
         return bracket[1].strip() if bracket else self.units.get(full, "")
 
     def text(self, name: str) -> str:
-        """A text, empty where there is none of that name."""
+        """Return a text, empty where there is none of that name."""
         array = self.arrays.get(name)
         if array is None or array.dtype.kind not in "US" or array.size != 1:
             return ""
@@ -215,7 +215,7 @@ class Channels:
         return {"": scalar}
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
-        """The time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
+        """Return the time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
         time, home = self.clocks.get(name), name.rpartition(".")[0]
         if isinstance(time, float):
             return float(self.arrays.get(f"{name}.start", 0.0))
@@ -225,7 +225,7 @@ class Channels:
         return (self.second_of(time) or np.nan) * np.ravel(self.arrays[time]) if isinstance(time, str) else None
 
     def seconds(self, name: str) -> np.ndarray | None:
-        """The time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""
+        """Return the time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""
         full = self.full_name(name)
         clock = self.clocks.get(full, self.clocks.get(""))
         if clock is None and full in self.arrays:
@@ -248,12 +248,12 @@ class Channels:
         )
 
     def second_of(self, time: str) -> float | None:
-        """The unit of a time channel [s], None where it is not known."""
+        """Return the unit of a time channel [s], None where it is not known."""
         unit = unit_in_name(time)
         return seconds_per_unit((self.units.get(time) if unit is None else unit) or "")
 
     def scalar_clock(self, candidates: str, known: bool = False) -> tuple[float, str] | None:
-        """The sampling frequency [Hz] by a variable fs, Ts and the like, first in the struct of a channel."""
+        """Return the sampling frequency [Hz] by a variable fs, Ts and the like, first in the struct of a channel."""
         homes = [f"{candidates.rpartition('.')[0]}." if "." in candidates else "", ""]
         found = []
         for name, array in self.arrays.items():
@@ -307,12 +307,12 @@ class Channels:
 
 
 def may_run(array: np.ndarray) -> bool:
-    """Whether a stream can be a time axis; a parameter that a logger repeats in every row cannot."""
+    """Return whether a stream can be a time axis; a parameter that a logger repeats in every row cannot."""
     return array.dtype.kind in "fiu" and array.size > 1 and constant_of(array) is None
 
 
 def constant_of(array: np.ndarray) -> float | None:
-    """The number that a single value is, or a stream that repeats it; None of anything else."""
+    """Return the number that a single value is, or a stream that repeats it; None of anything else."""
     if array.dtype.kind not in "fiu" or not array.size:
         return None
     first = array.reshape(-1)[0]
@@ -320,7 +320,7 @@ def constant_of(array: np.ndarray) -> float | None:
 
 
 def backward_steps(t: np.ndarray) -> str:
-    """Where a time channel does not run forward."""
+    """Return where a time channel does not run forward."""
     steps = np.diff(t.astype(float))
     if not np.any(steps < 0):
         return "does not run forward"
@@ -367,7 +367,7 @@ OnePath: TypeAlias = str | os.PathLike[str]
 
 
 def to_paths(path: OnePath | Iterable[OnePath]) -> list[OnePath]:
-    """The files of an experiment, one or several."""
+    """Return the files of an experiment, one or several."""
     paths = [path] if isinstance(path, str | os.PathLike) or not isinstance(path, Iterable) else list(path)
     if not paths:
         raise ValueError("path must be a file or a list of files, got none")
@@ -502,6 +502,6 @@ def split_columns(
 
 
 def is_time_axis(t: np.ndarray) -> bool:
-    """Whether a stream is a time axis: it rises by even steps."""
+    """Return whether a stream is a time axis: it rises by even steps."""
     steps = np.diff(np.asarray(t, dtype=float))
     return bool(steps.size and steps.min() > 0.5 * np.median(steps) > 0 and np.ptp(steps) < 0.1 * np.median(steps))

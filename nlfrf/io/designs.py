@@ -155,7 +155,7 @@ def add_remark(path: Path, text: str) -> None:
 
 
 def played_samples(u: np.ndarray) -> np.ndarray:
-    """(channels, N) periods in the order they are played: all inputs of an experiment beside one another."""
+    """Return (channels, N) periods in the order they are played: all inputs of an experiment beside one another."""
     return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
 
 
@@ -201,7 +201,7 @@ def load_multisine(path: str | os.PathLike[str]) -> Multisine:
 
 
 def load_design(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine:
-    """The design that `save_multisine` wrote, of one input or of several."""
+    """Return the design that `save_multisine` wrote, of one input or of several."""
     design: Multisine | OrthogonalMultisine | AxisExperiment = load_value(DESIGNS, path)
     if isinstance(design, AxisExperiment):
         raise ValueError(f"path must be a multisine, got an experiment on a drive in {str(path)!r}: take load_trace")
@@ -209,6 +209,6 @@ def load_design(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine
 
 
 def load_experiment(path: str | os.PathLike[str]) -> AxisExperiment:
-    """The experiment that `save_experiment` wrote."""
+    """Return the experiment that `save_experiment` wrote."""
     experiment: AxisExperiment = load_value({EXPERIMENT_SCHEMA: AxisExperiment}, path)
     return experiment

@@ -142,7 +142,7 @@ class FileContents:
 
 
 def quote_name(name: str) -> str:
-    """A channel's name as `nlfrf identify` takes it: in quotes, as in a table, where commas would part it.
+    """Return a channel's name as `nlfrf identify` takes it: in quotes, as in a table, where commas would part it.
 
     >>> print(quote_name("Kraft"), quote_name("Kraft, x"))
     Kraft "Kraft, x"
@@ -152,7 +152,7 @@ def quote_name(name: str) -> str:
 
 
 def escape_dash(path: str) -> str:
-    """A path that begins with a dash, told apart from an option."""
+    """Return a path that begins with a dash, told apart from an option."""
     return f"./{path}" if path.startswith("-") else path
 
 
@@ -233,7 +233,7 @@ def describe_lost_rows(file: Channels, name: str) -> LostRows | None:
 
 
 def own_contents(file: Channels) -> FileContents:
-    """What a file of this package holds: the channels of a record, anything else in words."""
+    """Return what a file of this package holds: the channels of a record, anything else in words."""
     content = value_in(file)
     channels: tuple[Channel, ...] = ()
     if isinstance(content, Record):
@@ -270,7 +270,7 @@ def record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
 
 
 def describe_extent(content: Record | Multisine | OrthogonalMultisine) -> str:
-    """How much of a signal there is, in words."""
+    """Return how much of a signal there is, in words."""
     if isinstance(content, OrthogonalMultisine) or (isinstance(content, Record) and not content.is_single):
         runs = format_count(content.n_experiments, "experiment")
     else:
@@ -282,7 +282,7 @@ def describe_extent(content: Record | Multisine | OrthogonalMultisine) -> str:
 
 
 def is_varying(stream: np.ndarray) -> bool:
-    """Whether a stream of numbers or truth values moves, and all of it is finite."""
+    """Return whether a stream of numbers or truth values moves, and all of it is finite."""
     return bool(np.isfinite(stream).all() and stream.max() > stream.min())
 
 
@@ -296,7 +296,7 @@ def describe_stream(file: Channels, name: str, stream: np.ndarray) -> Channel:
 
 
 def channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> Channel:
-    """A channel by its samples."""
+    """Return a channel by its samples."""
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
     extremes = (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
@@ -304,7 +304,7 @@ def channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -
 
 
 def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-    """The channels of one length each, as they were sampled together, the longest first.
+    """Return the channels of one length each, as they were sampled together, the longest first.
 
     What is far shorter than the longest is no measurement, but a state, a setting or a temperature noted now and then.
     """
@@ -317,7 +317,7 @@ def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndar
 
 
 def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str]:
-    """The input, its period in samples, and what is excited, in words."""
+    """Return the input, its period in samples, and what is excited, in words."""
     found: dict[str, tuple[float, float, str]] = {}
     likely = sorted(candidates, key=lambda name: not INPUT_NAMES.fullmatch(bare_name(name)))[:MAX_CANDIDATES]
     for name in candidates:
@@ -375,7 +375,7 @@ def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
 
 
 def is_set_point(name: str) -> bool:
-    """Whether a channel is called a set point, which a sampled drive or controller holds over each period.
+    """Return whether a channel is called a set point, which a sampled drive or controller holds over each period.
 
     >>> is_set_point("current set point [A]"), is_set_point("Strom_Soll"), is_set_point("current [A]")
     (True, True, False)
@@ -384,5 +384,5 @@ def is_set_point(name: str) -> bool:
 
 
 def bare_name(name: str) -> str:
-    """A name without its unit and the structs around it."""
+    """Return a name without its unit and the structs around it."""
     return UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1].strip()

@@ -72,7 +72,7 @@ def contents(path: Path) -> Contents:
 
 
 def read_header(stream: IO[bytes]) -> Header | None:
-    """The header of a member behind the first bytes of it; None of a version that only tables have."""
+    """Return the header of a member behind the first bytes of it; None of a version that only tables have."""
     version = tuple(stream.read(2))
     if version not in HEADER_READERS:
         return None
@@ -83,13 +83,13 @@ def read_header(stream: IO[bytes]) -> Header | None:
 
 
 def read_member(archive: ZipFile, member: ZipInfo) -> np.ndarray:
-    """An array as NumPy reads it; the archive holds it against its checksum."""
+    """Return an array as NumPy reads it; the archive holds it against its checksum."""
     with archive.open(member) as stream:
         return npy.read_array(stream, allow_pickle=False)
 
 
 def map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: Header) -> np.ndarray:
-    """An array that lies in the file as it is."""
+    """Return an array that lies in the file as it is."""
     with archive.open(member) as opened:
         head = opened.read(header.length)
     with path.open("rb") as stream:
@@ -104,7 +104,7 @@ def map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: Header)
 
 
 def member_offset(stream: IO[bytes], member: ZipInfo) -> int:
-    """Where the bytes of a member begin: behind its local head of 30 bytes, a name and an extra field."""
+    """Return where the bytes of a member begin: behind its local head of 30 bytes, a name and an extra field."""
     stream.seek(member.header_offset + 26)
     lengths = stream.read(4)
     return member.header_offset + 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")

@@ -407,7 +407,7 @@ def check_names(u: object, y: object, r: object) -> None:
 def measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
-    """A record for each output, of the streams of all files."""
+    """Return a record for each output, of the streams of all files."""
     streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
     measured = {"y": {name: [file.signal("y", name) for file in files] for name in outputs}}
     requested = (*names.values(), *outputs)
@@ -592,7 +592,7 @@ def load_multirecord(
 
 
 def holds_multirecord(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a record of several inputs that `save_record` wrote: its schema stands in front."""
+    """Return whether a file is a record of several inputs that `save_record` wrote: its schema stands in front."""
     path = to_path(path)
     if path.suffix.lower() not in (".npz", ".mat", ".h5", ".hdf5") or not path.is_file():
         return False
@@ -605,7 +605,7 @@ def holds_multirecord(path: str | os.PathLike[str]) -> bool:
 
 
 def stack_channels(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
-    """(n_channels, n) channels of one file."""
+    """Return (n_channels, n) channels of one file."""
     if file.text("schema"):
         raise ValueError(f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}")
     streams = [file.signal(parameter, name) for name in names]

@@ -111,7 +111,7 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
 
 
 def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
-    """The table of a matrix, entry by entry."""
+    """Return the table of a matrix, entry by entry."""
     columns, bound = {"f [Hz]": frm.f}, frm.bound(confidence)
     for (j, y), (i, u) in itertools.product(enumerate(frm.outputs), enumerate(frm.inputs)):
         entry, name = frm.G[j, i], f"{y}/{u}".replace(",", ";")
@@ -120,7 +120,7 @@ def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
 
 
 def bla_table(bla: Bla, confidence: float) -> dict[str, np.ndarray]:
-    """The table of one input and output."""
+    """Return the table of one input and output."""
     return {
         "f [Hz]": bla.f,
         "Re G": bla.G.real,

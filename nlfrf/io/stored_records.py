@@ -105,7 +105,7 @@ def record_to_arrays(record: Record) -> dict[str, np.ndarray]:
 
 
 def record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
-    """The samples of a single experiment as columns, time [s] in front, and their names."""
+    """Return the samples of a single experiment as columns, time [s] in front, and their names."""
     if record.n_experiments != 1:
         what = "realisation" if record.is_single else "experiment"
         raise ValueError(f"record must hold one {what} for a .csv file, got {record.n_experiments}; use .npz")
@@ -121,7 +121,7 @@ def record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
 def stored_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
 ) -> list[Record]:
-    """A record for each output, of files that `save_record` wrote."""
+    """Return a record for each output, of files that `save_record` wrote."""
     records: list[Record] = []
     for output in outputs:
         runs = [stored_record(file, {**names, "y": output}, fs=fs, options=options) for file in files]
@@ -133,7 +133,7 @@ def stored_records(
 
 
 def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None, options: Cutting) -> Record:
-    """A record as `save_record` wrote it, already cut into periods, with its grid."""
+    """Return a record as `save_record` wrote it, already cut into periods, with its grid."""
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
     signals = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
@@ -159,7 +159,7 @@ def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None,
 def stored_multirecord(
     files: list[Channels], u: Sequence[str] | None, *, y: Sequence[str] | None, fs: float | None, options: Cutting
 ) -> Record:
-    """A record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
+    """Return a record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
     return join_records([stored_experiments(file, u, y=y, fs=fs, options=options) for file in files])
 
 

@@ -46,7 +46,7 @@ def save_value(
 
 
 def value_to_arrays(thing: DataclassInstance, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
-    """The fields of a value as arrays, those of the values inside it behind its name and a dot."""
+    """Return the fields of a value as arrays, those of the values inside it behind its name and a dot."""
     content: dict[str, np.ndarray] = {}
     for name in names:
         part, key = getattr(thing, name), f"{prefix}{name}"
@@ -68,7 +68,7 @@ Kind = TypeVar("Kind")
 
 
 def load_value(kinds: Mapping[str, Callable[..., Kind]], path: str | os.PathLike[str]) -> Kind:
-    """The value of one of these kinds, by its schema, that `save_value` wrote."""
+    """Return the value of one of these kinds, by its schema, that `save_value` wrote."""
     return value_from_file(kinds, read_channels(path))
 
 
@@ -85,7 +85,7 @@ def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) ->
 
 
 def value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarray], prefix: str = "") -> Kind:
-    """A value from its fields as arrays; those that it can do without may be missing."""
+    """Return a value from its fields as arrays; those that it can do without may be missing."""
     wanted = inspect.signature(kind).parameters
     required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
     return kind(
@@ -124,7 +124,7 @@ def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
 
 
 def to_scalar(array: np.ndarray) -> object:
-    """A number or a text from an array without axes, any other array as it is."""
+    """Return a number or a text from an array without axes, any other array as it is."""
     held = array.item() if array.ndim == 0 else array
     return one_line(held) if isinstance(held, str) else held
 

@@ -41,7 +41,7 @@ MIN_LINES = 12  # lines from which smooth is told from jumpy
 
 
 def excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarray:
-    """The lines found, or those of them that were played where the others are the actuator's distortion.
+    """Return the lines found, or those of them that were played where the others are the actuator's distortion.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) ->
 
 
 def regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
-    """The lines in step with a regular grid, from the first to the last one found; the sparse grids first."""
+    """Return the lines in step with a regular grid, from the first to the last one found; the sparse grids first."""
     inside = np.arange(found[0], found[-1] + 1)
     special = [inside[np.isin((inside - shift) % 8, (1, 3))] for shift in (0, 2, 4, 6)]
     sparse = [inside[inside % 4 == k] for k in (1, 3)]
@@ -83,12 +83,12 @@ def regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
 
 
 def level_roughness(level: np.ndarray) -> float:
-    """How far a level jumps from line to line, in the median [dB]."""
+    """Return how far a level jumps from line to line, in the median [dB]."""
     return float(np.median(np.abs(np.diff(level)))) if level.size > 1 else 0.0
 
 
 def smooth_band(level: np.ndarray) -> tuple[int, int]:
-    """Where the smooth stretch of a level begins and ends: its strongest line, and all that is joined to it."""
+    """Return where the smooth stretch of a level begins and ends: its strongest line, and all that is joined to it."""
     strongest = int(np.argmax(np.convolve(level, np.ones(5) / 5, "same")[2:-2])) + 2
     last = band_edge(level[strongest:]) + strongest
     first = strongest + 1 - band_edge(level[strongest::-1])
@@ -116,7 +116,7 @@ def extension_of_band(played: np.ndarray, n_lines: int) -> np.ndarray:
 
 
 def stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bool:
-    """Whether other lines stand clearly under the nearest played ones, nearly all of them."""
+    """Return whether other lines stand clearly under the nearest played ones, nearly all of them."""
     if others.size == 0:
         return True
     nearest = played[np.clip(np.searchsorted(played, others), 0, played.size - 1)]
@@ -143,7 +143,7 @@ SIGNIFICANCE = 20.0  # power over the variance by noise that an excited line nee
 
 
 def detect_lines(u: np.ndarray) -> LineGrid:
-    """The lines on which a periodic input was excited.
+    """Return the lines on which a periodic input was excited.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def detect_lines(u: np.ndarray) -> LineGrid:
 
 
 def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(K,) power of the mean over periods, of all lines but mean and Nyquist, and its variance by noise."""
+    """Return (K,) power of the mean over periods, of all lines but mean and Nyquist, and its variance by noise."""
     n_periods = u.shape[1]
     inside = slice(1, (u.shape[2] + 1) // 2)
     if u.shape[2] > BLOCK_ENTRIES and n_periods > 1:
@@ -239,7 +239,7 @@ def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
 
 
 def complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """The regular grid of which at most a tenth is missing, where the missing lines do carry input.
+    """Return the regular grid of which at most a tenth is missing, where the missing lines do carry input.
 
     Lines in a narrow notch of the amplitude spectrum, or near the noise, are found by their place in the grid.
     """
@@ -255,7 +255,7 @@ def complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
 
 
 def white_noise_level(power: np.ndarray) -> float:
-    """The level of white noise in the power of a single period; zero where no part of it looks like noise.
+    """Return the level of white noise in the power of a single period; zero where no part of it looks like noise.
 
     The power of noise is exponentially distributed, so its quartiles are 0.288 and 1.386 times its mean, and it
     jumps from line to line, by 4.8 dB in the median, where a designed spectrum is smooth.

@@ -28,7 +28,7 @@ LAG_RESOLUTION = 4  # places to a sample at which a correlation is looked at
 
 
 def detect_period(u: np.ndarray) -> float:
-    """The period of a signal in samples, not rounded, from its autocorrelation.
+    """Return the period of a signal in samples, not rounded, from its autocorrelation.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def period_by_autocorrelation(u: np.ndarray) -> float:
 
 
 def interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(L,) the largest correlation within half a sample of each lag, over its norm (L,), and where it stands.
+    """Return (L,) the largest correlation within half a sample of each lag, over its norm (L,), and where it stands.
 
     Between its samples a correlation is known by its spectrum (n // 2 + 1,). A parabola through three samples would be
     too low for signals of a wide band, and a period of 399.75 samples would seem to be one of 1599.
@@ -108,7 +108,7 @@ def parabola_vertex(rho: np.ndarray, peak: int) -> float:
 
 
 def bitwise_period(u: np.ndarray) -> float:
-    """The least lag at which a signal repeats to the last bit, 0 where it does not."""
+    """Return the least lag at which a signal repeats to the last bit, 0 where it does not."""
     head = u[:FIRST_SAMPLES]
     anchor = int(np.argmax(np.abs(head - head.mean())))  # a value that is not met everywhere
     tries = 0
@@ -127,7 +127,7 @@ def bitwise_period(u: np.ndarray) -> float:
 
 
 def period_of_long_signal(u: np.ndarray) -> float:
-    """The period of a long signal, 0 where it is not found by less than its whole autocorrelation."""
+    """Return the period of a long signal, 0 where it is not found by less than its whole autocorrelation."""
     step = smooth_step(u)
     rough = decimate(u[np.newaxis, : u.size // step * step], step)[0]
     rough = rough - rough.mean()
@@ -177,7 +177,7 @@ def template_lags(u: np.ndarray) -> dict[int, float]:
 
 
 def lagged_correlation(u: np.ndarray, lag: int) -> float:
-    """The correlation of a signal with itself `lag` samples later, over as many as tell, in the middle of it."""
+    """Return the correlation of a signal with itself `lag` samples later, over as many as tell, in the middle of it."""
     first = max(0, (u.size - lag - CHUNK_SAMPLES) // 2)
     early, late = u[first : u.size - lag][:CHUNK_SAMPLES], u[first + lag :][:CHUNK_SAMPLES]
     mean = np.add.reduce(early) / early.size, np.add.reduce(late) / late.size

@@ -266,17 +266,17 @@ def to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
 
 
 def default_names(letter: str, n: int) -> tuple[str, ...]:
-    """What channels without a name are called: u, or u1, u2, ..."""
+    """Return what channels without a name are called: u, or u1, u2, ..."""
     return (letter,) if n == 1 else tuple(f"{letter}{i + 1}" for i in range(n))
 
 
 def given_name(names: tuple[str, ...], letter: str) -> str:
-    """The name of a single channel that somebody gave it."""
+    """Return the name of a single channel that somebody gave it."""
     return names[0] if len(names) == 1 and names[0] != letter else ""
 
 
 def channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, ...]:
-    """The unit of each channel, empty where it is not known."""
+    """Return the unit of each channel, empty where it is not known."""
     units = (given,) if isinstance(given, str) else tuple(given)
     if units and (len(units) != n or not all(isinstance(one, str) for one in units)):
         raise ValueError(f"{name} must be {n} texts, one a channel, got {given!r}")

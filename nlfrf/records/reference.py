@@ -106,14 +106,14 @@ def reconstruct_references(design: Design, u: np.ndarray) -> np.ndarray:
 
 
 def design_spectra(design: Design) -> np.ndarray:
-    """(n_u, M, F) complex amplitudes that were played."""
+    """Return (n_u, M, F) complex amplitudes that were played."""
     if isinstance(design, Multisine):
         return (design.amplitude * np.exp(1j * design.phase))[None]
     return design.spectrum
 
 
 def align_spectra(U: np.ndarray, D: np.ndarray, *, k: np.ndarray, n_samples: int) -> tuple[float, float]:
-    """The largest correlation of an input with a design over all shifts, and that shift [samples]."""
+    """Return the largest correlation of an input with a design over all shifts, and that shift [samples]."""
     cross = np.zeros(n_samples // 2 + 1, dtype=complex)
     cross[k] = U * D.conj()
     correlation = np.fft.irfft(cross, n_samples) * (n_samples / 2)

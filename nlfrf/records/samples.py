@@ -154,7 +154,7 @@ class Cutting(NamedTuple):
 
 
 def has_channels(signal: Samples) -> bool:
-    """Whether streams come with an axis of channels: of a list its first one tells."""
+    """Return whether streams come with an axis of channels: of a list its first one tells."""
     first = signal[0] if isinstance(signal, list | tuple) and signal else signal
     return np.ndim(first) == 2
 
@@ -230,7 +230,7 @@ def cut_together(
 
 
 def channel_label(name: str, i: int, names: tuple[str, ...]) -> str:
-    """A channel in messages: "y2", or "y2 (position)" where it has a name."""
+    """Return a channel in messages: "y2", or "y2 (position)" where it has a name."""
     return f"{name}{i + 1} ({names[i]})" if i < len(names) else f"{name}{i + 1}"
 
 
@@ -245,7 +245,7 @@ def sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
 
 
 def split_experiments(name: str, signal: Samples) -> list[np.ndarray]:
-    """The streams (n_channels, n) of each experiment."""
+    """Return the streams (n_channels, n) of each experiment."""
     many = list(signal) if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0) else [signal]
     arrays = [
         require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1)
@@ -349,7 +349,7 @@ def require_whole_period(n: int, n_samples: int, n_discard: int) -> None:
 
 
 def track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:
-    """Where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
+    """Return where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
     tracks = [track_input(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
     tracks = [found for found in tracks if found.unexplained < MAX_PERIOD_DIFFERENCE]
     if resample and len(tracks) == len(excitation):
@@ -362,7 +362,7 @@ def track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -
 def cut_stream(
     streams: list[np.ndarray], tracks: list[PeriodAlignment | None], *, n_periods: int, n_samples: int
 ) -> np.ndarray:
-    """(M, P, N) of a signal: each period where it stands, or one after the other; as many as all have."""
+    """Return (M, P, N) of a signal: each period where it stands, or one after the other; as many as all have."""
     rows = [
         one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else resegment(one, where)[0]
         for one, where in zip(streams, tracks, strict=True)
@@ -417,12 +417,12 @@ def examine_outputs(
 
 
 def output_label(name: str, m: int, tracks: Sequence[PeriodAlignment | None]) -> str:
-    """How an output is called in messages, of realisation m of several."""
+    """Return how an output is called in messages, of realisation m of several."""
     return name if len(tracks) == 1 else f"{name}, realisation {m}"
 
 
 def output_names(signals: Iterable[str]) -> list[str]:
-    """The names of those that are neither input nor reference."""
+    """Return the names of those that are neither input nor reference."""
     return [name for name in signals if name not in ("u", "r")]
 
 
@@ -451,7 +451,7 @@ def require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
 
 
 def check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | None, named: bool) -> Streams:
-    """The streams of each signal, one per realisation, once they are known to belong together.
+    """Return the streams of each signal, one per realisation, once they are known to belong together.
 
     Outputs that are named are called so in messages, others y.
     """
@@ -602,7 +602,7 @@ def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
 
 
 def rounded_period(u: np.ndarray, resample: bool) -> int:
-    """The period of the input, rounded to samples: whether it is whole is found by following the periods."""
+    """Return the period of the input, rounded to samples: whether it is whole is found by following the periods."""
     period = detect_period(u)
     if abs(period - round(period)) > 0.1 and not resample:
         raise ValueError(

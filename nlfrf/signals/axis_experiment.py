@@ -184,7 +184,7 @@ class AxisExperiment:
         return np.asarray(gain * np.tile(self.ms.u, repeats)[:, : gain.size])
 
     def set_points(self, realization: int) -> dict[str, np.ndarray]:
-        """(n,) set points to play, by port; the position, and what the multisine is added to."""
+        """Return (n,) set points to play, by port; the position, and what the multisine is added to."""
         found = {"position": self.base}
         found[self.port] = found.get(self.port, 0.0) + self.excitation[realization]
         return found

@@ -174,7 +174,7 @@ def max_harmless_draws(n_realizations: int) -> int:
 
 
 def best_draw(ms: Multisine, phase: np.ndarray, *, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
-    """The phases with the lowest peaks of n draws, the given ones among them."""
+    """Return the phases with the lowest peaks of n draws, the given ones among them."""
     draws = [phase, *(rng.uniform(0, 2 * np.pi, phase.size) for _ in range(n_draws - 1))]
     return min(draws, key=lambda one: fine_crest_factor(ms, one, n_fine))
 
@@ -189,7 +189,7 @@ def reduce_one_realization(
     n_fine: int,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """The best phases of one realisation: from its own, from Schroeder's, then from fresh random ones."""
+    """Return the best phases of one realisation: from its own, from Schroeder's, then from fresh random ones."""
     best, lowest, done, own = phase, fine_crest_factor(ms, phase, n_fine), 0, True
     while done < n_iterations and lowest > target:
         start = phase if own else starts.pop() if starts else rng.uniform(0, 2 * np.pi, phase.size)

@@ -105,7 +105,7 @@ def line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
 
 
 def grid_lines(kind: str, first: int, *, last: int, rng: np.random.Generator) -> LineGrid:
-    """The grid of one kind on the lines first..last (both included where the kind excites them).
+    """Return the grid of one kind on the lines first..last (both included where the kind excites them).
 
     ``random-odd`` leaves one line, drawn by `rng`, out of every four consecutive odd lines.
     """
@@ -122,7 +122,7 @@ def grid_lines(kind: str, first: int, *, last: int, rng: np.random.Generator) ->
 
 
 def recognise_kind(excited: np.ndarray) -> str:
-    """The kind of grid a set of excited lines forms; "custom" where it forms none of the known ones."""
+    """Return the kind of grid a set of excited lines forms; "custom" where it forms none of the known ones."""
     if excited.size < 2:
         return "custom"
     steps = np.diff(excited)
@@ -141,7 +141,7 @@ def recognise_kind(excited: np.ndarray) -> str:
 
 
 def is_special_odd(excited: np.ndarray) -> bool:
-    """Whether odd lines fall into groups of four consecutive ones, each with one line missing."""
+    """Return whether odd lines fall into groups of four consecutive ones, each with one line missing."""
     index = (excited - excited[0]) // 2
     if index[-1] < 8:
         return False
@@ -166,7 +166,7 @@ def local_mean(x: np.ndarray, n: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def neighbour_counts(size: int, half: int) -> np.ndarray:
-    """(size,) how many entries stand within `half` of each."""
+    """Return (size,) how many entries stand within `half` of each."""
     centre = np.arange(size)
     return np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)
 
@@ -175,7 +175,7 @@ def neighbour_counts(size: int, half: int) -> np.ndarray:
 
 
 def chance_correlation(chance: float, n: float) -> float:
-    """The share of power that unit vectors of n random phases have in common, but for so small a chance.
+    """Return the share of power that unit vectors of n random phases have in common, but for so small a chance.
 
     They have more than c in common with probability (1 - c)^(n - 1).
 

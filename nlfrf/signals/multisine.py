@@ -121,7 +121,7 @@ class Multisine:
         return np.abs(self.u).max(axis=1) / self.rms
 
     def sampled(self, n_samples: int) -> np.ndarray:
-        """(M, n_samples) the same period sampled more densely: the band-limited signal itself."""
+        """Return (M, n_samples) the same period sampled more densely: the band-limited signal itself."""
         spectrum = np.zeros((self.n_realizations, n_samples // 2 + 1), dtype=complex)
         spectrum[:, self.lines.excited] = self.amplitude * np.exp(1j * self.phase) * (n_samples / 2)
         return np.fft.irfft(spectrum, n_samples, axis=1)
@@ -299,7 +299,7 @@ def multisine(
 def grid_in_band(
     kind: str, lines: LineGrid | np.ndarray | None, *, first: int, last: int, rng: np.random.Generator
 ) -> LineGrid:
-    """The grid of a kind from the first to the last line of the band, or the one that was given."""
+    """Return the grid of a kind from the first to the last line of the band, or the one that was given."""
     if kind == "custom":
         if lines is None:
             raise ValueError("lines must be given for a custom grid, got None")
@@ -321,7 +321,7 @@ def grid_in_band(
 
 
 def thin_grid(grid: LineGrid, n_log: int) -> LineGrid:
-    """The lines of a grid nearest to a logarithmic spacing."""
+    """Return the lines of a grid nearest to a logarithmic spacing."""
     excited = grid.excited
     wanted = np.geomspace(excited[0], excited[-1], n_log)
     right = np.clip(np.searchsorted(excited, wanted), 1, excited.size - 1)
@@ -347,7 +347,7 @@ def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tupl
 
 
 def relative_amplitude(amplitude: Amplitude | None, f: np.ndarray) -> np.ndarray:
-    """The (F,) relative amplitudes at the frequencies f."""
+    """Return the (F,) relative amplitudes at the frequencies f."""
     if amplitude is None:
         return np.ones(f.size)
     if callable(amplitude):
@@ -366,7 +366,7 @@ def relative_amplitude(amplitude: Amplitude | None, f: np.ndarray) -> np.ndarray
 
 
 def relative_amplitudes(amplitude: Amplitude | None, f: np.ndarray, n_inputs: int) -> np.ndarray:
-    """The (n_u, F) relative amplitudes of several inputs."""
+    """Return the (n_u, F) relative amplitudes of several inputs."""
     given = amplitude(f) if callable(amplitude) else amplitude
     if given is not None and np.ndim(given) == 2:
         if len(given) != n_inputs:
@@ -376,7 +376,7 @@ def relative_amplitudes(amplitude: Amplitude | None, f: np.ndarray, n_inputs: in
 
 
 def rms_per_input(rms: float | Sequence[float] | np.ndarray, n_inputs: int) -> np.ndarray:
-    """(n_u,) root mean square of each input."""
+    """Return (n_u,) root mean square of each input."""
     if np.ndim(rms) == 0:
         return np.full(n_inputs, require_positive("rms", rms))
     if np.shape(rms) != (n_inputs,):

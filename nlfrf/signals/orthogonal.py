@@ -148,7 +148,7 @@ class OrthogonalMultisine:
         return logical if self.mixing is None else np.tensordot(self.mixing, logical, 1)
 
     def sampled(self, n_samples: int) -> np.ndarray:
-        """(n_u, M, n_samples) the same period sampled more densely: the band-limited signal itself."""
+        """Return (n_u, M, n_samples) the same period sampled more densely: the band-limited signal itself."""
         spectrum = np.zeros((self.n_inputs, self.n_experiments, n_samples // 2 + 1), dtype=complex)
         spectrum[..., self.lines.excited] = self.spectrum * (n_samples / 2)
         return np.fft.irfft(spectrum, n_samples, axis=2)
@@ -207,7 +207,7 @@ def orthogonal_multisine(
 
 
 def set_phases(n_inputs: int, n_lines: int, *, T: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
-    """(n_u, n_u or 1, F) phases of one set: phi_i + psi_e + arg T_ie, all of them from 0 to 2 pi."""
+    """Return (n_u, n_u or 1, F) phases of one set: phi_i + psi_e + arg T_ie, all of them from 0 to 2 pi."""
     phi = rng.uniform(0, 2 * np.pi, size=(n_inputs, 1, n_lines))
     if T is None:
         return phi
@@ -234,7 +234,7 @@ def assign_lines(kind: str, grid: LineGrid, *, n_inputs: int, rng: np.random.Gen
 
 
 def orthogonal_matrix(n: int, transform: str) -> np.ndarray:
-    """(n, n) T with T T^H = n I and |T_ie| = 1: the DFT matrix, or a Hadamard matrix of signs.
+    """Return (n, n) T with T T^H = n I and |T_ie| = 1: the DFT matrix, or a Hadamard matrix of signs.
 
     >>> orthogonal_matrix(2, "hadamard")
     array([[ 1.,  1.],
@@ -254,13 +254,13 @@ def orthogonal_matrix(n: int, transform: str) -> np.ndarray:
 
 
 def is_paley_order(n: int) -> bool:
-    """Whether n - 1 is a prime with remainder 3 by 4: squares modulo it make a Hadamard matrix (Paley 1933)."""
+    """Return whether n - 1 is a prime with remainder 3 by 4: squares modulo it make a Hadamard matrix (Paley 1933)."""
     q = n - 1
     return q % 4 == 3 and all(q % d for d in range(2, int(q**0.5) + 1))
 
 
 def paley_matrix(n: int) -> np.ndarray:
-    """(n, n) Hadamard matrix from the squares modulo n - 1."""
+    """Return (n, n) Hadamard matrix from the squares modulo n - 1."""
     q = n - 1
     squares = {i * i % q for i in range(1, q)}
     sign = np.array([0] + [1 if i in squares else -1 for i in range(1, q)], dtype=float)

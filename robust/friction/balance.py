@@ -117,7 +117,7 @@ def unit_of(quantity: str, units: tuple[str, str]) -> str:
 
 
 def format_length(length: float, units: tuple[str, str]) -> str:
-    """A small length or angle in its unit."""
+    """Return a small length or angle in its unit."""
     unit = units[1]
     return f"{1e6 * length:.3g} u{unit}" if unit in ("m", "rad") else f"{length:.3g} {unit}"
 
@@ -343,7 +343,7 @@ def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, v
 
 
 def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
-    """(M, W) force with which the load reacts on the motion of the motor; zero without a load.
+    """Return (M, W) force with which the load reacts on the motion of the motor; zero without a load.
 
     The load starts from rest, and its second period is taken. What of the first is left by then has decayed with
     exp(-c/(2 m2) T) at least: by 1e-3 and more on the presets of `nlfrf.servo_axis`.
@@ -365,14 +365,14 @@ def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
 
 
 def linear_columns(motion: Motion, terms: Terms) -> list[np.ndarray]:
-    """(M, W) column of each linear term of the motion."""
+    """Return (M, W) column of each linear term of the motion."""
     omega, Y = motion.omega, motion.Y
     columns = {"mass": -(omega**2) * Y, "damping": 1j * omega * Y, "stiffness": Y, "softening": -(omega**4) * Y}
     return [columns[name] for name in terms.linear]
 
 
 def actuated_force(motion: Motion, numbers: dict[str, float]) -> np.ndarray:
-    """(M, W) force behind its delay and lag."""
+    """Return (M, W) force behind its delay and lag."""
     s = 1j * motion.omega
     lag = np.sqrt(max(0.0, numbers.get("lag_squared", 0.0)))
     # the delay is counted with the lag in it: the two are hard to tell apart, their sum is not
@@ -383,14 +383,14 @@ def actuated_force(motion: Motion, numbers: dict[str, float]) -> np.ndarray:
 
 
 def pack(candidate: Candidate) -> np.ndarray:
-    """The parameters as one vector; elements by their logarithms."""
+    """Return the parameters as one vector; elements by their logarithms."""
     numbers = [candidate.numbers[name] for name in candidate.terms.names]
     elements = (candidate.stiffness, candidate.breakaway, candidate.load_stiffness, candidate.load_breakaway)
     return np.concatenate([numbers, *(np.log(one) for one in elements)])
 
 
 def unpack(x: np.ndarray, like: Candidate) -> Candidate:
-    """The candidate of a vector, with the terms and as many elements as another."""
+    """Return the candidate of a vector, with the terms and as many elements as another."""
     names, n = like.terms.names, like.stiffness.size
     elements = np.exp(x[len(names) :])
     return replace(
@@ -404,7 +404,7 @@ def unpack(x: np.ndarray, like: Candidate) -> Candidate:
 
 
 def residual_of(motion: Motion, candidate: Candidate) -> np.ndarray:
-    """(M, W) what the candidate leaves of the force."""
+    """Return (M, W) what the candidate leaves of the force."""
     left = actuated_force(motion, candidate.numbers)
     for name, column in zip(candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True):
         left = left - candidate.numbers[name] * column
@@ -417,7 +417,7 @@ STEP = 0.02
 
 
 def slopes_of(motion: Motion, candidate: Candidate) -> np.ndarray:
-    """(M, W, p) derivatives of the residual by the parameters."""
+    """Return (M, W, p) derivatives of the residual by the parameters."""
     omega, terms, numbers, D = motion.omega, candidate.terms, candidate.numbers, candidate.breakaway
     columns = [-one for one in linear_columns(motion, terms)]
     force = actuated_force(motion, numbers)
@@ -443,7 +443,7 @@ def slopes_of(motion: Motion, candidate: Candidate) -> np.ndarray:
 
 
 def slopes_of_load(motion: Motion, candidate: Candidate) -> list[np.ndarray]:
-    """(M, W) derivatives of the residual by the parameters of the load, and by those of its elements."""
+    """Return (M, W) derivatives of the residual by the parameters of the load, and by those of its elements."""
     if not candidate.terms.load:
         return []
     x, base = pack(candidate), reaction_of_load(motion, candidate)
@@ -541,7 +541,7 @@ def merged(k: np.ndarray, D: np.ndarray, *, total: float, strength: float) -> tu
 
 
 def reweight(levels: list[Motion], candidate: Candidate) -> list[np.ndarray]:
-    """(M, W) standard deviation of every line, from the residual around it."""
+    """Return (M, W) standard deviation of every line, from the residual around it."""
     found = []
     for level in levels:
         power = smoothed((np.abs(residual_of(level, candidate)) ** 2).mean(axis=0))
@@ -551,7 +551,7 @@ def reweight(levels: list[Motion], candidate: Candidate) -> list[np.ndarray]:
 
 
 def with_branches(levels: list[Motion], candidate: Candidate) -> list[Motion]:
-    """The levels with the start of the elements that leaves less.
+    """Return the levels with the start of the elements that leaves less.
 
     An element with stiction has two periodic forces along the same motion, where it swings by less than D and more than
     D (1 + 1/rho)/2: either it never slips, or it slips, drops, and so slips at the other end too. Which of them the
@@ -666,7 +666,7 @@ def tangent_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidat
 def extend(
     levels: list[Motion], stds: list[np.ndarray], *, candidate: Candidate, span: tuple[float, float]
 ) -> Candidate | None:
-    """The candidate with the term or element that is worth most; None where chance is worth as much."""
+    """Return the candidate with the term or element that is worth most; None where chance is worth as much."""
     Q, left = tangent_of(levels, stds, candidate)
     options: list[tuple[float, Candidate]] = []
     terms = candidate.terms
@@ -766,7 +766,7 @@ def covariance_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candi
 
 
 def derived_numbers(x: np.ndarray, like: Candidate) -> dict[str, float]:
-    """What is reported, from the packed parameters: of a machine with a load all together, and the load."""
+    """Return what is reported, from the packed parameters: of a machine with a load all together, and the load."""
     one = unpack(x, like)
     numbers = one.numbers
     K0, Fs = float(one.stiffness.sum()), float(one.stiffness @ one.breakaway)

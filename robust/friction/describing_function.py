@@ -281,7 +281,7 @@ def equivalent_impedances(
 
 
 def only_slides(stiffness: np.ndarray, reaction: np.ndarray, *, a: np.ndarray, i: int) -> bool:
-    """Whether the friction force no longer grows from an amplitude to the next, so that all elements slide."""
+    """Return whether the friction force no longer grows from an amplitude to the next, so that all elements slide."""
     grows = reaction[i] * a[i] / max(reaction[i - 1] * a[i - 1], 1e-300) - 1
     return bool(
         abs(stiffness[i]) < SLIDING_TOLERANCE * reaction[i] and abs(grows) < SLIDING_TOLERANCE * np.log(a[i] / a[i - 1])

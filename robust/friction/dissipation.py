@@ -31,7 +31,7 @@ ROUNDED_UP = 1 + 1e-6
 def maxwell_slip_dissipation(
     loop: FrictionLoop, rates: np.ndarray, *, mu: np.ndarray, K0: float, rho: float
 ) -> Dissipation:
-    """The inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out."""
+    """Return the inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out."""
     rho = max(rho, ROUNDED_UP)
     used = np.concatenate([[True], mu[2:] > 0])
     a, weight, free = rates[used], np.where(mu[1:] > 0, mu[1:], 0.0)[used], float(mu[0])
@@ -105,7 +105,7 @@ def maxwell_slip_dissipation(
 def bristle_dissipation(
     loop: FrictionLoop, rates: np.ndarray, *, weights: BristleMultipliers, K0: float, microdamping: float
 ) -> Dissipation:
-    """The inequality for a loop with weights of its forms; filters without weight are left out."""
+    """Return the inequality for a loop with weights of its forms; filters without weight are left out."""
     used = weights.nu > 0
     a, nu, mu, M = rates[used], weights.nu[used], weights.mu, weights.block
     n, extra = loop.F.shape[0], int(used.sum())

@@ -388,7 +388,7 @@ FEWEST_RIGID = 4
 
 
 def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBalance:
-    """A level as a spring and a damper, measured and fitted; of two masses where they move as one."""
+    """Return a level as a spring and a damper, measured and fitted; of two masses where they move as one."""
     chosen = level.excited
     left = residual_of(level, candidate)
     spectra = element_spectra(level, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs)
@@ -451,7 +451,7 @@ def questions_of(
     mode: str | None,
     split: float,
 ) -> list[OpenQuestion]:
-    """What the levels leave open.
+    """Return what the levels leave open.
 
     levels : the highest first.
     stuck : stiffness that never slips [N/m].
@@ -562,7 +562,7 @@ HARMONICS = 3
 
 
 def compliance_column(level: Motion, candidate: Candidate, mass_share: float, friction_share: float) -> np.ndarray:
-    """(M, W) derivative of the force of one mass by the compliance 1/k of what carries a share of it as a load.
+    """Return (M, W) derivative of the force of one mass by the compliance 1/k of what carries a share of it as a load.
 
     The load reacts with N = -m2 w^2 Y2 + F2(y2), and y2 = y - N/k. To first order in 1/k it is N0, that of one mass,
     plus 1/k (m2 w^2 N0 + d/de F2(y - e n0)).
@@ -596,7 +596,7 @@ def compliance_column(level: Motion, candidate: Candidate, mass_share: float, fr
 def sign_of_mode(
     levels: list[Motion], weights: list[np.ndarray], *, candidate: Candidate, stds: dict[str, float], unit: str
 ) -> str | None:
-    """What shows that the machine is not one rigid mass; None where nothing does.
+    """Return what shows that the machine is not one rigid mass; None where nothing does.
 
     To first order a load on a spring is a term -w^4, and where friction slides it looks like a lag of the force. A lag
     is a mode where it is longer than the delay that contains it. Where the load has friction, the compliance of what

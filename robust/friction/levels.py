@@ -182,7 +182,7 @@ def nominal_reaction(bla: Bla, machine: FrictionPlant, nominal_error: np.ndarray
 
 
 def relative_std(bla: Bla) -> np.ndarray:
-    """(W,) standard deviation of G relative to |G|, with the error that a linear model may have."""
+    """Return (W,) standard deviation of G relative to |G|, with the error that a linear model may have."""
     return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + MODEL_ERROR**2))
 
 
@@ -219,7 +219,7 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
 
 
 def fit_rates(omega: np.ndarray, H: np.ndarray, std: np.ndarray) -> tuple[Solution, list[Solution]]:
-    """The fit without a slipping element, and all that count: that one, and one for each rate with a >= 0."""
+    """Return the fit without a slipping element, and all that count: that one, and one for each rate with a >= 0."""
     plain = least_squares(regressors(omega, np.nan), H, std=std, rate=np.nan)
     slipping = (
         least_squares(regressors(omega, b), H, std=std, rate=b) for b in np.geomspace(omega[0], omega[-1], N_RATES)
@@ -405,7 +405,7 @@ class FrictionClass:
 def machines_of(
     machine: FrictionPlant | FrictionClass, friction: AnyFriction | None
 ) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
-    """The machines to prove, and the class; from a class read from levels both."""
+    """Return the machines to prove, and the class; from a class read from levels both."""
     if isinstance(machine, FrictionClass) and machine.machines and friction is None:
         return tuple(machine.machines), machine.friction
     if not isinstance(machine, FrictionPlant):

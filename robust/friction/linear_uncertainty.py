@@ -159,7 +159,7 @@ def friction_frequency_test(
 def uncertain_rows(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(W, 1 + J, 2, 2) hermitian rows of the friction in (f, p), and (W, 2, 2) that of |q|^2 - |p|^2.
+    """Return (W, 1 + J, 2, 2) hermitian rows of the friction in (f, p), and (W, 2, 2) that of |q|^2 - |p|^2.
 
     error : (W,) largest |p/x| [N/m].
     """
@@ -176,7 +176,7 @@ def uncertain_rows(
 
 
 def find_multipliers(table: np.ndarray, q: np.ndarray) -> bool:
-    """Whether weights mu >= 0 and D(w) >= 0 make every matrix negative, by a cone program."""
+    """Return whether weights mu >= 0 and D(w) >= 0 make every matrix negative, by a cone program."""
     import cvxpy as cp
 
     unit = np.ones((table.shape[0], 2))  # of f and p

@@ -54,7 +54,7 @@ class LinearLoad:
     delay: float
 
     def reaction(self, omega: np.ndarray, stiffness: float) -> np.ndarray:
-        """(W,) force over displacement of the load behind its coupling, its friction a spring."""
+        """Return (W,) force over displacement of the load behind its coupling, its friction a spring."""
         link = self.coupling + 1j * omega * self.coupling_damping
         inertia = stiffness - self.load * omega**2
         return np.asarray(link * inertia / (link + inertia))
@@ -165,7 +165,7 @@ def candidate_of(
     vs: float,
     spring: bool,
 ) -> Candidate:
-    """A candidate with elements of these stiffnesses and strengths, and this stiction, at motor and load."""
+    """Return a candidate with elements of these stiffnesses and strengths, and this stiction, at motor and load."""
     numbers = {
         "mass": machine.motor,
         "damping": machine.damping / 2,

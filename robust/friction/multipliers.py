@@ -228,7 +228,7 @@ def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
 
 
 def largest_share(table: np.ndarray, weights: BristleMultipliers) -> np.ndarray:
-    """(W,) the largest eigenvalue over frequency with these weights, of the largest entry there."""
+    """Return (W,) the largest eigenvalue over frequency with these weights, of the largest entry there."""
     unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
     found = np.concatenate([[weights.mu], weights.nu, [weights.block[i, j] for i, j in BLOCK_ENTRIES]])
     parts = table * unit[:, None, :, None] * unit[:, None, None, :] * found[:, None, None]

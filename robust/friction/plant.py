@@ -105,7 +105,7 @@ def friction_plant(
     port: bool | None = None,
     position_unit: str = "m",
 ) -> FrictionPlant:
-    """The machine without its friction, from mass, stiffness and damping or from a model.
+    """Return the machine without its friction, from mass, stiffness and damping or from a model.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ SlidingMachine, sliding_machine = FrictionPlant, friction_plant
 
 
 def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> FrictionPlant:
-    """A state space with one force and one position, or with those of its friction port beside them."""
+    """Return a state space with one force and one position, or with those of its friction port beside them."""
     units = mechanical_units(position_unit)
     G = multivariable("mass", model)
     wanted = 2 if port else 1
@@ -215,12 +215,12 @@ def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fri
 
 
 def separate_delay(machine: FrictionPlant, delay: float) -> tuple[FrictionPlant, float]:
-    """The machine without its delay, and the delay of the whole loop [s]."""
+    """Return the machine without its delay, and the delay of the whole loop [s]."""
     return replace(machine, delay=0.0), require_nonnegative("delay", delay) + machine.delay
 
 
 def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 0.0) -> FrictionPlant:
-    """The machine with a spring [N/m] and a mass [kg] more at its friction port; either may be negative.
+    """Return the machine with a spring [N/m] and a mass [kg] more at its friction port; either may be negative.
 
     >>> machine = with_port_impedance(friction_plant(1.0, 80e3), -30e3, 0.25)
     >>> round(machine.resonance**2 * 1.25)
@@ -298,7 +298,7 @@ class FrictionLoop:
         return float(np.abs(poles).max() - 1 if self.T else poles.real.max())
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) where the loop comes to rest under f = 1 N, and how far each entry of it may be off."""
+        """Return (n,) where the loop comes to rest under f = 1 N, and how far each entry of it may be off."""
         unit_time = self.T or 1.0
         own = np.eye(self.F.shape[0])
         conditions = np.vstack([self.F * unit_time, *(jump - own for jump in self.jumps)])
@@ -314,7 +314,7 @@ class FrictionLoop:
 
 
 def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> FrictionLoop:
-    """The loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
+    """Return the loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
 
     The delay of the machine itself is added to it.
 
@@ -368,7 +368,7 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
 
 
 def continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionLoop:
-    """The loop with a continuous controller: one flow, no jump."""
+    """Return the loop with a continuous controller: one flow, no jump."""
     n, s = machine.A.shape[0], K.nstates
     F = np.zeros((n + s, n + s))
     F[:n, :n] = machine.A - K.D[0, 0] * np.outer(machine.B_force, machine.C_measured)
@@ -531,7 +531,7 @@ def absolute_kernel_integral(cut: PeriodPieces, rows: np.ndarray, within: np.nda
 
 
 def merge_periods(cut: PeriodPieces) -> tuple[int, np.ndarray] | None:
-    """How many periods are cut into pieces of whole periods, and what the friction of each makes of the state.
+    """Return how many periods are cut into pieces of whole periods, and what the friction of each makes of the state.
 
     That is for modes which are slow beside the clock, once the fast ones have died; None where one of them is not slow.
     """

@@ -190,7 +190,7 @@ def with_filters(
 
 
 def coordinates(loop: FrictionLoop, A: np.ndarray, *, B: np.ndarray, jumps: list[np.ndarray]) -> np.ndarray:
-    """(n, n) V with z = V z~ in which both inputs reach every state alike."""
+    """Return (n, n) V with z = V z~ in which both inputs reach every state alike."""
     n, none = A.shape[0], np.zeros((A.shape[0], 2))
     form = Dissipation(
         A=A,

@@ -99,7 +99,7 @@ Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def balancing_coordinates(form: Dissipation) -> np.ndarray:
-    """(n, n) V with z = V z~ in which the input reaches every state alike: a root of the closed-loop Gramian.
+    """Return (n, n) V with z = V z~ in which the input reaches every state alike: a root of the closed-loop Gramian.
 
     Summed over the ends of all spans: just after a delay the force that waited and the one that is held are the same.
     """
@@ -110,7 +110,7 @@ def balancing_coordinates(form: Dissipation) -> np.ndarray:
 
 
 def gramian(form: Dissipation) -> np.ndarray:
-    """(n, n) controllability Gramian of the flow with its jumps."""
+    """Return (n, n) controllability Gramian of the flow with its jumps."""
     n = form.A.shape[0]
     if not form.spans.size:
         return np.asarray(solve_continuous_lyapunov(form.A, -form.B @ form.B.T))
@@ -160,7 +160,7 @@ def join_stretches(first: Stretch, second: Stretch) -> Stretch:
 
 
 def jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
-    """The Riccati map back over a jump, with the block that acts there at its worst."""
+    """Return the Riccati map back over a jump, with the block that acts there at its worst."""
     n = form.A.shape[0]
     jump, left = form.jumps[i], slack * np.eye(n)
     if i or form.block is None:
@@ -176,7 +176,7 @@ def propagate_back(stretch: Stretch, W: np.ndarray) -> np.ndarray:
 
 
 def flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
-    """The Riccati map back over a flow."""
+    """Return the Riccati map back over a flow."""
     n = hamiltonian.shape[0] // 2
     E = expm(-span * hamiltonian)
     A = np.linalg.inv(E[:n, :n])
@@ -184,7 +184,7 @@ def flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
 
 
 def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
-    """(n, n) P just after the jump that begins a period, P itself where nothing is sampled; None if none."""
+    """Return (n, n) P just after the jump that begins a period, P itself where nothing is sampled; None if none."""
     if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
         return None
     with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
@@ -295,7 +295,7 @@ class StorageFunction:
 
 
 def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
-    """The inequality in balanced coordinates."""
+    """Return the inequality in balanced coordinates."""
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
     heavy = form.block and replace(form.block, weight=form.block.weight / top**2)

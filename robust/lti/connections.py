@@ -186,7 +186,7 @@ def worst_sensitivity(S: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray
 
 
 def worst_perturbation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The Delta of modulus one that reaches `worst_sensitivity`."""
+    """Return the Delta of modulus one that reaches `worst_sensitivity`."""
     centre, edge = 1 - a * b.conj(), a - b
     direction = np.where(np.abs(edge) > 0, edge, 1.0)
     # Delta = exp(j psi): (1 + a D)/(1 + b D) = [centre + edge (D + b*)/(1 + b D)]/(1 - |b|^2); the last fraction is

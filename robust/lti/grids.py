@@ -109,7 +109,7 @@ def controller_mode_lines(K: control.StateSpace, band: tuple[float, float]) -> n
 
 
 def interpolate_frf(omega: np.ndarray, known: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """(W,) an FRF between its lines, in log magnitude and phase; its end values outside them."""
+    """Return (W,) an FRF between its lines, in log magnitude and phase; its end values outside them."""
     log = np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G))
     return np.exp(np.interp(omega, known, log))
 
@@ -137,7 +137,7 @@ def find_peak(
 
 
 def extend_grid(omega: np.ndarray, top: float) -> np.ndarray:
-    """A grid with a point far below it and one far above, under `top`."""
+    """Return a grid with a point far below it and one far above, under `top`."""
     return np.unique(np.concatenate([omega, [omega[0] * 1e-5, min(omega[-1] * 1e5, top * (1 - 1e-12))]]))
 
 
@@ -170,7 +170,7 @@ def refine_peaks(
 
 
 def local_maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) of which curve, and (m,) at which point, the local maxima lie that are looked at closer."""
+    """Return (m,) of which curve, and (m,) at which point, the local maxima lie that are looked at closer."""
     there = (values[:, 1:-1] >= values[:, :-2]) & (values[:, 1:-1] >= values[:, 2:])
     owner, inner = [], []
     for k, row in enumerate(values):
@@ -196,7 +196,7 @@ def subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def peak_nearest_band(
     best: float, where: float, *, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
 ) -> tuple[float, float]:
-    """A largest value and where; on a flat top at the point nearest to the band."""
+    """Return a largest value and where; on a flat top at the point nearest to the band."""
     flat = points[values >= best * (1 - 1e-4)]
     if flat.size:
         away = np.abs(np.log(np.clip(flat, *band) / flat))

@@ -53,14 +53,14 @@ def make_picklable() -> None:
 
 
 def reduce_state_space(system: control.StateSpace) -> tuple[Callable[..., control.StateSpace], tuple[object, ...]]:
-    """How to make the system again: a function and what it is given."""
+    """Return how to make the system again: a function and what it is given."""
     names = {"inputs": system.input_labels, "outputs": system.output_labels, "states": system.state_labels}
     numbers = (system.A, system.B, system.C, system.D, system.dt)
     return rebuild_state_space, (numbers, {"name": system.name} | {key: list(labels) for key, labels in names.items()})
 
 
 def rebuild_state_space(numbers: tuple[object, ...], names: dict[str, object]) -> control.StateSpace:
-    """The system from its numbers and names."""
+    """Return the system from its numbers and names."""
     return control.StateSpace(*numbers, remove_useless_states=False, **names)
 
 
@@ -94,17 +94,17 @@ def timebase(system: control.StateSpace) -> float:
 
 
 def is_constant(system: control.StateSpace) -> bool:
-    """Whether the system is a gain, which fits any sampling time unless it states one (`is_clockless`)."""
+    """Return whether the system is a gain, which fits any sampling time unless it states one (`is_clockless`)."""
     return system.nstates == 0
 
 
 def is_clockless(system: control.StateSpace) -> bool:
-    """Whether the system is a gain that is not said to be sampled at some rate."""
+    """Return whether the system is a gain that is not said to be sampled at some rate."""
     return is_constant(system) and not timebase(system)
 
 
 def sampling_times_differ(one: control.StateSpace, other: control.StateSpace) -> bool:
-    """Whether two systems state sampling times that are not the same; a gain without one fits any."""
+    """Return whether two systems state sampling times that are not the same; a gain without one fits any."""
     steps = timebase(one), timebase(other)
     differ = abs(steps[0] - steps[1]) > SAMPLING_TOLERANCE * max(steps)
     return differ and not is_clockless(one) and not is_clockless(other)
@@ -137,7 +137,7 @@ def require_sampling_time(name: str, system: AnySystem, *, reference: str, wante
 
 
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """(W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
+    """Return (W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
     return response_by_channel(system, omega)[0, 0]
 
 
@@ -149,7 +149,7 @@ def make_response(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarr
 
 
 def siso_response(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
-    """(W,) `response` of a system that was made ready."""
+    """Return (W,) `response` of a system that was made ready."""
     return at(axis_offset(omega, dt))[:, 0, 0]
 
 
@@ -167,7 +167,7 @@ def axis_points(omega: np.ndarray, dt: float) -> np.ndarray:
 
 
 def balance_matrix(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A with rows and columns alike in size, by powers of two, and those."""
+    """Return a with rows and columns alike in size, by powers of two, and those."""
     with np.errstate(invalid="ignore"):  # scales beyond any integer, which scipy looks for a permutation in
         scaled, (weights, _) = matrix_balance(A, permute=False, separate=True)
     return scaled, weights
@@ -180,7 +180,7 @@ def scale_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarra
 
 
 def evaluate_transfer(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
+    """Return (W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
     return make_evaluator(A, B, C=C, D=D)(points)
 
 
@@ -221,7 +221,7 @@ def evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, 
 
 
 def solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """(W, n_out, n_in) C pencil^-1 B for each of (W, n, n); inf where there is none."""
+    """Return (W, n_out, n_in) C pencil^-1 B for each of (W, n, n); inf where there is none."""
     try:
         return np.asarray(C @ np.linalg.solve(pencil, B[None]))
     except np.linalg.LinAlgError:
@@ -231,7 +231,7 @@ def solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray
 
 
 def evaluate_by_schur(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(W, n_out, n_in) C (s I - A)^-1 B by one Schur form and back substitution at all points at once.
+    """Return (W, n_out, n_in) C (s I - A)^-1 B by one Schur form and back substitution at all points at once.
 
     For long delay lines; solving point by point keeps more digits where modes lie decades apart.
     """
@@ -275,12 +275,12 @@ def to_s_plane(roots: np.ndarray, dt: float) -> np.ndarray:
 
 
 def response_by_channel(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """(n_out, n_in, W) response."""
+    """Return (n_out, n_in, W) response."""
     return np.moveaxis(frequency_response_matrices((N.A, N.B, N.C, N.D), omega, timebase(N)), 0, 2)
 
 
 def frequency_response_matrices(matrices: Matrices, omega: np.ndarray, dt: float) -> np.ndarray:
-    """(W, n_out, n_in) transfer matrix at omega [rad/s].
+    """Return (W, n_out, n_in) transfer matrix at omega [rad/s].
 
     Of a sampled system from z - 1 and A - I: in a fast clock exp(j omega dt) rounds to one, and its slow poles with it.
     """
@@ -289,6 +289,6 @@ def frequency_response_matrices(matrices: Matrices, omega: np.ndarray, dt: float
 
 
 def axis_offset(omega: np.ndarray, dt: float) -> np.ndarray:
-    """(W,) s = j omega, or z - 1 where sampled."""
+    """Return (W,) s = j omega, or z - 1 where sampled."""
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
     return np.expm1(1j * omega * dt) if dt else 1j * omega

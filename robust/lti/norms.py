@@ -49,7 +49,7 @@ def to_discrete(
 
 
 def invert_for_bilinear(A: np.ndarray, place: str) -> np.ndarray:
-    """The inverse a bilinear map needs, or a refusal that names the pole in its way."""
+    """Return the inverse a bilinear map needs, or a refusal that names the pole in its way."""
     try:
         return np.linalg.inv(A)
     except np.linalg.LinAlgError:
@@ -59,13 +59,13 @@ def invert_for_bilinear(A: np.ndarray, place: str) -> np.ndarray:
 
 
 def continuous_image(system: control.StateSpace) -> Matrices:
-    """The matrices in continuous time; discrete systems through the bilinear map, which keeps the norm."""
+    """Return the matrices in continuous time; discrete systems through the bilinear map, which keeps the norm."""
     matrices = (system.A, system.B, system.C, system.D)
     return to_continuous(*matrices) if timebase(system) else matrices
 
 
 def to_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
-    """The image under p = (s - a)/(1 - s/b), which takes the circle through a and b, both real, onto the axis.
+    """Return the image under p = (s - a)/(1 - s/b), which takes the circle through a and b, both real, onto the axis.
 
     With 0 < a < b the disc between them becomes the right half plane of p, with b < a < 0 all that lies outside of it.
 
@@ -80,7 +80,7 @@ def to_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
 
 
 def from_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
-    """The image under s = (p + a)/(1 + p/b), the inverse of `to_half_plane`."""
+    """Return the image under s = (p + a)/(1 + p/b), the inverse of `to_half_plane`."""
     return to_half_plane(matrices, -a, -b)
 
 
@@ -89,7 +89,7 @@ LEVEL_OFFSETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singul
 
 
 def well_conditioned(matrices: Matrices) -> Matrices:
-    """A stable system in coordinates where numbers say what the dynamics are, hidden modes kept.
+    """Return a stable system in coordinates where numbers say what the dynamics are, hidden modes kept.
 
     The two Gramians are balanced (Moore 1981) after a small multiple of the identity was added to what drives them,
     so that a mode that hardly shows at input or output stays where it is; modal coordinates where that fails, those
@@ -145,7 +145,7 @@ def modal_coordinates(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def largest_gain(matrices: Matrices, omega: np.ndarray) -> np.ndarray:
-    """(W,) largest singular value at s = j omega; omega may be infinite."""
+    """Return (W,) largest singular value at s = j omega; omega may be infinite."""
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
     points = 1j * np.where(np.isinf(omega), 0.0, omega)
     points[np.isinf(omega)] = np.inf
@@ -187,7 +187,7 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def real_block_crossings(matrices: Matrices, G: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Where N^H N + j (G N - N^H G^H) - 1 may become singular, as `crossings`; None where it is so at infinity.
+    """Return where N^H N + j (G N - N^H G^H) - 1 may become singular, as `crossings`; None where it is so at infinity.
 
     With G large the same question put as a norm (a completed square) is hopelessly close to one.
     """
@@ -248,7 +248,7 @@ def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[f
 
 
 def find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, float] | None:
-    """A gain above a norm by more than a tolerance, and where [rad/s]; None where there is none.
+    """Return a gain above a norm by more than a tolerance, and where [rad/s]; None where there is none.
 
     Beside a singular value of D (a norm that is reached at infinity, or at the Nyquist frequency) the Hamiltonian says
     nothing for rounding: peaks that are well above it are looked for first.

@@ -38,7 +38,7 @@ __all__ = [
 
 
 def multivariable(name: str, system: object) -> control.StateSpace:
-    """The system as a state space with any number of inputs and outputs, or a refusal."""
+    """Return the system as a state space with any number of inputs and outputs, or a refusal."""
     if isinstance(system, (numbers.Real, list, tuple, np.ndarray)) and not isinstance(system, bool):
         system = control.StateSpace([], [], [], gain_matrix(name, system), None)
     if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
@@ -60,7 +60,7 @@ def multivariable(name: str, system: object) -> control.StateSpace:
 
 
 def gain_matrix(name: str, gain: object) -> np.ndarray:
-    """A constant gain as a matrix, or a refusal."""
+    """Return a constant gain as a matrix, or a refusal."""
     try:
         return np.atleast_2d(np.asarray(gain, dtype=float))
     except (TypeError, ValueError):
@@ -68,7 +68,7 @@ def gain_matrix(name: str, gain: object) -> np.ndarray:
 
 
 def state_space(name: str, system: object) -> control.StateSpace:
-    """The system as a single-input single-output state space with its own states kept, or a refusal.
+    """Return the system as a single-input single-output state space with its own states kept, or a refusal.
 
     Transfer functions are realised without cancelling anything: a mode that hides in G K must stay visible to
     the stability check. A number becomes a constant gain.
@@ -135,7 +135,7 @@ def require_complete(name: str, system: control.StateSpace) -> control.StateSpac
 
 
 def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpace:
-    """A weight that takes n signals: one of a single input and output stands for the same on each of them."""
+    """Return a weight that takes n signals: one of a single input and output stands for the same on each of them."""
     weight = multivariable(name, weight)
     if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
         return block_diagonal([weight] * n, weight.dt)
@@ -247,7 +247,7 @@ def second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...],
 
 
 def stable_weight(name: str, system: Weight, *, dt: float, n: int = 1) -> control.StateSpace:
-    """A stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
+    """Return a stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
     w = repeat_over_channels(name, system, n) if n > 1 else state_space(name, system)
     step = timebase(w)
     if step and not is_constant(w) and abs(step - dt) > 1e-9 * step:
@@ -259,7 +259,7 @@ def stable_weight(name: str, system: Weight, *, dt: float, n: int = 1) -> contro
 
 
 def rightmost_pole(system: control.StateSpace) -> complex:
-    """The pole farthest out."""
+    """Return the pole farthest out."""
     p = poles(system)
     return complex(p[np.argmax(np.abs(p) if timebase(system) else p.real)])
 

@@ -23,7 +23,7 @@ SAMPLING_TOLERANCE = 1e-6  # how far two sampling times may be apart that are on
 
 
 def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.StateSpace:
-    """What a sampled controller sees of a continuous plant: zero-order hold, computation delay, sampler. Exact.
+    """Return what a sampled controller sees of a continuous plant: zero-order hold, computation delay, sampler. Exact.
 
     The delay [s] need not be a whole number of samples. With delay = d dt + rest, the plant input changes
     inside the sampling interval from u[k-d-1] to u[k-d] (Åström & Wittenmark, *Computer-Controlled Systems*,
@@ -106,7 +106,7 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
 
 
 def delay_samples(name: str, delay: float, dt: float) -> int:
-    """The delay as a whole number of samples, or a refusal."""
+    """Return the delay as a whole number of samples, or a refusal."""
     whole = round(delay / dt)
     if abs(delay / dt - whole) > 1e-6:
         raise ValueError(
@@ -117,7 +117,7 @@ def delay_samples(name: str, delay: float, dt: float) -> int:
 
 
 def delayed(system: control.StateSpace, delay: float, *, order: int) -> control.StateSpace:
-    """The system, all its inputs behind a delay [s]: z^-d in discrete time, Padé of that order otherwise."""
+    """Return the system, all its inputs behind a delay [s]: z^-d in discrete time, Padé of that order otherwise."""
     if delay == 0:
         return system
     dt = timebase(system)
@@ -176,7 +176,7 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
 
 
 def roots_match(some: np.ndarray, other: np.ndarray) -> bool:
-    """Whether each root has one of the other set beside it."""
+    """Return whether each root has one of the other set beside it."""
     distances = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
     return bool(
         distances.min(axis=1).max() < ALLPASS_TOLERANCE and np.unique(distances.argmin(axis=1)).size == some.size

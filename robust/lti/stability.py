@@ -148,7 +148,7 @@ def poles_with_rounding(system: control.StateSpace) -> tuple[np.ndarray, np.ndar
 
 
 def connected_components(A: np.ndarray) -> list[np.ndarray]:
-    """The states of each part of a system all of whose states act on each other, on whatever ways."""
+    """Return the states of each part of a system all of whose states act on each other, on whatever ways."""
     reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
     for _ in range(len(A).bit_length()):  # ways of twice the length each time
         reach = (reach @ reach > 0).astype(np.float32)
@@ -157,7 +157,7 @@ def connected_components(A: np.ndarray) -> list[np.ndarray]:
 
 
 def assess_stability(system: control.StateSpace) -> StabilityResult:
-    """Whether every pole is stable beyond rounding, one is unstable, or rounding leaves it open."""
+    """Return whether every pole is stable beyond rounding, one is unstable, or rounding leaves it open."""
     poles, moved = poles_with_rounding(system)
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     if not poles.size or np.all(excess < -moved):
@@ -168,7 +168,7 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
 
 
 def is_stable(system: control.StateSpace) -> bool:
-    """Whether every pole lies strictly inside the stability region."""
+    """Return whether every pole lies strictly inside the stability region."""
     p = poles(system)
     return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
 
@@ -187,7 +187,7 @@ def unstable_poles(K: control.StateSpace, dt: float) -> int:
 
 
 def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
-    """The poles themselves."""
+    """Return the poles themselves."""
     p = poles(K)
     return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
 
@@ -248,13 +248,13 @@ def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
 
 
 def initial_slopes(omega: np.ndarray, G: np.ndarray) -> tuple[float, float]:
-    """How steeply |G| falls from the first line to the second and on to the third, in decades per decade."""
+    """Return how steeply |G| falls from the first line to the second and on to the third, in decades per decade."""
     slopes = -np.diff(np.log(np.abs(G[:3]) + 1e-300)) / np.diff(np.log(omega[:3]))
     return float(slopes[0]), float(slopes[1])
 
 
 def shows_integrators(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
-    """Whether the first lines let n integrators be told: by a phase near theirs, and by a slope that stays."""
+    """Return whether the first lines let n integrators be told: by a phase near theirs, and by a slope that stays."""
     if abs(phase_offset(G[0], n)) > MAX_PHASE_OFFSET:
         return False
     if n == 0 or omega.size < 3 or omega[2] <= 1.6 * omega[0]:
@@ -306,7 +306,7 @@ def integrator_poles(system: control.StateSpace, dt: float) -> int:
 
 
 def is_resolved(F: np.ndarray, x: np.ndarray) -> bool:
-    """Whether the polygon through the lines stays further from zero than the curve may bulge between them.
+    """Return whether the polygon through the lines stays further from zero than the curve may bulge between them.
 
     The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency, and doubled.
     """

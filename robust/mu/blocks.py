@@ -114,7 +114,7 @@ def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str 
 
 
 def place_block(block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice) -> np.ndarray:
-    """A block in a matrix of zeros."""
+    """Return a block in a matrix of zeros."""
     out = np.zeros(shape, complex)
     out[row, col] = block
     return out

@@ -148,7 +148,7 @@ class FrozenScalings:
         return float(2 / dt * np.arctan(x)) if dt else x
 
     def scaling(self, x: float) -> Scaling:
-        """The one found for this x, else one from the grid: any scaling proves what it proves."""
+        """Return the one found for this x, else one from the grid: any scaling proves what it proves."""
         if x in self.own:
             return self.own[x]
         if self.simple:
@@ -169,13 +169,13 @@ class FrozenScalings:
         )
 
     def loop(self, low: float, high: float) -> Matrices:
-        """The scaled system of an interval, below the level where its norm is below one."""
+        """Return the scaled system of an interval, below the level where its norm is below one."""
         A, B, C, D = self.matrices
         C_x, D_x, into = to_norm_form(self.scaling(interior_point(low, high)), C, D=D, level=self.level)
         return A, B @ into, C_x, D_x
 
     def changes(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Where the form that real blocks ask for may become singular."""
+        """Return where the form that real blocks ask for may become singular."""
         A, B, C, D = self.matrices
         D_L, D_R, G = self.scaling(interior_point(low, high))
         into = np.linalg.inv(D_R)
@@ -185,7 +185,7 @@ class FrozenScalings:
 def frozen_scalings(
     N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, level: float, deadline: float
 ) -> FrozenScalings:
-    """The system in good coordinates, and the scalings of its bound on a grid around its poles."""
+    """Return the system in good coordinates, and the scalings of its bound on a grid around its poles."""
     dt = timebase(N)
     matrices = well_conditioned(continuous_image(N))
     speeds = np.abs(np.linalg.eigvals(matrices[0])) if matrices[0].size else np.ones(1)
@@ -207,7 +207,7 @@ def frozen_scalings(
 
 
 def scaling_at(bound: MuBound, k: int) -> Scaling:
-    """The scaling of one frequency, in real numbers where it has them."""
+    """Return the scaling of one frequency, in real numbers where it has them."""
     assert bound.scaling is not None  # of an upper bound
     return tuple(m[:, :, k].real if not m[:, :, k].imag.any() else m[:, :, k] for m in bound.scaling)
 

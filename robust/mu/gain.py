@@ -35,7 +35,7 @@ MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
 
 
 def worst_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
-    """An upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
+    """Return an upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
 
     `worst_gain_bounds` takes systems too, and returns the perturbation that attains the gain which was found.
 
@@ -91,7 +91,7 @@ def worst_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
 
 
 def least_gain(M: np.ndarray, of_blocks: tuple[np.ndarray, ...], *, slack: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """(W,) least gain that scalings prove, from those of the blocks, which leave `slack` to one."""
+    """Return (W,) least gain that scalings prove, from those of the blocks, which leave `slack` to one."""
     rows, cols = s.shape
     D_L, D_R, G = of_blocks
     # in the coordinates of these scalings X begins at one, and the gain at one
@@ -133,7 +133,7 @@ def proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.n
 
 
 def starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(W,) the size of the performance at which scalings of one prove least, and the level they prove there.
+    """Return (W,) the size of the performance at which scalings of one prove least, and the level they prove there.
 
     The smallest of those tried takes half of the slack that the loop of the blocks leaves, so that it proves something.
     """
@@ -282,7 +282,7 @@ def inverse_root(A: np.ndarray) -> np.ndarray:
 
 
 def longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray:
-    """(W,) how far all matrices stay positive along their steps, at most one; nan where that is not known."""
+    """Return (W,) how far all matrices stay positive along their steps, at most one; nan where that is not known."""
     least = np.zeros(len(steps[0]))
     for root, step in zip(roots, steps, strict=True):
         turned = conjugate_transpose(root) @ step @ root
@@ -306,7 +306,7 @@ GROWTH = 1e-7
 def search_worst_case(
     M: np.ndarray, blocks: Blocks, *, upper: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(W,) largest gain found over the set and (W, n_in, n_out) the perturbation that has it.
+    """Return (W,) largest gain found over the set and (W, n_in, n_out) the perturbation that has it.
 
     inf, with a perturbation that makes the loop singular, where one of at most size one was found.
     """
@@ -354,7 +354,7 @@ def perturbation_of_skewed_mu(
 
 
 def ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
-    """(W,) gains and perturbations of size at most one, moved until the gain grows no more."""
+    """Return (W,) gains and perturbations of size at most one, moved until the gain grows no more."""
     rows, cols = s.shape
     delta, gain, todo = delta.copy(), np.zeros(len(M)), np.arange(len(M))
     for _ in range(MAX_ASCENT):

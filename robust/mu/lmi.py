@@ -14,7 +14,7 @@ __all__ = ["mu_upper_lmi"]
 
 
 def mu_upper_lmi(N: np.ndarray, blocks: Blocks, *, solver: str = "CLARABEL", time_cap: float = 5.0) -> MuBound:
-    """The bound of `mu_upper` by semidefinite programming in cvxpy: slow, and found in another way.
+    """Return the bound of `mu_upper` by semidefinite programming in cvxpy: slow, and found in another way.
 
     beta is bisected on beta^2 X_R - N^H X_L N - j (G N - N^H G^H) > 0; the bound is recomputed from the variables, so
     that no solver's status enters it.
@@ -61,7 +61,7 @@ def mu_upper_lmi(N: np.ndarray, blocks: Blocks, *, solver: str = "CLARABEL", tim
 def solve_scaling_program(
     M: np.ndarray, s: BlockStructure, *, solver: str, time_cap: float
 ) -> tuple[float, tuple[np.ndarray, ...]]:
-    """The bound at one frequency with its scalings."""
+    """Return the bound at one frequency with its scalings."""
     import cvxpy as cp
 
     n_out, n_in = M.shape
@@ -105,14 +105,14 @@ def solve_scaling_program(
 
 
 def real_embedding(H: np.ndarray) -> np.ndarray:
-    """The symmetric matrix of twice the size with the eigenvalues of a Hermitian one."""
+    """Return the symmetric matrix of twice the size with the eigenvalues of a Hermitian one."""
     return np.block([[H.real, -H.imag], [H.imag, H.real]])
 
 
 def bound_from_variables(
     A: np.ndarray, s: BlockStructure, *, x: np.ndarray | None, g: np.ndarray
 ) -> tuple[float, tuple[np.ndarray, ...]]:
-    """The bound that a solver's variables prove (inf: none), put together again."""
+    """Return the bound that a solver's variables prove (inf: none), put together again."""
     nothing = np.inf, (np.zeros(0),) * 3
     if x is None or not np.isfinite(x).all() or (s.skew.size and not np.isfinite(g).all()):
         return nothing

@@ -52,7 +52,7 @@ class Mode:
 
 
 def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) -> MuBound:
-    """A structured perturbation that makes the loop singular, as small as found: mu is at least 1 over its size.
+    """Return a structured perturbation that makes the loop singular, as small as found: mu is at least 1 over its size.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0)
 def search_perturbation(
     M: np.ndarray, s: BlockStructure, *, n_starts: int, rng: np.random.Generator, deadline: float
 ) -> MuBound:
-    """The largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
+    """Return the largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
     W = len(M)
     left, right, bound = worst_directions(M, s, deadline)
     count = 1 + n_starts * (STARTS_OF_REAL if s.skew.size else 1)
@@ -132,7 +132,7 @@ def search_perturbation(
 
 
 def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """The perturbations with every real block at zero."""
+    """Return the perturbations with every real block at zero."""
     out = delta.copy()
     for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
         if kind == "real":
@@ -143,7 +143,7 @@ def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
 def ascend(
     M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int, deadline: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) grows no more.
+    """Return (W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) grows no more.
 
     With real blocks that is the real part, less a price of the imaginary one which is over its multiplier.
     """
@@ -244,7 +244,7 @@ def smallest_size(theta: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray
 
 
 def refine_angle(theta: np.ndarray, width: float, *, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The angles (W,) of largest size within a width, by golden sections."""
+    """Return the angles (W,) of largest size within a width, by golden sections."""
     low, high = theta - width, theta + width
     for _ in range(12):
         inner = np.stack([low + 0.382 * (high - low), low + 0.618 * (high - low)], axis=1)
@@ -312,7 +312,7 @@ def worst_directions(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple
 def perturbation_from_directions(
     left: np.ndarray, right: np.ndarray, *, s: BlockStructure, rng: np.random.Generator | None, random: bool
 ) -> np.ndarray:
-    """A perturbation of size one along the first direction, or along a random combination, or any random one."""
+    """Return a perturbation of size one along the first direction, or along a random combination, or any random one."""
     W, k = left.shape[0], left.shape[2]
     if rng is None:
         return align_perturbation(left[:, :, 0], right[:, :, 0], turn=np.ones(W), s=s, inside=True)

@@ -86,7 +86,7 @@ class ParametricLoop:
     dt: float
 
     def closed(self, x: np.ndarray) -> np.ndarray:
-        """(K, n, n) state matrices."""
+        """Return (K, n, n) state matrices."""
         d = x[:, self.of]
         return_difference = np.eye(len(self.of)) - self.D * d[:, None, :]
         return np.asarray(self.A + self.B @ (d[:, :, None] * np.linalg.solve(return_difference, self.C[None])))
@@ -100,7 +100,7 @@ class ParametricLoop:
         return np.asarray((np.abs(poles) - 1 if self.dt else poles.real).max(axis=1))
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        """(r,) how the excess grows with each parameter."""
+        """Return (r,) how the excess grows with each parameter."""
         values, right = np.linalg.eig(self.closed(x[None])[0])
         k = int(np.argmax(np.abs(values) if self.dt else values.real))
         left = np.linalg.pinv(right)[k]
@@ -116,7 +116,7 @@ class ParametricLoop:
 def find_crossing(
     N: control.StateSpace, s: BlockStructure, *, least: float, limit: float, time_cap: float = 2.0
 ) -> Crossing | None:
-    """The smallest real parameters found that take a stable loop to the boundary.
+    """Return the smallest real parameters found that take a stable loop to the boundary.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def find_crossing(
 
 
 def search_directions(n: int) -> np.ndarray:
-    """(K, n) corners of the box, all of them or some, each parameter alone, and points inside."""
+    """Return (K, n) corners of the box, all of them or some, each parameter alone, and points inside."""
     rng = np.random.default_rng(0)
     corners = (
         np.array(list(product((-1.0, 1.0), repeat=n)))
@@ -185,7 +185,7 @@ def search_directions(n: int) -> np.ndarray:
 
 
 def bisect_direction(loop: ParametricLoop, y: np.ndarray, *, inner: float, outer: float) -> float:
-    """The size between a stable and an unstable one where the direction y crosses, from above."""
+    """Return the size between a stable and an unstable one where the direction y crosses, from above."""
     for _ in range(40):
         middle = (inner + outer) / 2
         if loop.excess((middle * y)[None])[0] > 0:
@@ -356,7 +356,7 @@ def parameter_margin(
 
 
 def next_level(low: float, broken: float, gap: float) -> float:
-    """The level to be proved next: all that the gap leaves where that is near, else between what is known."""
+    """Return the level to be proved next: all that the gap leaves where that is near, else between what is known."""
     near = min(broken, MAX_FACTOR) / (1 + 0.9 * gap)
     if np.isinf(broken):
         return min(2 * low, MAX_FACTOR) if low else 1.0
@@ -366,7 +366,7 @@ def next_level(low: float, broken: float, gap: float) -> float:
 def begin_search(
     N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, deadline: float
 ) -> tuple[BoxSearch, float]:
-    """What the bounds of mu say of the whole box, and the factor proved."""
+    """Return what the bounds of mu say of the whole box, and the factor proved."""
     now, r = time.monotonic(), len(s.kinds)
     omega = structure_grid(N)
     omega = omega[:: max(1, omega.size // N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
@@ -405,7 +405,7 @@ def begin_search(
 
 
 def prove_level(search: BoxSearch) -> BoxSearch:
-    """The level proved on every part of the box; or broken below it, or the reason why it stays open."""
+    """Return the level proved on every part of the box; or broken below it, or the reason why it stays open."""
     level, waiting, proved, proofs = search.level, list(search.boxes), [], []
     while waiting:
         if time.monotonic() > search.deadline:
@@ -434,7 +434,7 @@ def prove_level(search: BoxSearch) -> BoxSearch:
 
 
 def box_system(search: BoxSearch, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
-    """What perturbations of size one close of a part of the box at the level: Delta = middle + half delta."""
+    """Return what perturbations of size one close of a part of the box at the level: Delta = middle + half delta."""
     N, s, (middle, half) = search.N, search.s, box
     C, H = np.zeros(s.shape[::-1]), np.zeros(s.shape[1])
     for k, (row, col) in enumerate(zip(s.rows, s.cols, strict=True)):
@@ -509,7 +509,7 @@ def try_multiple(search: BoxSearch, x: np.ndarray) -> BoxSearch:
 
 
 def real_parameters(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """(r,) the numbers of the real blocks of a perturbation, nan for the others."""
+    """Return (r,) the numbers of the real blocks of a perturbation, nan for the others."""
     return np.array(
         [
             delta[col.start, row.start].real if kind == "real" else np.nan

@@ -74,7 +74,7 @@ class MuBound:
 
 
 def mu_upper(N: np.ndarray, blocks: Blocks) -> MuBound:
-    """How large a structured perturbation has to be, at least, to make a loop singular: 1 over this bound.
+    """Return how large a structured perturbation has to be, at least, to make a loop singular: 1 over this bound.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def mu_upper(N: np.ndarray, blocks: Blocks) -> MuBound:
 
 
 def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0, deadline: float = np.inf) -> MuBound:
-    """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it.
+    """Return the bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it.
 
     Whatever scalings there are at the deadline (of time.monotonic()) make a bound too.
     """
@@ -137,7 +137,7 @@ def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0, deadline:
 
 
 def response_matrices(name: str, N: object) -> np.ndarray:
-    """(W, n_out, n_in) from (n_out, n_in, W), or a refusal."""
+    """Return (W, n_out, n_in) from (n_out, n_in, W), or a refusal."""
     if isinstance(N, control.lti.LTI):
         raise ValueError(
             f"{name} must be an array (outputs, inputs, frequencies), got a {type(N).__name__}; give its response, "
@@ -154,7 +154,7 @@ def response_matrices(name: str, N: object) -> np.ndarray:
 
 
 def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """(W,) the bound that these scalings prove; inf where they are not fit to prove any."""
+    """Return (W,) the bound that these scalings prove; inf where they are not fit to prove any."""
     with np.errstate(all="ignore"):
         scaled = D_L @ N @ np.linalg.inv(D_R)
         fine = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(G).all(axis=(1, 2))
@@ -176,7 +176,7 @@ def conjugate_transpose(M: np.ndarray) -> np.ndarray:
 
 
 def osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
-    """(W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik / d_k."""
+    """Return (W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik / d_k."""
     sizes = np.stack(
         [np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1) for r in s.rows], axis=1
     )
@@ -249,7 +249,7 @@ def method_of_centres(
 
 
 def top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """(W,) largest eigenvalue of M^H M + j (G M - M^H G^H)."""
+    """Return (W,) largest eigenvalue of M^H M + j (G M - M^H G^H)."""
     A = conjugate_transpose(M) @ M
     if G.any():
         skew = 1j * G @ M
@@ -334,7 +334,7 @@ N_REFINEMENTS = 4
 
 
 def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
-    """(W,) upper bound at omega."""
+    """Return (W,) upper bound at omega."""
     return np.asarray(
         upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks, target=0.0, deadline=deadline).value
     )

@@ -286,7 +286,7 @@ def read_experiments(
 
 
 def ran_with(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> bool:
-    """Whether an experiment was designed for a drive with these gains, in A."""
+    """Return whether an experiment was designed for a drive with these gains, in A."""
     try:
         kp = settings.gain * settings.output_factor("A")
     except ValueError:  # no torque constant: the design has a kp in A
@@ -296,7 +296,7 @@ def ran_with(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> bool
 
 
 def to_drive_units(record: nlfrf.Record, settings: DriveSettings, path: Path, *, actual: bool) -> nlfrf.Record:
-    """A record in the units of the velocity loop; the errors and units are those of `read_trace`."""
+    """Return a record in the units of the velocity loop; the errors and units are those of `read_trace`."""
     if abs(record.fs / settings.fs - 1) > 1e-6:
         raise ValueError(
             f"trace must be sampled as the velocity loop is, at {settings.fs:g} Hz, got {path.name} at {record.fs:g} "
@@ -429,7 +429,7 @@ def check_drive(
 
 
 def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlfrf.Bla:
-    """The BLA of the machine alone, without delay and lag of the current loop where they are in the trace."""
+    """Return the BLA of the machine alone, without delay and lag of the current loop where they are in the trace."""
     s = 1j * bla.omega
     return bla if actual else bla.times(np.exp(s * settings.delay) * (1 + s * settings.lag))
 
@@ -563,7 +563,7 @@ def doubt_of_margins(report: RobustnessReport, worst: WorstCase | None, peak: fl
 
 
 def set_around(bla: nlfrf.Bla, nominal: control.StateSpace | NominalFit) -> UncertaintyModel:
-    """The set of plants around a nominal, its weight of the lowest order that is not far above the radius."""
+    """Return the set of plants around a nominal, its weight of the lowest order that is not far above the radius."""
     for order in WEIGHT_ORDERS[:-1]:
         with warnings.catch_warnings(), suppress(ValueError, DesignWarning):
             warnings.simplefilter("error", DesignWarning)
@@ -572,7 +572,7 @@ def set_around(bla: nlfrf.Bla, nominal: control.StateSpace | NominalFit) -> Unce
 
 
 def behind_lag(machine: control.StateSpace, lag: float) -> control.StateSpace:
-    """A machine behind the lag of the current loop [s]."""
+    """Return a machine behind the lag of the current loop [s]."""
     if not lag:
         return machine
     return in_series(control.StateSpace([[-1 / lag]], [[1 / lag]], [[1.0]], [[0.0]], 0), machine, dt=0)
@@ -598,7 +598,7 @@ def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:
 def judge_friction(
     blas: list[nlfrf.Bla], settings: DriveSettings, *, unit: str, stiction: float, Fs: float | None
 ) -> tuple[FrictionClass | None, tuple[FrictionProof, ...], tuple[FrictionCure, ...], str]:
-    """What the levels say of the friction, the proofs with it and what changes them, or why there are none."""
+    """Return what the levels say of the friction, the proofs with it and what changes them, or why there are none."""
     if len(blas) < 3:
         return None, (), (), f"it takes traces at three levels or more, from sticking to sliding, got {len(blas)}"
     if unit == "A":
@@ -622,7 +622,7 @@ def judge_friction(
 
 
 def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSettings, unit: str) -> StepResponse:
-    """The step of the position set point, through the loops of the drive."""
+    """Return the step of the position set point, through the loops of the drive."""
     G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
     direct = np.zeros_like(A)

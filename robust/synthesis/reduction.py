@@ -45,7 +45,7 @@ AXIS_TOLERANCE = 1e-9  # of the size of A: modes nearer to the axis are kept as 
 
 
 def split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """(A, B, C) of the modes that are kept, those not strictly stable, and of the others."""
+    """Return (A, B, C) of the modes that are kept, those not strictly stable, and of the others."""
     n, size = A.shape[0], AXIS_TOLERANCE * max(float(np.linalg.norm(A)), 1e-300)
     T, Z, k = schur(A, output="real", sort=lambda re, im=0.0: re >= -size) if n else (A, np.eye(0), 0)
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
@@ -127,7 +127,7 @@ def gramian_root(gramian: np.ndarray) -> np.ndarray:
 
 
 def add_systems(kept: tuple[np.ndarray, ...], small: Matrices) -> Matrices:
-    """The sum of the modes that were kept and a reduced part."""
+    """Return the sum of the modes that were kept and a reduced part."""
     A, B, C, D = small
     return block_diag(kept[0], A), np.vstack([kept[1], B]), np.hstack([kept[2], C]), D
 
@@ -313,7 +313,7 @@ def candidates(
 
 
 def is_measured(model: FrfSource) -> bool:
-    """Whether the plant is known on its lines only."""
+    """Return whether the plant is known on its lines only."""
     return (
         is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False)
     )
@@ -345,7 +345,7 @@ def rank_candidates(
 
 
 def compare_reports(report: RobustnessReport, before: RobustnessReport, change: float) -> tuple[bool, str]:
-    """Whether everything that was proved before is proved again, and what is not."""
+    """Return whether everything that was proved before is proved again, and what is not."""
     if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
     if before.robust_performance and not report.robust_performance:

@@ -92,7 +92,7 @@ def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
 
 
 def notch(omega: float, *, depth: float = 0.1, width: float = 0.5, dt: float = 0.0) -> control.StateSpace:
-    """A notch over a resonance, gain one away from it.
+    """Return a notch over a resonance, gain one away from it.
 
     (s^2 + depth width omega s + omega^2)/(s^2 + width omega s + omega^2).
 
@@ -136,7 +136,7 @@ def notch(omega: float, *, depth: float = 0.1, width: float = 0.5, dt: float = 0
 
 
 def roll_off(omega: float, *, order: int = 1, zeta: float = 0.7, dt: float = 0.0) -> control.StateSpace:
-    """A low-pass filter of first or second order: above it noise and unknown modes are left alone.
+    """Return a low-pass filter of first or second order: above it noise and unknown modes are left alone.
 
     Parameters
     ----------
@@ -234,6 +234,6 @@ def pid(
 
 
 def on_time_base(K: control.StateSpace, omega: float, dt: float) -> control.StateSpace:
-    """The element on its time base, exact at its frequency."""
+    """Return the element on its time base, exact at its frequency."""
     dt = require_nonnegative("dt", dt)
     return discretize(K, dt, prewarp=omega) if dt else K

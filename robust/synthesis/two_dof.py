@@ -203,7 +203,7 @@ def synthesise_matching(
 
 
 def reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop:
-    """The loop that is to follow a reference, or a refusal where it is not stable."""
+    """Return the loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
     loop = assemble_loop(model, K, w_P=None, delay=require_nonnegative("delay", delay))
@@ -214,7 +214,7 @@ def reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loop
 
 
 def on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpace:
-    """The reference model of n channels, stable, on the time base of the loop."""
+    """Return the reference model of n channels, stable, on the time base of the loop."""
     T_ref = stable_weight("reference", reference, dt=dt, n=n)
     return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
 
@@ -263,7 +263,7 @@ def exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.S
 def tracking_errors(
     loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
+    """Return (W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
     curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
     with np.errstate(all="ignore"):
@@ -395,7 +395,7 @@ def feedforward(
 def feedforward_errors(
     loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.
+    """Return (W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.
 
     S_p (T_ref - G_p F) = S (p + q Delta)/(1 + b Delta) fills a disc; inf where |b| reaches one.
     """

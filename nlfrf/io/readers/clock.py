@@ -63,7 +63,7 @@ CLOCK_TOLERANCE = 2e-4
 
 
 def is_time_name(name: str) -> bool:
-    """Whether the name of a channel is that of a time: "t", "time [ms]", "run.time_ms", "Zeit (s)".
+    """Return whether the name of a channel is that of a time: "t", "time [ms]", "run.time_ms", "Zeit (s)".
 
     >>> [is_time_name(name) for name in ("t", "run.Time_ms", "Elapsed Time (s)", "time_constant", "output")]
     [True, True, True, False, False]

@@ -188,10 +188,10 @@ def plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
 
 
 def is_positive_number(held: object) -> bool:
-    """Whether an attribute is a number above zero."""
+    """Return whether an attribute is a number above zero."""
     return is_finite_number(held) and held > 0
 
 
 def is_finite_number(held: object) -> TypeGuard[float]:
-    """Whether an attribute is a finite number."""
+    """Return whether an attribute is a finite number."""
     return isinstance(held, int | float) and not isinstance(held, bool) and bool(np.isfinite(held))

@@ -164,7 +164,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number written with that decimal sign."""
+    """Return whether a cell is a number written with that decimal sign."""
     return (NUMBER_WITH_POINT if decimal == "." else NUMBER_WITH_COMMA).fullmatch(cell) is not None
 
 
@@ -189,7 +189,7 @@ def cut_lines(lines: list[str], delimiter: str, decimal: str) -> Cutting:
 
 
 def is_data(row: list[str], c: Cutting) -> bool:
-    """Whether a row has the width of the table and numbers, or nothing, where those stand."""
+    """Return whether a row has the width of the table and numbers, or nothing, where those stand."""
     if len(row) != c.width or not any(c.numeric):
         return False
     held = [is_number(cell, c.decimal) for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
@@ -228,7 +228,7 @@ def find_header(lines: list[str], c: Cutting) -> tuple[tuple[str, ...], tuple[st
 
 
 def is_units_row(row: list[str], above: list[str]) -> bool:
-    """Whether a row holds units: all of its cells are, or all but a few unknown ones below names that are none.
+    """Return whether a row holds units: all of its cells are, or all but a few unknown ones below names that are none.
 
     >>> is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
     True

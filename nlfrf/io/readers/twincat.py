@@ -19,7 +19,7 @@ EXPORT_HEAD = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\
 
 
 def is_export(start: bytes) -> bool:
-    """Whether a file that begins so is an export of TwinCAT Scope."""
+    """Return whether a file that begins so is an export of TwinCAT Scope."""
     return EXPORT_HEAD.match(start) is not None
 
 

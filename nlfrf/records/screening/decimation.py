@@ -41,7 +41,7 @@ def common_smooth_step(signals: list[np.ndarray], n_samples: int) -> int:
 
 
 def decimate(x: np.ndarray, step: int) -> np.ndarray:
-    """(P, N / step) means of x (P, N) over `step` samples each; x itself for one.
+    """Return (P, N / step) means of x (P, N) over `step` samples each; x itself for one.
 
     >>> decimate(np.arange(8.0)[None], 4)
     array([[1.5, 5.5]])

@@ -66,7 +66,7 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
 
 
 def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
-    """(P,) gaps, without those that the periods around them contradict.
+    """Return (P,) gaps, without those that the periods around them contradict.
 
     What is lost stays lost: behind a gap of k samples every later period stands k samples early. Friction and backlash
     also delay a part of a period against the next one, but then the periods before and after stand where they should.
@@ -168,7 +168,7 @@ def least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
 def has_slip_pair(
     one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int
 ) -> tuple[bool, int]:
-    """Whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
+    """Return whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
 
     And the samples by which what stands before it is, up to the first of two gaps.
     """
@@ -191,7 +191,7 @@ def has_slip_pair(
     difference = left[0]
 
     def explained(shift: int, begin: int, end: int) -> bool:
-        """Whether one of the shifts explains all of what they differ by there."""
+        """Return whether one of the shifts explains all of what they differ by there."""
         begin, end = begin + edge, end - edge
         if (end - begin) * size < MIN_SAMPLES:
             return False
@@ -250,7 +250,7 @@ def candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[in
 def confirms_shift(
     parts: np.ndarray, difference: np.ndarray, *, left: np.ndarray, step: np.ndarray, noise: float
 ) -> bool:
-    """Whether each part of a signal asks for all of a shift, by what it explains, `cumulative_power`.
+    """Return whether each part of a signal asks for all of a shift, by what it explains, `cumulative_power`.
 
     And the step it makes.
     """
@@ -319,7 +319,7 @@ def correlation_length(noise: np.ndarray) -> float:
 
 
 def cumulative_power(x: np.ndarray) -> np.ndarray:
-    """(N + 1,) power of x (N,) up to each sample."""
+    """Return (N + 1,) power of x (N,) up to each sample."""
     return np.append(0.0, np.add.accumulate(x * x))
 
 

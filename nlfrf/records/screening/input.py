@@ -154,7 +154,7 @@ class PeriodAlignment:
 
 
 def common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
-    """The pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
+    """Return the pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
     if steps.size > FEW_PERIODS:
         return float(np.median(steps / intervals))
     paces = np.append(steps / intervals, 0.0)
@@ -165,7 +165,7 @@ def common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
 
 
 def describe_slips(steps: np.ndarray) -> list[tuple[int, float]]:
-    """The first few jumps: after which period, and by how much."""
+    """Return the first few jumps: after which period, and by how much."""
     return [(int(j), float(steps[j])) for j in np.flatnonzero(steps)[:4]]
 
 
@@ -349,7 +349,7 @@ def clipped_share(x: np.ndarray) -> float:
 
 
 def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
-    """Where the longest run of equal samples begins, and how long it is."""
+    """Return where the longest run of equal samples begins, and how long it is."""
     begin, length, edge = 0, 0, 0  # of the longest run so far, and where the one at hand began
     for some in iterate_blocks(x.size):
         follows = x[some.start + 1 : some.stop + 1]

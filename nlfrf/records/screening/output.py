@@ -44,7 +44,7 @@ DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
 
 
 def describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float) -> str:
-    """How the gain of the periods `at` drifts or steps, with its numbers; empty where it does neither.
+    """Return how the gain of the periods `at` drifts or steps, with its numbers; empty where it does neither.
 
     `explained` is what share of all that does not repeat it explains: of little, a first period alone may still ring,
     and of few periods each is a first one.
@@ -68,7 +68,7 @@ def describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, expla
 
 
 def describe_offset_drift(offset: np.ndarray) -> str:
-    """How far the operating point of the periods wanders; empty where it does not."""
+    """Return how far the operating point of the periods wanders; empty where it does not."""
     change = float(np.ptp(offset))
     if change <= MIN_OFFSET_DRIFT:
         return ""
@@ -85,7 +85,7 @@ def fit_line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
 
 
 def find_step(x: np.ndarray) -> tuple[int, float, float]:
-    """Where x (n,) steps, by what share of what it was, and the largest departure from that."""
+    """Return where x (n,) steps, by what share of what it was, and the largest departure from that."""
     first, last = (np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1]))
     rest = np.maximum(first[:-1], last[-2::-1]) / 2
     k = int(np.argmin(rest))
@@ -101,7 +101,7 @@ WINDOW_LINES = 12  # neighbouring lines over which a difference between periods 
 
 
 def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
-    """Whether two periods differ by more than noise: noise is rough over frequency, a transient is smooth.
+    """Return whether two periods differ by more than noise: noise is rough over frequency, a transient is smooth.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
 
 @cache
 def smooth_basis() -> np.ndarray:
-    """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
+    """Return (WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
     return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
@@ -322,7 +322,7 @@ def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
 
 
 def unknown_alignment(n_periods: int, n_samples: int) -> OutputAlignment:
-    """Where the periods tell nothing of a fault."""
+    """Return where the periods tell nothing of a fault."""
     zeros, ones = np.zeros(n_periods), np.ones(n_periods)
     return OutputAlignment(
         n_samples=n_samples,
@@ -421,7 +421,7 @@ def alignment_noise_std(observed: np.ndarray, weight: np.ndarray, *, noise_varia
 
 
 def forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
-    """The delays, where they are not known that of the period before, or of the first that is."""
+    """Return the delays, where they are not known that of the period before, or of the first that is."""
     at = np.flatnonzero(placed)
     return delay[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
 
@@ -449,7 +449,7 @@ def slips_between_periods(
 
 
 def resample_to_input_clock(y: np.ndarray, lag: OutputAlignment, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The stream y (n,) moved to where the input stands, and which of its periods then hold what was measured.
+    """Return the stream y (n,) moved to where the input stands, and which of its periods then hold what was measured.
 
     Parameters
     ----------
@@ -489,7 +489,7 @@ class AlignedPeriods:
 
 
 def align_periods(x: np.ndarray, lines: np.ndarray) -> AlignedPeriods:
-    """The periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
+    """Return the periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
     n_samples = x.shape[1]
     repeats = all(streams_equal(x[-1], one) for one in x[:-1])
     X = np.array([rfft_at(one, lines) * (2 / n_samples) for one in (x[-1:] if repeats else x)])
@@ -521,7 +521,7 @@ def align_periods(x: np.ndarray, lines: np.ndarray) -> AlignedPeriods:
 
 
 def follows_input(output: AlignedPeriods, lines: np.ndarray, *, n_samples: int, whole: np.ndarray) -> np.ndarray:
-    """Whether each period without a gap has a part in common with the others that noise of no colour has."""
+    """Return whether each period without a gap has a part in common with the others that noise of no colour has."""
     delay = output.delay[whole]
     X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)
     # a delay was looked for in all places, or none was needed
@@ -529,7 +529,7 @@ def follows_input(output: AlignedPeriods, lines: np.ndarray, *, n_samples: int, 
 
 
 def periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
-    """(P,) whether each period has more in common with the others than noise has, but for so small a chance.
+    """Return (P,) whether each period has more in common with the others than noise has, but for so small a chance.
 
     Noise of any colour: each line counts by its power over that around it, or over the noise around it, because either
     many lines tell a little or a few tell much. A drift leaks into all lines, and is smooth over them where the answer

@@ -489,7 +489,7 @@ def to_responses(runs: LoopRuns, out: Arrays) -> list[LoopResponse]:
 
 
 def can_pickle(of: Callable[[LoopResponse], object]) -> bool:
-    """Whether a function can be pickled to another process: not a lambda, nor a function of a notebook."""
+    """Return whether a function can be pickled to another process: not a lambda, nor a function of a notebook."""
     try:
         sent = pickle.dumps(of)
     except Exception:  # pickle raises anything

@@ -138,7 +138,7 @@ def poles(
 def stack_matrices(
     mass: np.ndarray, stiffness: np.ndarray, *, damping: np.ndarray, cubic: np.ndarray | None
 ) -> np.ndarray:
-    """(4 or 5, n, n) mass, its inverse, stiffness, damping, cubic springs where there are any."""
+    """Return (4 or 5, n, n) mass, its inverse, stiffness, damping, cubic springs where there are any."""
     parts = [mass, np.linalg.inv(mass), stiffness, damping] + ([] if cubic is None else [cubic])
     return np.stack(parts)
 

@@ -661,7 +661,7 @@ def sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders:
 
 
 def servo_axis(preset: str) -> ServoAxis:
-    """An axis as machines have it, with a drive that is set up for it.
+    """Return an axis as machines have it, with a drive that is set up for it.
 
     Parameters
     ----------

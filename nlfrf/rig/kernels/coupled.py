@@ -62,7 +62,7 @@ def unpack_law(laws: Array, i: int) -> Law:
 
 @inlined
 def is_stuck(laws: Array, states: Array, i: int) -> bool:
-    """Whether dry friction holds an axis."""
+    """Return whether dry friction holds an axis."""
     return laws[i, 0] == kernel_data.COULOMB and states[i, DIRECTION] == 0.0
 
 
@@ -207,7 +207,7 @@ def trial_step(
 
 @inlined
 def law_turns(laws: Array, states: Array, work: Array, i: int) -> bool:
-    """Whether the law of an axis turns in the step tried: its mass stops or breaks away, its bristles turn."""
+    """Return whether the law of an axis turns in the step tried: its mass stops or breaks away, its bristles turn."""
     if laws[i, 0] == kernel_data.COULOMB:
         if states[i, DIRECTION] != 0.0:
             return work[PLACE + 1, i] * work[END + 1, i] < 0.0

@@ -338,7 +338,7 @@ def locate_event(
 
 @compiled
 def find_loop_closure(state: Array, stack: Array, z: float) -> tuple[bool, float]:
-    """Whether a monotone move to z closes a loop, and the z where the first one closes."""
+    """Return whether a monotone move to z closes a loop, and the z where the first one closes."""
     z0, depth = state[Z], int(state[DEPTH])
     turned = (z - z0) * state[DIRECTION] < 0.0
     if depth_after_move(z, z0, state[DIRECTION], depth, stack) >= depth + turned:

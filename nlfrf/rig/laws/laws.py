@@ -544,7 +544,7 @@ class GeneralizedMaxwellSlip:
 
 
 def is_given(number: float) -> bool:
-    """Whether a parameter was given: its default is nan."""
+    """Return whether a parameter was given: its default is nan."""
     return not (isinstance(number, float) and np.isnan(number))
 
 

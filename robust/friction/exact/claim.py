@@ -236,7 +236,7 @@ def write_friction_claim(
 
 
 def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
-    """The claim of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
+    """Return the claim of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
     entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
         return None

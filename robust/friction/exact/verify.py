@@ -82,7 +82,7 @@ def check_weights(claim: FrictionClaim) -> str:
 
 
 def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
-    """The inequality of the class for this loop."""
+    """Return the inequality of the class for this loop."""
     form = maxwell_slip_supply(claim, loop) if claim.kind == "Maxwell slip" else bristle_supply(claim, loop)
     return form if claim.actuator is None else with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
 
@@ -314,7 +314,7 @@ def check_decay(claim: FrictionClaim) -> str:
 
 
 def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_mat]) -> bool:
-    """Whether the displacement at the port is within the bound where V is at most its value in the end.
+    """Return whether the displacement at the port is within the bound where V is at most its value in the end.
 
     |x| <= |x_y| + |x_e| |gh_1|: the sliders without stiction hold (1 + 1/rho)/2 of Fs at most.
     """
@@ -335,7 +335,7 @@ def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_ma
 
 
 def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
-    """The inequality in the coordinates of the energy, exactly."""
+    """Return the inequality in the coordinates of the energy, exactly."""
     V = to_rational_matrix(claim.V)
     n, size = V.nrows(), form.stored.nrows()
     if form.A.nrows() != n:

@@ -108,7 +108,7 @@ def squared_line(low: arb, high: arb) -> TaylorModel:
 
 
 def sqrt_upper(top: arb, bottom: arb) -> arb:
-    """An upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
+    """Return an upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
     if not bottom > 0:
         return arb.pos_inf()
     found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
@@ -135,7 +135,7 @@ def true_degree(p: Polynomial) -> int:
 
 
 def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
-    """The product of two systems."""
+    """Return the product of two systems."""
     return Quotient(num=one.num * other.num, den=one.den * other.den, degree=one.degree + other.degree)
 
 
@@ -166,7 +166,7 @@ class Aliases:
         self.rest = self.of_the_rest(farthest)
 
     def of_the_rest(self, farthest: float) -> Sums:
-        """The sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
+        """Return the sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
         first = self.n + 1
         end = max(FAR * farthest, 2.0 * first)
         edges = [first]
@@ -187,7 +187,7 @@ class Aliases:
         f, g = self.F.beyond(last), self.G.beyond(last)
 
         def powers(c: arb, n: int, holds: int) -> arb:
-            """The sum of c omega_k^-n with so many holds beyond the blocks."""
+            """Return the sum of c omega_k^-n with so many holds beyond the blocks."""
             if c == 0:
                 return zero
             if n + holds <= 1:
@@ -206,7 +206,7 @@ class Aliases:
         )
 
     def sums(self, low: arb, high: arb) -> Sums:
-        """The sums on omega in [low, high]."""
+        """Return the sums on omega in [low, high]."""
         sine = sine_up(high * self.dt / 2)
         rest = self.rest
         F, G, FF, GG, GF = rest.F * sine, rest.G * sine, rest.FF, rest.GG * sine**2, rest.GF * sine
@@ -224,7 +224,7 @@ class Aliases:
 
 
 def upper_end(x: arb) -> arb:
-    """The upper end of a ball that holds no negative number that matters."""
+    """Return the upper end of a ball that holds no negative number that matters."""
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
@@ -234,12 +234,12 @@ def over_one_minus(f: arb) -> arb:
 
 
 def larger(a: arb, b: arb) -> arb:
-    """The larger of two upper bounds."""
+    """Return the larger of two upper bounds."""
     return b if b > a or not b.is_finite() else a
 
 
 def sine_up(x: arb) -> arb:
-    """An upper bound of sin on [0, x]."""
+    """Return an upper bound of sin on [0, x]."""
     return x.sin().abs_upper() if x < arb.pi() / 2 else arb(1)
 
 
@@ -255,7 +255,7 @@ def root_radius(*systems: Quotient) -> float:
 
 
 def max_magnitude(X: Ratio, low: arb, high: arb) -> arb:
-    """An upper bound of |X| on a block, cut until it is close to the largest value."""
+    """Return an upper bound of |X| on a block, cut until it is close to the largest value."""
     todo, found = [(low, high, 0)], X.upper(low, low)  # mostly it falls
     while todo:
         a, b, depth = todo.pop()
@@ -327,7 +327,7 @@ def bound_sizes(aliases: Aliases, t: Terms, *, low: arb, high: arb, others: Sums
 
 
 def bound_centre(aliases: Aliases, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
-    """An upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
+    """Return an upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
     """

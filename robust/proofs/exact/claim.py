@@ -260,7 +260,7 @@ def write_claim(path: str | os.PathLike[str], claim: LoopClaim, found: Sequence[
 
 
 def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
-    """The claim of a file whose digest fits, or a ValueError that says what is wrong.
+    """Return the claim of a file whose digest fits, or a ValueError that says what is wrong.
 
     A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
     that the claim is proved again, and that plant and controller are compared with those one has.

@@ -245,7 +245,7 @@ def storage_by_matrix_sign(loop: Balls, square: arb, more: arb, bits: int, deadl
 
 
 def hamiltonian(loop: Balls, square: arb, more: arb) -> arb_mat:
-    """The Hamiltonian matrix of a level, squared, with `more` of every state asked for, relative to what is."""
+    """Return the Hamiltonian matrix of a level, squared, with `more` of every state asked for, relative to what is."""
     A, B, C, D = loop
     inverse = (identity_balls(D.ncols()) * square - D.transpose() * D).inv()
     across = B * inverse * D.transpose()
@@ -326,7 +326,7 @@ def balance_states(loop: Balls) -> Balls:
 
 
 def log_magnitudes(matrix: arb_mat) -> np.ndarray:
-    """The logarithms of the moduli of the entries, of zero minus infinity."""
+    """Return the logarithms of the moduli of the entries, of zero minus infinity."""
     rows = [[float(abs(x).log().mid()) if abs(x) > 0 else -inf for x in row] for row in matrix.tolist()]
     return np.array(rows).reshape(matrix.nrows(), -1)
 
@@ -347,7 +347,7 @@ def to_doubles(matrix: arb_mat) -> np.ndarray:
 
 
 def symmetric_or_none(solve: Callable[[], np.ndarray]) -> np.ndarray | None:
-    """The symmetric part of what doubles find, or None where they find nothing to be trusted."""
+    """Return the symmetric part of what doubles find, or None where they find nothing to be trusted."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
@@ -358,7 +358,7 @@ def symmetric_or_none(solve: Callable[[], np.ndarray]) -> np.ndarray | None:
 
 
 def symmetric_part(matrix: arb_mat) -> arb_mat:
-    """The symmetric part of a matrix that is symmetric but for its errors."""
+    """Return the symmetric part of a matrix that is symmetric but for its errors."""
     return (matrix + matrix.transpose()) * arb(0.5)
 
 
@@ -368,12 +368,12 @@ def frobenius_norm(matrix: arb_mat) -> arb:
 
 
 def identity_balls(n: int) -> arb_mat:
-    """The identity in balls."""
+    """Return the identity in balls."""
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 
 def diagonal_balls(numbers: list[arb]) -> arb_mat:
-    """A diagonal matrix."""
+    """Return a diagonal matrix."""
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])
 

@@ -100,7 +100,7 @@ def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, *, t: Terms, s
 
 
 def coprime_inequalities(claim: str, t: Terms, scaling: arb) -> list[Quantity]:
-    """The claims about normalised coprime factors, with k and g = |K|, |G| of the shaped loop, eps = |w|.
+    """Return the claims about normalised coprime factors, with k and g = |K|, |G| of the shaped loop, eps = |w|.
 
     Stability: eps^2 (1 + g^2)(1 + k^2) < |1 + L|^2. Performance: |w_P| (|1 + L - eps^2 (1 + g^2)| + eps sqrt(1 - eps^2)
     k (1 + g^2)) < |1 + L|^2 - eps^2 (1 + g^2)(1 + k^2). With one scaling: columns S/M (-K, 1, -1) and d S (K, L, 1),

@@ -202,7 +202,7 @@ def prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Qu
 
 
 def frequency_of(axis: Axis, found: Decision) -> Decision:
-    """A place y on the axis as a frequency [rad/s], only to be read."""
+    """Return a place y on the axis as a frequency [rad/s], only to be read."""
     from math import atan, sqrt
 
     if not found.violated_at >= 0:

@@ -32,7 +32,7 @@ BITS = (128, 512)
 
 
 def positive_definite(matrix: fmpq_mat) -> bool:
-    """Whether a symmetric matrix of rationals (fmpq_mat) is positive definite: all pivots of its LDL' positive.
+    """Return whether a symmetric matrix of rationals (fmpq_mat) is positive definite: all pivots of its LDL' positive.
 
     Balls decide where they can, rationals where they cannot.
 
@@ -126,7 +126,7 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
 
 
 def gain_below_level(A: fmpq_mat, B: fmpq_mat, *, C: fmpq_mat, D: fmpq_mat, level: float) -> Decision:
-    """Whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
+    """Return whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
     n, m = A.nrows(), D.ncols()
     R = identity(m) * (to_rational(level) ** 2) - D.transpose() * D
     if not positive_definite(R):
@@ -150,5 +150,5 @@ def gain_below_level(A: fmpq_mat, B: fmpq_mat, *, C: fmpq_mat, D: fmpq_mat, leve
 
 
 def identity(n: int) -> fmpq_mat:
-    """The identity over the rationals."""
+    """Return the identity over the rationals."""
     return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])

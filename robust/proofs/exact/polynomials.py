@@ -67,7 +67,7 @@ def to_rational_matrix(matrix: np.ndarray) -> fmpq_mat:
 
 
 def transfer_quotient(system: Matrices) -> Quotient:
-    """The transfer function of a single-loop system, exactly.
+    """Return the transfer function of a single-loop system, exactly.
 
     >>> import numpy as np
     >>> A, B, C, D = np.array([[-2.0]]), np.ones((1, 1)), np.ones((1, 1)), np.array([[0.5]])
@@ -85,12 +85,12 @@ def transfer_quotient(system: Matrices) -> Quotient:
 
 
 def delay_by_samples(system: Quotient, whole: int) -> Quotient:
-    """A discrete system behind a delay of whole samples."""
+    """Return a discrete system behind a delay of whole samples."""
     return Quotient(num=system.num, den=system.den.left_shift(whole), degree=system.degree + whole)
 
 
 def zoh_quotient(plant: Matrices, dt: fmpq, *, whole: int, rest: fmpq) -> Quotient:
-    """A continuous plant as a sampled controller sees it: zero-order hold, delay of whole dt + rest, sampler.
+    """Return a continuous plant as a sampled controller sees it: zero-order hold, delay of whole dt + rest, sampler.
 
     The input changes inside a sample where rest > 0 (Åström & Wittenmark, 3rd ed., 2.3). Coefficients are balls that
     hold the exponentials; dt and rest are rationals.
@@ -121,7 +121,7 @@ def zoh_quotient(plant: Matrices, dt: fmpq, *, whole: int, rest: fmpq) -> Quotie
 
 
 def bilinear_image(system: Quotient) -> Quotient:
-    """The image of a discrete system under z = (1 + s)/(1 - s): the unit circle becomes the imaginary axis."""
+    """Return the image of a discrete system under z = (1 + s)/(1 - s): the unit circle becomes the imaginary axis."""
     return Quotient(
         num=moebius_transform(system.num, system.degree),
         den=moebius_transform(system.den, system.degree),
@@ -149,7 +149,7 @@ class Roots:
     gain: float
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """(W,) values at s, or z - 1; infinite at a pole."""
+        """Return (W,) values at s, or z - 1; infinite at a pole."""
         with np.errstate(divide="ignore", invalid="ignore"):
             logs = np.log(points[:, None] - self.zeros).sum(axis=1) - np.log(points[:, None] - self.poles).sum(axis=1)
             values = self.gain * np.exp(logs)
@@ -158,7 +158,7 @@ class Roots:
 
 
 def exact_roots(system: Matrices) -> Roots:
-    """The exact transfer function, its roots to the last digit.
+    """Return the exact transfer function, its roots to the last digit.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -306,12 +306,12 @@ def shifted_coefficients(p: Polynomial, low: float) -> list[Coefficient]:
 
 
 def to_exact_number(p: Polynomial, x: float) -> Coefficient:
-    """A double as an exact number of the kind that p has."""
+    """Return a double as an exact number of the kind that p has."""
     return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
 
 
 def geometric_midpoint(a: float, b: float) -> float:
-    """Where to cut: geometrically, as roots lie decades apart."""
+    """Return where to cut: geometrically, as roots lie decades apart."""
     if a == 0:
         return b / 64
     return a * 64 if np.isinf(b) else float(np.sqrt(a) * np.sqrt(b))

@@ -60,7 +60,7 @@ TOO_NEAR_BOUNDARY = "not told from the stability boundary"
 
 
 def hurwitz(p: Polynomial, degree: int) -> Decision:
-    """Whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
+    """Return whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
 
     p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it undecided.
 
@@ -109,7 +109,7 @@ def squared_magnitude(p: Polynomial) -> Polynomial:
 
 
 def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fmpq) -> Decision:
-    """Whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
+    """Return whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
     total = den + num
     if total[0] == 0:
         return refuted("a pole at zero")
@@ -131,7 +131,7 @@ def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fm
 
 
 def roots_outside(p: fmpq_poly) -> int | None:
-    """How many roots of a fmpq_poly lie in the right half plane; None where one cannot be told from the axis."""
+    """Return how many roots of a fmpq_poly lie in the right half plane; None where one cannot be told from the axis."""
     count = 0
     for root, many in complex_roots(p):
         if root.real > 0:
@@ -178,7 +178,7 @@ def value_at(p: fmpq_poly, s: acb) -> acb:
 
 
 def acb_coefficient(c: fmpq) -> acb:
-    """A rational as a ball at the precision of the moment."""
+    """Return a rational as a ball at the precision of the moment."""
     return acb(arb(c))
 
 
@@ -189,7 +189,7 @@ def floor_or_none(x: arb) -> int | None:
 
 
 def sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
-    """The sign of the first derivative that does not vanish at a root of that multiplicity (odd)."""
+    """Return the sign of the first derivative that does not vanish at a root of that multiplicity (odd)."""
     for _ in range(order):
         p = p.derivative()
     slope = arb_poly(p)(y)
@@ -245,7 +245,7 @@ def claim_on_axis(claim: LoopClaim) -> Axis:
 
 
 def shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
-    """The product of the shaping functions, on the axis of the loop."""
+    """Return the product of the shaping functions, on the axis of the loop."""
     if dt and not claim.plant.dt:
         raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
     num = den = transfer_quotient(UNITY).num
@@ -285,12 +285,12 @@ def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Q
 
 
 def is_same_sampling_time(dt: float, other: float) -> bool:
-    """Whether two sampling times are the same but for rounding."""
+    """Return whether two sampling times are the same but for rounding."""
     return abs(dt - other) <= SAME_CLOCK * other
 
 
 def weight_quotient(name: str, system: Matrices, dt: fmpq) -> tuple[Quotient, bool]:
-    """A weight as a quotient, and whether it is continuous around a sampled loop."""
+    """Return a weight as a quotient, and whether it is continuous around a sampled loop."""
     found = transfer_quotient(system)
     if system.order == 0:
         return found, False
@@ -324,7 +324,7 @@ class Squares:
 
 
 def squared_magnitudes(axis: Axis) -> Squares:
-    """The squared magnitudes of what the loop is made of."""
+    """Return the squared magnitudes of what the loop is made of."""
     G_num, G_den, K_num, K_den = (arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den))
     N, D = G_num * K_num, G_den * K_den
     both = (N * arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(D.coeffs())])).coeffs()
@@ -354,7 +354,7 @@ Made = TypeVar("Made")
 def loop_terms(
     G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cross: Quantity, closed: Quantity
 ) -> Terms:
-    """The terms from numerator and denominator of each part."""
+    """Return the terms from numerator and denominator of each part."""
     P, W = P or (None, None), W or (None, None)
     return Terms(
         G_num=G[0],
@@ -373,13 +373,13 @@ def loop_terms(
 
 
 def map_parts(found: Squares, pair: Callable[[SquaredPart], Made]) -> tuple[Made, Made, Made, Made | None, Made | None]:
-    """What `pair` makes of plant, controller and weights; None where there is none."""
+    """Return what `pair` makes of plant, controller and weights; None where there is none."""
     P, W = (None if part is None else pair(part) for part in (found.P, found.W))
     return pair(found.G), pair(found.K), pair(found.w), P, W
 
 
 def polynomial_terms(found: Squares) -> Terms:
-    """The terms as polynomials in y, where everything is one."""
+    """Return the terms as polynomials in y, where everything is one."""
     return loop_terms(*map_parts(found, lambda part: part[:2]), cross=found.even, closed=found.closed)
 
 
@@ -400,7 +400,7 @@ POLE_BITS = (256, 1024, 4096)
 
 
 def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
-    """Whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
+    """Return whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
 
     Hold and delay count as in `LoopClaim`, the delay of a continuous loop as it is. It `holds` where
     it is stable, and is `violated` where it is not.

@@ -60,7 +60,7 @@ class TaylorModel:
 
 
 def truncate(p: arb_poly) -> TaylorModel:
-    """What lies beyond the order goes into the constant, as a ball."""
+    """Return what lies beyond the order goes into the constant, as a ball."""
     coefficients = p.coeffs()
     if len(coefficients) <= ORDER + 1:
         return TaylorModel(p)
@@ -69,7 +69,7 @@ def truncate(p: arb_poly) -> TaylorModel:
 
 
 def linear_model(middle: arb, half: arb) -> TaylorModel:
-    """The variable itself: middle + half x."""
+    """Return the variable itself: middle + half x."""
     return TaylorModel(arb_poly([middle, half]))
 
 
@@ -117,7 +117,7 @@ def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
 
 
 def lower_bound(jet: TaylorModel) -> arb:
-    """A number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
+    """Return a number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
     from math import comb
 
     n = max(jet.p.degree(), 0)
@@ -253,7 +253,7 @@ def polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
 
 
 def tail_frequency(found: Squares, inequalities: Inequalities) -> float:
-    """A frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
+    """Return a frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
     omega = 1e-3
     while omega < MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)

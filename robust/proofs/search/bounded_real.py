@@ -117,7 +117,7 @@ def certify_norm(
 
 
 def prove_inequality(matrices: Matrices, discrete: bool, *, solver: str, time_cap: float) -> tuple[str, str]:
-    """The method that proves the norm of a stable system below one, or why none does."""
+    """Return the method that proves the norm of a stable system below one, or why none does."""
     image = well_conditioned(to_continuous(*matrices) if discrete else matrices)
     there = change_coordinates(image, preconditioning_coordinates(image))
     reasons = []
@@ -135,7 +135,7 @@ def prove_inequality(matrices: Matrices, discrete: bool, *, solver: str, time_ca
 
 
 def change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
-    """The system in the coordinates T x."""
+    """Return the system in the coordinates T x."""
     A, B, C, D = matrices
     back = np.linalg.inv(T)
     return T @ A @ back, T @ B, C @ back, D

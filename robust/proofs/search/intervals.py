@@ -49,7 +49,7 @@ class Magnitude:
     gain: float
 
     def upper_each(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(I,) a bound from above on each finite interval, tight as it shrinks."""
+        """Return (I,) a bound from above on each finite interval, tight as it shrinks."""
         z, p = self.zeros / 1j, self.poles / 1j
         middle, half = (low + high) / 2, (high - low) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -62,13 +62,13 @@ class Magnitude:
 
 
 def log_max_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(I,) log of the product of the largest distances of the roots from each real interval."""
+    """Return (I,) log of the product of the largest distances of the roots from each real interval."""
     ends = np.maximum(np.abs(low[:, None] - roots), np.abs(high[:, None] - roots))
     return np.asarray(np.log(ends).sum(axis=1))
 
 
 def log_min_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(I,) log of the product of the smallest distances."""
+    """Return (I,) log of the product of the smallest distances."""
     with np.errstate(divide="ignore"):
         nearest = np.clip(roots.real, low[:, None], high[:, None]) - roots
         return np.asarray(np.log(np.abs(nearest)).sum(axis=1))
@@ -87,7 +87,7 @@ def slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[n
 
 
 def magnitude_of(system: control.StateSpace) -> Magnitude:
-    """The magnitude of a single-loop system over omega, or over x = tan(omega dt/2) where it is discrete."""
+    """Return the magnitude of a single-loop system over omega, or over x = tan(omega dt/2) where it is discrete."""
     z, p = zeros(system), poles(system)
     dt = timebase(system)
     if dt:
@@ -172,7 +172,7 @@ def prove(
 
 
 def initial_cuts(points: np.ndarray) -> np.ndarray:
-    """Where to cut the axis first: a third and three times every point, those that crowd left out."""
+    """Return where to cut the axis first: a third and three times every point, those that crowd left out."""
     x = np.unique(np.concatenate([points / 3, points * 3]))
     keep = [x[0]]
     for point in x[1:]:
@@ -182,7 +182,7 @@ def initial_cuts(points: np.ndarray) -> np.ndarray:
 
 
 def has_no_crossing(found: tuple[np.ndarray, np.ndarray] | None, low: float, high: float) -> bool:
-    """Whether no singular value of the frozen loop can reach one on the interval."""
+    """Return whether no singular value of the frozen loop can reach one on the interval."""
     if found is None:
         return False
     omega, moved = found
@@ -190,7 +190,7 @@ def has_no_crossing(found: tuple[np.ndarray, np.ndarray] | None, low: float, hig
 
 
 def below_one_nearby(matrices: Matrices, middle: float, reach: float) -> bool:
-    """Whether the loop stays below one within `reach` of the middle by the size of its resolvent alone.
+    """Return whether the loop stays below one within `reach` of the middle by the size of its resolvent alone.
 
     With R = (j middle - A)^-1 and reach |R| < 1, the response moves by at most reach |C R| |R B|/(1 - reach |R|): a
     proof for short intervals that asks nothing of eigenvalues, where slow modes crowd around zero.
@@ -207,7 +207,7 @@ def below_one_nearby(matrices: Matrices, middle: float, reach: float) -> bool:
 
 
 def interior_point(low: float, high: float) -> float:
-    """A point well inside: the geometric middle, a decade from an end at zero or infinity."""
+    """Return a point well inside: the geometric middle, a decade from an end at zero or infinity."""
     if low == 0 and np.isinf(high):
         return 1.0
     if low == 0:
@@ -223,7 +223,7 @@ MAX_EXACT_STATES = 40  # states of which exact roots are taken
 
 
 def poles_are_uncertain(poles: np.ndarray, moved: np.ndarray, discrete: bool) -> bool:
-    """Whether rounding may have moved a pole by about as much as it is damped."""
+    """Return whether rounding may have moved a pole by about as much as it is damped."""
     damping = np.abs(np.abs(poles) - 1) if discrete else np.abs(poles.real)
     size = np.abs(poles - 1) if discrete else np.abs(poles)
     return bool(np.any(moved > MAX_POLE_SHIFT * np.maximum(damping, AXIS_DISTANCE * size)))

@@ -34,7 +34,7 @@ MAX_EXACT_STATES = 60  # states: seconds beyond
 
 
 def is_near_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.ndarray] | None = None) -> bool:
-    """Whether a pole lies so near the stability boundary that rounding may matter, by a wide margin.
+    """Return whether a pole lies so near the stability boundary that rounding may matter, by a wide margin.
 
     `found` are its `poles_with_rounding`, where they are known.
     """
@@ -45,7 +45,7 @@ def is_near_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.nda
 
 
 def decide_stability(system: control.StateSpace) -> StabilityResult:
-    """Whether every pole of the system, its matrix taken as it is, is strictly stable.
+    """Return whether every pole of the system, its matrix taken as it is, is strictly stable.
 
     >>> on_the_axis = control.ss([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     >>> found = decide_stability(on_the_axis)

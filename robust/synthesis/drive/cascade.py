@@ -107,14 +107,14 @@ def with_set_point(settings: DriveSettings, *, output_unit: str = "") -> control
 
 
 def measured_velocity(settings: DriveSettings) -> control.StateSpace:
-    """What the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
+    """Return what the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
     velocity = times(settings.unit_factor, realise_section(velocity_section(settings), settings.dt))
     factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
     return stack_systems(velocity, times(settings.kv * factor, hold_mean(settings)), joined=settings.encoder != "both")
 
 
 def behind_velocity_loop(settings: DriveSettings, scale: float) -> list[control.StateSpace]:
-    """The PI of a velocity error, times a scale, and the filters behind it."""
+    """Return the PI of a velocity error, times a scale, and the filters behind it."""
     dt = settings.dt
     share = dt / settings.tn
     pi = control.StateSpace([[1.0]], [[1.0]], [[scale * share]], [[scale]], dt)
@@ -123,7 +123,7 @@ def behind_velocity_loop(settings: DriveSettings, scale: float) -> list[control.
 
 
 def velocity_section(settings: DriveSettings) -> np.ndarray:
-    """(6,) section from a position to its velocity: differences behind a low-pass, or the observer."""
+    """Return (6,) section from a position to its velocity: differences behind a low-pass, or the observer."""
     fs = settings.fs
     if settings.velocity_from == "observer":
         omega = 2 * np.pi * settings.observer_frequency
@@ -152,7 +152,7 @@ def warn_of_slow_position_loop(settings: DriveSettings) -> None:
 
 
 def realise_section(section: np.ndarray, dt: float) -> control.StateSpace:
-    """A second-order section as a state space, of one state where it is of first order."""
+    """Return a second-order section as a state space, of one state where it is of first order."""
     b0, b1, b2, _, a1, a2 = section
     A, B = np.array([[-a1, 1.0], [-a2, 0.0]]), np.array([[b1 - a1 * b0], [b2 - a2 * b0]])
     n = 2 if a2 or b2 else 1
@@ -160,7 +160,7 @@ def realise_section(section: np.ndarray, dt: float) -> control.StateSpace:
 
 
 def realise_fir(taps: np.ndarray, dt: float) -> control.StateSpace:
-    """A sum of delayed samples as a state space."""
+    """Return a sum of delayed samples as a state space."""
     n = taps.size - 1
     if n == 0:
         return control.StateSpace([], [], [], [[taps[0]]], dt)
@@ -168,12 +168,12 @@ def realise_fir(taps: np.ndarray, dt: float) -> control.StateSpace:
 
 
 def times(factor: float, system: control.StateSpace) -> control.StateSpace:
-    """A system times a number, at its output."""
+    """Return a system times a number, at its output."""
     return control.StateSpace(system.A, system.B, factor * system.C, factor * system.D, system.dt)
 
 
 def stack_systems(F: control.StateSpace, G: control.StateSpace, *, joined: bool) -> control.StateSpace:
-    """The sum of two outputs, of one input that both share or of inputs of their own."""
+    """Return the sum of two outputs, of one input that both share or of inputs of their own."""
     n, m = F.nstates, G.nstates
     A = np.block([[F.A, np.zeros((n, m))], [np.zeros((m, n)), G.A]])
     B = np.block([[F.B, np.zeros((n, G.ninputs))], [np.zeros((m, F.ninputs)), G.B]])

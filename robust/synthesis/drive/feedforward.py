@@ -353,7 +353,7 @@ def friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velo
 
 
 def interval(name: str, given: Interval) -> np.ndarray:
-    """(2,) least and largest value of a number or a pair, or a refusal."""
+    """Return (2,) least and largest value of a number or a pair, or a refusal."""
     if isinstance(given, tuple | list | np.ndarray) and np.size(given) == 2:
         low, high = (require_nonnegative(name, float(end)) for end in given)
         if low > high:

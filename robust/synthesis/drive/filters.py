@@ -55,7 +55,7 @@ class FilterSlot:
 
 
 def bilinear_section(numerator: np.ndarray, denominator: np.ndarray, *, frequency: float, fs: float) -> np.ndarray:
-    """(6,) second-order section of a filter of s, exact at a frequency [Hz]; in powers of z^-1."""
+    """Return (6,) second-order section of a filter of s, exact at a frequency [Hz]; in powers of z^-1."""
     if not frequency < fs / 2:
         raise ValueError(
             f"filters must lie below half the sampling frequency, {fs / 2:g} Hz, got one at {frequency:g} Hz"

@@ -155,7 +155,7 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
 
 
 def read_pid(K: np.ndarray, p: np.ndarray, like: DriveSettings) -> list[tuple[float, float, float, float]]:
-    """(kp, kv, a, b) of K p (1 - b q) = n0 + n1 p + n2 p^2, both solutions; q = 1 - p."""
+    """Return (kp, kv, a, b) of K p (1 - b q) = n0 + n1 p + n2 p^2, both solutions; q = 1 - p."""
     R = K * p
     columns = np.stack([(1 - p) * R, np.ones_like(p), p, p**2])
     b, n0, n1, n2 = solve_relative(columns, R)
@@ -203,7 +203,7 @@ def read_pid(K: np.ndarray, p: np.ndarray, like: DriveSettings) -> list[tuple[fl
 def read_known_velocity(
     K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: DriveSettings
 ) -> tuple[float, float, float, float]:
-    """(kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a."""
+    """Return (kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a."""
     V, H = parts_of(like, angles)
     scale = like.unit_factor
     kp, by_reset, by_position, _ = solve_relative(scale * np.stack([p * V, (1 - p) * V, p * H, (1 - p) * H]), K * p)
@@ -215,7 +215,7 @@ def read_known_velocity(
 def read_two_encoders(
     K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: DriveSettings
 ) -> tuple[float, float, float, float]:
-    """(kp, kv, a, nan) of a velocity loop on the motor and a position loop on the load."""
+    """Return (kp, kv, a, nan) of a velocity loop on the motor and a position loop on the load."""
     V, H = parts_of(like, angles)
     kp, by_reset = solve_relative(like.unit_factor * np.stack([p * V, (1 - p) * V]), K[0] * p)
     if not kp:
@@ -225,7 +225,7 @@ def read_two_encoders(
 
 
 def settings_of(like: DriveSettings, kp: float, kv: float, a: float, b: float) -> DriveSettings:
-    """The settings of a drive with what was read."""
+    """Return the settings of a drive with what was read."""
     if not (kp > 0 and kv > -1e-12 and a > -1e-12):
         raise ValueError(
             f"K must have gains of one sign to be a cascade, got kp = {kp:.4g} "
@@ -254,13 +254,13 @@ def misfit_of(settings: DriveSettings, K: np.ndarray, *, p: np.ndarray, angles: 
 
 
 def parts_of(settings: DriveSettings, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(W,) responses from a position to its velocity, and of what the position loop holds."""
+    """Return (W,) responses from a position to its velocity, and of what the position loop holds."""
     velocity = realise_section(velocity_section(settings), settings.dt)
     return response_at(velocity, angles)[0], response_at(hold_mean(settings), angles)[0]
 
 
 def response_at(system: control.StateSpace, angles: np.ndarray) -> np.ndarray:
-    """(inputs, W) response of a sampled system of one output at angles of a sample [rad]."""
+    """Return (inputs, W) response of a sampled system of one output at angles of a sample [rad]."""
     found = response_by_channel(system, angles / timebase(system)) if system.nstates else system.D[:, :, None]
     return np.asarray(np.broadcast_to(found[0], (system.ninputs, angles.size)))
 

@@ -214,5 +214,5 @@ class DriveSettings:
 
 
 def require_number(name: str, number: object) -> float:
-    """The number, which may be nan, or a refusal."""
+    """Return the number, which may be nan, or a refusal."""
     return np.nan if isinstance(number, float) and np.isnan(number) else require_real(name, number)

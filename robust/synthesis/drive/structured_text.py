@@ -79,7 +79,7 @@ def structured_text(settings: DriveSettings, *, name: str = "PositionController"
 
 
 def declarations(settings: DriveSettings, unit: str, factor: float) -> list[str]:
-    """The variables of the block, with their units and numbers."""
+    """Return the variables of the block, with their units and numbers."""
     base, two = settings.base_unit, settings.encoder == "both"
     gain, fs = settings.gain * factor, settings.fs
     position_factor = settings.load_factor if two else settings.unit_factor
@@ -116,7 +116,7 @@ def declarations(settings: DriveSettings, unit: str, factor: float) -> list[str]
 
 
 def statements(settings: DriveSettings) -> list[str]:
-    """The statements of one call."""
+    """Return the statements of one call."""
     keys = ["velocity", *(f"filter{k + 1}" for k in range(len(settings.filters)))]
     limit = np.isfinite(settings.limit)
     measured = "load_position" if settings.encoder == "both" else "position"
@@ -177,7 +177,7 @@ def section_statements(key: str) -> list[str]:
 
 
 def literal(number: float) -> str:
-    """A number as LREAL takes it, exact to the bit.
+    """Return a number as LREAL takes it, exact to the bit.
 
     >>> literal(5.0), literal(1e-5), literal(1e20)
     ('5.0', '1.0E-05', '1.0E+20')

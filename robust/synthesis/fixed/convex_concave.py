@@ -50,11 +50,11 @@ class DesignTask:
         return self.gamma if self.aim == "gamma" else None
 
     def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(W,) Y and F X; by sums, as threads of a matrix product cost more than they bring here."""
+        """Return (W,) Y and F X; by sums, as threads of a matrix product cost more than they bring here."""
         return (self.Y * theta).sum(axis=1), (self.X * theta).sum(axis=1)
 
     def loop(self, theta: np.ndarray) -> np.ndarray:
-        """(W,) P = Y + G F X, about the centre of the discs."""
+        """Return (W,) P = Y + G F X, about the centre of the discs."""
         Y, X = self.split(theta)
         return Y + self.at.centre * X
 
@@ -64,7 +64,7 @@ class DesignTask:
         return max((float(row.measure(Y, X).max()) for row in self.rows), default=0.0)
 
     def goal(self, theta: np.ndarray) -> float:
-        """What is minimised once the demands are met: gamma, or minus the gain at low frequency."""
+        """Return what is minimised once the demands are met: gamma, or minus the gain at low frequency."""
         if self.objective is not None:
             return float(self.objective.measure(*self.split(theta)).max())
         Y0, X0 = self.basis.zero_frequency()
@@ -126,7 +126,7 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
 
 
 def working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
-    """(W,) bool: the lines the program begins with, spread over the band, with the peaks of every demand."""
+    """Return (W,) bool: the lines the program begins with, spread over the band, with the peaks of every demand."""
     W = task.at.omega.size
     if W <= 1.5 * WORKING_LINES:
         return np.ones(W, dtype=bool)
@@ -138,7 +138,7 @@ def working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
 
 
 def demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
-    """(W,) bool: the largest local maxima of each demand, and every line of a demand on few lines."""
+    """Return (W,) bool: the largest local maxima of each demand, and every line of a demand on few lines."""
     mask = np.zeros(task.at.omega.size, dtype=bool)
     Y, X = task.split(theta)
     for row in task.rows + ([task.objective] if task.objective is not None else []):
@@ -153,7 +153,7 @@ def demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
 
 
 def convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
-    """The step about theta, and the way from eta back to theta.
+    """Return the step about theta, and the way from eta back to theta.
 
     level: the demands themselves are what is minimised, as one of them is not met yet.
     """
@@ -200,7 +200,7 @@ def convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level:
 
 
 def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """(n, n) T with orthonormal columns @ T, real and imaginary parts taken together."""
+    """Return (n, n) T with orthonormal columns @ T, real and imaginary parts taken together."""
     scale = 1 / np.linalg.norm(columns, axis=0)
     R = np.linalg.qr(np.vstack([columns.real, columns.imag]) * scale, mode="r")
     size = np.abs(np.diag(R))
@@ -215,7 +215,7 @@ def iterate(
     deadline: float,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """The best of what the iteration makes of each start: parameters, history and why it ended."""
+    """Return the best of what the iteration makes of each start: parameters, history and why it ended."""
     found = [
         improve_start(task, theta, n_iterations=n_iterations, deadline=deadline, progress=progress) for theta in starts
     ]
@@ -273,14 +273,14 @@ def improve_start(
 
 
 def is_lower(after: tuple[float, float], before: tuple[float, float], by: float) -> bool:
-    """Whether a merit is lower by more than a fraction."""
+    """Return whether a merit is lower by more than a fraction."""
     if after[0] != before[0]:
         return after[0] < before[0] - by * abs(before[0])
     return after[1] < before[1] - by * abs(before[1])
 
 
 def line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
-    """The best, with the same stability, on the way to the new iterate and beyond; and what stood in the way."""
+    """Return the best, with the same stability, on the way to the new iterate and beyond; and what stood in the way."""
     P_old, P = task.loop(old), task.loop(new)
     new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the way is a short one
     best, merit, obstacle = old, task.merit(old), ""

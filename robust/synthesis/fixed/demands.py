@@ -67,7 +67,7 @@ class Demand:
         return Demand(name=self.name, index=place[self.index[keep]], **parts)
 
     def measure(self, Y: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """(..., R) left side over right side, from Y and X on all lines: at most one where the demand is met."""
+        """Return (..., R) left side over right side, from Y and X on all lines: at most one where the demand is met."""
         Y, X = Y[..., self.index], X[..., self.index]
         size = np.abs(X)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -76,7 +76,7 @@ class Demand:
 
 
 def limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:
-    """(W,) a limit given as a number, or as the magnitude of a system."""
+    """Return (W,) a limit given as a number, or as the magnitude of a system."""
     if isinstance(bound, (control.StateSpace, control.TransferFunction)):
         out = np.abs(response(state_space(name, bound), omega))
     else:
@@ -103,7 +103,7 @@ def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u:
 
 
 def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> list[Demand]:
-    """The weights as demands of their own."""
+    """Return the weights as demands of their own."""
     rows = []
     for name, w, text in (
         ("w_P", w_P, "|w_P S| <= 1 for the whole set"),
@@ -132,7 +132,7 @@ def demand_row(
     x: float | np.ndarray | None = None,
     index: np.ndarray | None = None,
 ) -> Demand:
-    """A row on all lines (or some), with the centre of the disc on its right side unless told otherwise."""
+    """Return a row on all lines (or some), with the centre of the disc on its right side unless told otherwise."""
     W = at.omega.size
     index = np.flatnonzero(at.known) if index is None else index
     wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}
@@ -219,7 +219,7 @@ def gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
 
 
 def nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
-    """The lines nearest to a frequency, one for each plant, or a refusal outside the band."""
+    """Return the lines nearest to a frequency, one for each plant, or a refusal outside the band."""
     omega = require_real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
     found = []
@@ -236,5 +236,5 @@ def nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
 
 
 def describe_bound(bound: Bound) -> str:
-    """A limit in words."""
+    """Return a limit in words."""
     return f"{bound:g}" if isinstance(bound, (int, float)) else "its limit"

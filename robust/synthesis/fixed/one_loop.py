@@ -116,7 +116,7 @@ def design_loop(
         return best_filter(plant, structure, basis=basis, options=options)
 
     def closer(K: list[control.StateSpace]) -> DesignTask:
-        """The task on the lines too that controllers, or their loops, have features on."""
+        """Return the task on the lines too that controllers, or their loops, have features on."""
         own = [look(p, K=K) for p in plants]
         at = stacked_plants(own)
         Y, X = basis.columns(at.omega)
@@ -197,7 +197,7 @@ def best_filter(
 
 
 def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
-    """Whether all gains of a PID with a derivative filter are positive: those with which it is itself."""
+    """Return whether all gains of a PID with a derivative filter are positive: those with which it is itself."""
     p = K.poles()
     s = np.sort(np.abs(2 / dt * (p - 1) / (p + 1) if dt else p))
     filter_time = 1 / s[-1]
@@ -240,7 +240,7 @@ def iterate_on_loop_lines(
 def proved_parameters(
     task: DesignTask, theta: np.ndarray, *, prove: Proved, delay: float, why: str
 ) -> tuple[np.ndarray, str]:
-    """The parameters with the largest gain, at most the one found, that is proved for a class of friction."""
+    """Return the parameters with the largest gain, at most the one found, that is proved for a class of friction."""
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
     gain, proofs = largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay)
     if proofs is None:
@@ -256,7 +256,7 @@ def proved_parameters(
 def split_demands(
     family: list[PlantOnLines], at: PlantOnLines, *, aim: str, options: LoopOptions, end_gain: float
 ) -> tuple[str, Demand | None, list[Demand]]:
-    """What is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
+    """Return what is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
     w_P, w_T, w_u = options["w_P"], options["w_T"], options["w_u"]
     weighted = not (w_P is None and w_T is None and w_u is None)
     aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
@@ -278,7 +278,7 @@ def split_demands(
 
 
 def check_start(task: DesignTask, start: Controller) -> np.ndarray:
-    """The parameters of a controller that was given to start from, or a refusal."""
+    """Return the parameters of a controller that was given to start from, or a refusal."""
     theta = start_from_controller(task.basis, start, task.at)
     K = task.basis.controller(theta)
     state, why = loops_stable(K, task.family, task.n_unstable)
@@ -292,7 +292,7 @@ def check_start(task: DesignTask, start: Controller) -> np.ndarray:
 
 
 def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
-    """The best n_starts simple controllers that stabilise, or a refusal where there is none."""
+    """Return the best n_starts simple controllers that stabilise, or a refusal where there is none."""
     n_starts = require_integer("n_starts", n_starts, least=1)
     starts = find_start(
         task.basis,
@@ -337,7 +337,7 @@ def describe_phase_gap(at: PlantOnLines) -> str:
 
 
 def per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list[float]:
-    """What was given as one number or two, as a list; the gain always has two."""
+    """Return what was given as one number or two, as a list; the gain always has two."""
     if given is None:
         return []
     many = list(given) if isinstance(given, (tuple, list)) else [given]
@@ -365,7 +365,7 @@ def loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
 
 
 def structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller) -> Basis:
-    """The structure on the band of the lines."""
+    """Return the structure on the band of the lines."""
     F = state_space("fixed", fixed)
     if not is_clockless(F) and timebase(F) != dt:
         raise ValueError(f"fixed must have the sampling time of the controller, {dt:g} s, got {timebase(F):g} s")

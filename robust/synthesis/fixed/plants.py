@@ -104,7 +104,7 @@ def plant_on_lines(
     weights: tuple[object, ...],
     K: Sequence[control.StateSpace] = (),
 ) -> PlantOnLines:
-    """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
+    """Return the plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
 
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
     """
@@ -211,7 +211,7 @@ def design_grid(
 
 
 def stacked_plants(plants: list[PlantOnLines]) -> PlantOnLines:
-    """The plants of a family as one, line after line, so that a demand is asked of all of them."""
+    """Return the plants of a family as one, line after line, so that a demand is asked of all of them."""
     return PlantOnLines(
         omega=np.concatenate([s.omega for s in plants]),
         G=np.concatenate([s.G for s in plants]),

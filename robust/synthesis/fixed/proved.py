@@ -100,7 +100,7 @@ def design_proved(
     start: tuple[float, float, float] | None = None,
     n_iterations: int = 30,
 ) -> ProvedDesign:
-    """The widest band of a PID or PD with which a machine is still proved to come to rest with every friction.
+    """Return the widest band of a PID or PD with which a machine is still proved to come to rest with every friction.
 
     The gain is raised until a proof fails or |S| exceeds M_S, by bisection; the shape (Ki over Kp, Kd over Kp) is
     searched for without derivatives. A local search: the start matters.
@@ -263,7 +263,7 @@ def largest_proved_gain(
 def all_proved(
     K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: AnyFriction, delay: float
 ) -> tuple[FrictionProof, ...] | None:
-    """The proofs, one a machine; None as soon as one fails."""
+    """Return the proofs, one a machine; None as soon as one fails."""
     proofs = []
     for machine in machines:
         proof = prove_friction(machine, K, friction, delay=delay)
@@ -277,7 +277,7 @@ Found = TypeVar("Found")
 
 
 def largest_allowed_gain(allowed: Callable[[float], Found | None], gain: float) -> tuple[float, Found | None]:
-    """The largest gain that is allowed around a first one: doubled or halved to the limit, then bisected."""
+    """Return the largest gain that is allowed around a first one: doubled or halved to the limit, then bisected."""
     found = allowed(gain)
     if found is not None:
         low, high = gain, gain * GAIN_STEP
@@ -315,7 +315,7 @@ def sampled_pid(shape: np.ndarray, dt: float) -> control.StateSpace:
 
 
 def sampled_notch(omega: float | None, dt: float) -> control.StateSpace:
-    """A notch of a tenth at a frequency, sampled; one where none is asked for."""
+    """Return a notch of a tenth at a frequency, sampled; one where none is asked for."""
     if omega is None:
         return control.StateSpace([], [], [], [[1.0]], dt)
     omega = require_positive("notch", omega)

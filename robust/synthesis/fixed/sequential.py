@@ -77,7 +77,7 @@ class MatrixOnLines:
     radius: np.ndarray
 
     def seen_from(self, k: int, K: list[control.StateSpace | None], wider: float) -> DiscsOnLines:
-        """What loop k sees with the loops closed that have a controller."""
+        """Return what loop k sees with the loops closed that have a controller."""
         G, row, column = self.G, *(np.zeros(self.G.shape[:2], dtype=complex) for _ in range(2))
         row[:, k] = column[:, k] = 1.0
         C = [j for j in range(len(K)) if K[j] is not None and j != k]
@@ -103,7 +103,7 @@ class MatrixOnLines:
         return MatrixOnLines(omega=omega, radius=np.abs(between(self.radius)), **parts)
 
     def spread(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """(W,) largest |row dG column| over the set."""
+        """Return (W,) largest |row dG column| over the set."""
         entries = np.einsum("wj,wji,wi->w", np.abs(row), self.radius, np.abs(column))
         block = np.linalg.norm(row[:, None] @ self.left, axis=(1, 2)) * np.linalg.norm(
             self.right @ column[:, :, None], axis=(1, 2)
@@ -158,7 +158,7 @@ def close_in_turn(
 
 
 def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
-    """The sampling time of the controller, where its loops can be closed in turn."""
+    """Return the sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
             f"plant must have as many inputs as outputs for a diagonal controller, got {plant.n_inputs} inputs and "
@@ -204,7 +204,7 @@ def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], opti
 
 
 def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
-    """The matrix and its set where it was measured, or where it and its weights have features."""
+    """Return the matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
         factor = add_hold_and_delay(plant, plant.omega, G=np.ones(plant.f.size, dtype=complex), dt=dt, delay=delay)
@@ -237,17 +237,17 @@ def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> M
 
 
 def diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
-    """(W, n, n) diagonal matrices of (n, W) numbers."""
+    """Return (W, n, n) diagonal matrices of (n, W) numbers."""
     return np.asarray(sizes.T[:, :, None] * np.eye(len(sizes)))
 
 
 def crossover_of(given: float | tuple[float, float] | None) -> float:
-    """What a loop is ordered by: the fastest is closed first."""
+    """Return what a loop is ordered by: the fastest is closed first."""
     return float(np.min(given)) if given is not None else 0.0
 
 
 def loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
-    """A loop by its channels."""
+    """Return a loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 
@@ -260,7 +260,7 @@ def design_loop_k(
     own: LoopTask,
     wider: float,
 ) -> Design:
-    """The controller of loop k, begun from the one it has, with the others as they are."""
+    """Return the controller of loop k, begun from the one it has, with the others as they are."""
     structure, options = own
     discs = on_lines.seen_from(k, K, wider)
     try:

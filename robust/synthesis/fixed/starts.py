@@ -28,7 +28,7 @@ MAX_LINES = 60
 
 
 def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray]:
-    """(N, n) parameters and (N,) crossovers of PI-like, lead and mixed shapes with |L| = 1 all over the band."""
+    """Return (N, n) parameters and (N,) crossovers of PI-like, lead and mixed shapes with |L| = 1 all over the band."""
     shape = basis.structure
     sizes = np.abs(basis.plane(at.omega[at.known & (at.omega <= at.highest)]))
     n_pi = min(shape.n_zeros, shape.n_integrators)
@@ -92,7 +92,7 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
 
 
 def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
-    """Whether every pole of a parametric loop is stable beyond rounding."""
+    """Return whether every pole of a parametric loop is stable beyond rounding."""
     closed = replace(loop, K=K)
     try:
         closed_loop(loop.G, K, ("e",), ("r",))
@@ -162,7 +162,7 @@ def find_start(
 
 
 def winding_is_right(basis: Basis, theta: np.ndarray, *, family: list[PlantOnLines], n_unstable: int) -> np.ndarray:
-    """(N,) bool: whether 1 + L winds as it has to for each of many stable controllers, on the lines."""
+    """Return (N,) bool: whether 1 + L winds as it has to for each of many stable controllers, on the lines."""
     out = np.ones(theta.shape[0], dtype=bool)
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
     for at in family:

@@ -114,7 +114,7 @@ class ControllerStructure:
 def structure_of(
     name: str | int | ControllerStructure, integrators: int, filter_time: float | None
 ) -> ControllerStructure:
-    """The structure asked for by a word or an order, or one that was given; or a refusal."""
+    """Return the structure asked for by a word or an order, or one that was given; or a refusal."""
     if isinstance(name, ControllerStructure):
         if integrators or filter_time is not None:
             raise ValueError("integrators and filter_time must be left out with a ControllerStructure: it has its own")
@@ -188,7 +188,7 @@ class Basis:
         return self.structure.n_zeros + 1
 
     def plane(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) j omega, or its image under the bilinear map."""
+        """Return (W,) j omega, or its image under the bilinear map."""
         return 1j * (2 / self.dt * np.tan(np.asarray(omega) * self.dt / 2) if self.dt else np.asarray(omega))
 
     def Y(self, s: np.ndarray) -> np.ndarray:
@@ -199,16 +199,16 @@ class Basis:
         return np.prod((1 - s[:, None] / poles) * (self.a / (s + self.a))[:, None], axis=1, keepdims=True)
 
     def integrals(self, s: np.ndarray) -> np.ndarray:
-        """(W,) (s / (s + a))^m."""
+        """Return (W,) (s / (s + a))^m."""
         return (s / (s + self.a)) ** self.structure.n_integrators
 
     def X(self, s: np.ndarray) -> np.ndarray:
-        """(W, n_x) columns of x(s) / (s + a)^order."""
+        """Return (W, n_x) columns of x(s) / (s + a)^order."""
         spare = self.structure.order - self.structure.n_zeros
         return self.powers(s, self.structure.n_zeros) * ((self.a / (s + self.a)) ** spare)[:, None]
 
     def columns(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(W, n) columns of Y and of F X over all of theta, on the axis."""
+        """Return (W, n) columns of Y and of F X over all of theta, on the axis."""
         s = self.plane(omega)
         Y, X = self.Y(s) * self.integrals(s)[:, None], self.X(s) * response(self.fixed, omega)[:, None]
         return np.hstack([Y, np.zeros_like(X)]), np.hstack([np.zeros_like(Y), X])
@@ -218,22 +218,22 @@ class Basis:
         return dict(zip("YX", self.columns(omega), strict=True))
 
     def powers(self, s: np.ndarray, degree: int) -> np.ndarray:
-        """(W, degree + 1) powers of q = (s - a)/(s + a): of modulus one on the axis, so no column is lost."""
+        """Return (W, degree + 1) powers of q = (s - a)/(s + a): of modulus one on the axis, so no column is lost."""
         return np.power(((s - self.a) / (s + self.a))[:, None], np.arange(degree + 1))
 
     def unscaled(self, s: np.ndarray, degree: int) -> np.ndarray:
-        """(W, degree + 1) the same columns times (s + a)^degree: polynomials in s, finite anywhere."""
+        """Return (W, degree + 1) the same columns times (s + a)^degree: polynomials in s, finite anywhere."""
         k = np.arange(degree + 1)
         return ((s[:, None] - self.a) / self.a) ** k * ((s[:, None] + self.a) / self.a) ** (degree - k)
 
     def zero_frequency(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) rows of Y without its integrators and of X at zero frequency."""
+        """Return (n,) rows of Y without its integrators and of X at zero frequency."""
         zero = np.zeros(1, complex)
         y, x = self.Y(zero)[0].real, self.X(zero)[0].real
         return np.concatenate([y, 0 * x]), np.concatenate([0 * y, x])
 
     def coefficients(self, roots: np.ndarray) -> np.ndarray:
-        """(N, degree + 1) parameters of prod (s - roots) / (s + a)^degree, scaled, for (N, degree) roots."""
+        """Return (N, degree + 1) parameters of prod (s - roots) / (s + a)^degree, scaled, for (N, degree) roots."""
         degree = roots.shape[1]
         q = np.exp(2j * np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
         s = self.a * (1 + q) / (1 - q) if degree else np.ones(1, complex)
@@ -242,7 +242,7 @@ class Basis:
         return np.linalg.solve(np.power(q[:, None], np.arange(degree + 1)), values).real.T
 
     def polynomial(self, part: np.ndarray) -> np.ndarray:
-        """(degree + 1,) coefficients in s/a, highest power first, of what a part of theta stands for."""
+        """Return (degree + 1,) coefficients in s/a, highest power first, of what a part of theta stands for."""
         total = np.zeros(part.size)
         for k, c in enumerate(part):
             up, down = np.poly(np.ones(k)), np.poly(-np.ones(part.size - 1 - k))
@@ -258,7 +258,7 @@ class Basis:
         return np.concatenate([s, np.full(missing, -self.a)])
 
     def gain_rows(self) -> np.ndarray:
-        """(Q, n) rows @ theta are Kp, Ki and Kd, as many as the structure has, each times a positive number.
+        """Return (Q, n) rows @ theta are Kp, Ki and Kd, as many as the structure has, each times a positive number.
 
         K = x(s) / (s^m (Tf s + 1)) is a PID whose gains are linear in x where Tf is given: from the lowest power on,
         each coefficient of x has in it the gain before times Tf.
@@ -274,7 +274,7 @@ class Basis:
         return np.hstack([np.zeros((self.n_x, self.n_y)), np.array(rows)])
 
     def known_modes(self) -> control.StateSpace:
-        """A system with the poles that every controller of the structure has, but for its integrators."""
+        """Return a system with the poles that every controller of the structure has, but for its integrators."""
         y = np.array(self.structure.poles, dtype=complex)
         y = (1 + y * self.dt / 2) / (1 - y * self.dt / 2)
         return in_series(from_roots(np.zeros(0), pair_conjugates(y), 1.0, self.dt), self.fixed, dt=self.dt)

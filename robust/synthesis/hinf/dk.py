@@ -285,7 +285,7 @@ def open_interconnection(
 
 
 def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
-    """What there is before the first round."""
+    """Return what there is before the first round."""
     return DkDesign(
         K=control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt),
         mu=np.inf,
@@ -300,7 +300,7 @@ def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
 def synthesise_scaled(
     P: control.StateSpace, scaling: list[Scaling], *, s: BlockStructure, sizes: tuple[int, int], time_cap: float
 ) -> tuple[control.StateSpace, float, str]:
-    """The controller of the scaled plant, the norm it reaches there, and why it is none."""
+    """Return the controller of the scaled plant, the norm it reaches there, and why it is none."""
     n_y, n_u = sizes
     dt = timebase(P)
     left, right = scaling_systems(scaling, s, dt)
@@ -318,7 +318,7 @@ def synthesise_scaled(
 
 
 def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
-    """The loop with a controller, by the upper bound of mu with the structure as it is."""
+    """Return the loop with a controller, by the upper bound of mu with the structure as it is."""
     N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
     curve = mu_upper(response_by_channel(N, at), blocks).value
@@ -326,7 +326,7 @@ def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks,
 
 
 def identity_scaling(dt: float) -> control.StateSpace:
-    """The scaling to begin with."""
+    """Return the scaling to begin with."""
     return control.StateSpace([], [], [], [[1.0]], dt)
 
 
@@ -341,7 +341,7 @@ def scaling_systems(
 
 
 def append_passthrough(system: control.StateSpace, n: int, dt: float) -> control.StateSpace:
-    """The system beside n signals that pass."""
+    """Return the system beside n signals that pass."""
     return block_diagonal([system, control.StateSpace([], [], [], np.eye(n), dt)], dt)
 
 
@@ -388,12 +388,12 @@ def resample_scalings(omega: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def scaling_sizes(scaling: list[Scaling], omega: np.ndarray) -> np.ndarray:
-    """(blocks, W) moduli of one function per block."""
+    """Return (blocks, W) moduli of one function per block."""
     return np.array([np.abs(response(d[0] if isinstance(d, tuple) else d, omega)) for d in scaling])
 
 
 def scaled_gains(response_: np.ndarray, d: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """(W,) largest singular value with one number per block and frequency as scalings."""
+    """Return (W,) largest singular value with one number per block and frequency as scalings."""
     left, right = (np.repeat(d, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols))
     scaled = left[:, None] * response_ / right[None]
     return np.asarray(np.linalg.norm(np.moveaxis(scaled, 2, 0), 2, axis=(1, 2)))

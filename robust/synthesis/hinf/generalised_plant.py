@@ -111,7 +111,7 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
 
 
 def shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
-    """A feedback u = F y that moves poles away from z = -1, which the bilinear map sends to infinity."""
+    """Return a feedback u = F y that moves poles away from z = -1, which the bilinear map sends to infinity."""
     rng = np.random.default_rng(0)
     size = 0.3 / max(float(np.linalg.norm(B2)) * float(np.linalg.norm(C2)), 1e-300)
     tries = [size * rng.standard_normal((B2.shape[1], C2.shape[0])) for _ in range(8)]
@@ -158,7 +158,7 @@ def hidden_mode(plant: Plant) -> str:
 
 
 def map_region(plant: Plant, a: float, b: float) -> Plant:
-    """The plant with the circle through a and b in place of the axis: what is asked for inside or outside of it.
+    """Return the plant with the circle through a and b in place of the axis: what is asked for inside or outside of it.
 
     A disc in the right half plane (0 < a < b) asks for less than the half plane: its least norm is a lower bound. All
     but a disc in the left half plane (b < a < 0) asks for more: its controllers are good, and keep the poles in that
@@ -185,7 +185,7 @@ def map_region(plant: Plant, a: float, b: float) -> Plant:
 
 
 def dual_plant(plant: Plant) -> Plant:
-    """The transposed plant: its control is the filtering of this one."""
+    """Return the transposed plant: its control is the filtering of this one."""
     return replace(
         plant, A=plant.A.T, B1=plant.C1.T, B2=plant.C2.T, C1=plant.B1.T, C2=plant.B2.T,
         D11=plant.D11.T, D12=plant.D21.T, D21=plant.D12.T,
@@ -207,7 +207,7 @@ def has_zero_on_axis(plant: Plant) -> bool:
 
 
 def regularise_plant(plant: Plant, size: float) -> Plant:
-    """The plant with small outputs of u and disturbances of y where D12, D21 lack rank."""
+    """Return the plant with small outputs of u and disturbances of y where D12, D21 lack rank."""
     n, n_u, n_y, n_w = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0], plant.B1.shape[1]
     reaches, sees = has_full_ranks(plant)
     if not reaches:
@@ -224,12 +224,12 @@ def regularise_plant(plant: Plant, size: float) -> Plant:
 
 
 def has_full_ranks(plant: Plant) -> tuple[bool, bool]:
-    """Whether D12 and D21 have full rank: u shows in z, w in y."""
+    """Return whether D12 and D21 have full rank: u shows in z, w in y."""
     return has_full_rank(plant.D12), has_full_rank(plant.D21.T)
 
 
 def has_full_rank(D: np.ndarray) -> bool:
-    """Whether the columns are independent beyond rounding."""
+    """Return whether the columns are independent beyond rounding."""
     sizes = np.linalg.svd(D, compute_uv=False)
     return D.shape[0] >= D.shape[1] and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
 
@@ -244,7 +244,7 @@ def typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) 
 
 
 def normalise_plant(plant: Plant) -> Plant | None:
-    """The plant with D12 = [0; I] and D21 = [0 I] by rotations of z and w and a change of u and y.
+    """Return the plant with D12 = [0; I] and D21 = [0 I] by rotations of z and w and a change of u and y.
 
     None where one of them lacks rank.
     """
@@ -273,7 +273,7 @@ def normalise_plant(plant: Plant) -> Plant | None:
 
 
 def restore_controller(plant: Plant, K: Matrices) -> control.StateSpace:
-    """The controller of the normalised plant as one of the plant that was given."""
+    """Return the controller of the normalised plant as one of the plant that was given."""
     A, B, C, D = K
     B, C, D = B @ plant.out_of_y, plant.into_u @ C, plant.into_u @ D @ plant.out_of_y
     if plant.region:

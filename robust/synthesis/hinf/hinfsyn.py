@@ -75,12 +75,12 @@ class Solution:
 
 
 def direct_term_bound(plant: Plant) -> float:
-    """What the direct term alone leaves: no controller gets below it."""
+    """Return what the direct term alone leaves: no controller gets below it."""
     return max(uncontrolled_direct_term(plant), uncontrolled_direct_term(dual_plant(plant)))
 
 
 def uncontrolled_direct_term(plant: Plant) -> float:
-    """The part of the direct term in outputs that u does not reach."""
+    """Return the part of the direct term in outputs that u does not reach."""
     upper = plant.D11[: plant.D11.shape[0] - plant.B2.shape[1]]
     return float(np.linalg.norm(upper, 2)) if upper.size else 0.0
 
@@ -266,7 +266,7 @@ def synthesise_between_circles(
 
 
 def circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
-    """Where a circle crosses the real axis: decades below the slowest pole and above the fastest."""
+    """Return where a circle crosses the real axis: decades below the slowest pole and above the fastest."""
     speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
     speeds = speeds[speeds > 1e-9 * max(1.0, float(speeds.max()))]
     slow = float(min(speeds.min(initial=1.0), 1.0))
@@ -275,7 +275,7 @@ def circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
 
 
 def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
-    """What is asked for outside of a disc in the left half plane, made regular, the hardest first."""
+    """Return what is asked for outside of a disc in the left half plane, made regular, the hardest first."""
     a, b = circle_ends(plant, below, above)
     problem = map_region(plant, -a, -b)
     if hidden_mode(problem):
@@ -315,7 +315,7 @@ def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: CircleResul
 
 
 def full_information_plant(plant: Plant) -> Plant:
-    """The plant with w measured, as it has to be put to normalise D12 alone."""
+    """Return the plant with w measured, as it has to be put to normalise D12 alone."""
     n_w = plant.B1.shape[1]
     return replace(
         plant, C2=np.zeros((n_w, plant.A.shape[0])), D21=np.eye(n_w), D22_region=np.zeros((n_w, plant.B2.shape[1]))
@@ -355,7 +355,7 @@ def keep_better(
 
 
 def norm_as_given(closed: control.StateSpace) -> float:
-    """The norm, and at least what evaluation finds in the coordinates of the loop as they are."""
+    """Return the norm, and at least what evaluation finds in the coordinates of the loop as they are."""
     poles = to_s_plane(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
     near = np.concatenate([np.abs(poles.imag), np.abs(poles)])
     omega = np.unique(near[:, None] * (1 + np.linspace(-0.03, 0.03, 31)))
@@ -482,7 +482,7 @@ def hinfsyn(
     factor: float = 1.01,
     time_cap: float = 10.0,
 ) -> Synthesis:
-    """The controller that makes the norm from w to z of a plant with weights as small as it can be.
+    """Return the controller that makes the norm from w to z of a plant with weights as small as it can be.
 
     Parameters
     ----------
@@ -592,7 +592,7 @@ def synthesise(
 def synthesise_singular(
     P: control.StateSpace, plant: Plant, *, nothing: Synthesis, wanted: tuple[float, float], deadline: float
 ) -> Synthesis:
-    """The best controller of a singular problem, with a lower bound of the problem itself."""
+    """Return the best controller of a singular problem, with a lower bound of the problem itself."""
     found = synthesise_between_circles(P, plant, *wanted, deadline)
     if found.K is None:
         why = "the time cap was reached" if found.late else "no level met the existence conditions, however regularised"
@@ -615,7 +615,7 @@ def synthesise_singular(
 
 
 def better_synthesis(a: Synthesis, b: Synthesis) -> Synthesis:
-    """The one with the smaller norm, the later one where neither has one."""
+    """Return the one with the smaller norm, the later one where neither has one."""
     return a if a.gamma < b.gamma else b
 
 

@@ -142,7 +142,7 @@ def is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
 
 
 def weight_on_time_base(name: str, w: Weight, *, dt: float, n: int) -> control.StateSpace:
-    """A stable weight on n signals, on the time base of the loop."""
+    """Return a stable weight on n signals, on the time base of the loop."""
     w = stable_weight(name, w, dt=dt, n=n)
     if dt and not timebase(w) and not is_constant(w):
         w = discretize(w, dt)

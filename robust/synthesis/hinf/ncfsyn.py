@@ -123,7 +123,7 @@ def riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndar
 
 
 def shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.StateSpace:
-    """A shaping function beside n channels of the plant, at its input W1 or its output W2."""
+    """Return a shaping function beside n channels of the plant, at its input W1 or its output W2."""
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
         W = block_diagonal([W] * n, W.dt)
@@ -138,7 +138,7 @@ def shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.St
 
 
 def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
-    """A first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
+    """Return a first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
 
     Of several channels a diagonal of such weights, each by the diagonal entry of the plant at its input.
 
