@@ -155,10 +155,21 @@ class LoopMargins:
         )
 
 
+def decibels(gain: float) -> float:
+    """Return 20 log10 of a gain, -inf of none."""
+    return float(20 * np.log10(gain)) if gain > 0 else -np.inf
+
+
 def format_margins(margin: DiskMargin) -> str:
-    """Format the gains [dB] and the phase [deg] of a margin."""
-    low, high = (20 * np.log10(g) if g > 0 else -np.inf for g in margin.gain_margin)
-    return f"gain {low:.2f} to {high:+.2f} dB, phase {np.degrees(margin.phase_margin):.1f} deg"
+    """Format the gains [dB] and the phase [deg] of a margin; any gain above 0 where rounding alone bounds it.
+
+    >>> format_margins(disk_margin(control.ss(-1.0, 1.0, 0.1, 0.0)))
+    'any positive gain, phase 90.0 deg'
+    """
+    low, high = margin.gain_margin
+    free = low < 1e-9 and high > 1e9
+    gains = "any positive gain" if free else f"gain {decibels(low):.2f} to {decibels(high):+.2f} dB"
+    return f"{gains}, phase {np.degrees(margin.phase_margin):.1f} deg"
 
 
 def disk_margin(
