@@ -170,9 +170,23 @@ class DriveCheck:
     def assumption(self) -> str:
         """What is taken from the settings and not from the traces."""
         timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
+        more = f"; the nominal loop takes {1e3 * self.delay_margin:.3g} ms more" if self.delay_margin < np.inf else ""
         if self.actual:
-            return f"assumed: {timing} of the current loop, which a trace of the actual current does not show"
-        return f"{timing} of the current loop taken off; what is wrong with them counts as misfit"
+            return f"assumed: {timing} of the current loop, which a trace of the actual current does not show{more}"
+        return f"{timing} of the current loop taken off; what is wrong with them counts as misfit{more}"
+
+    @property
+    def delay_margin(self) -> float:
+        """Return the least delay [s] that makes the nominal loop unstable, of all its crossovers; inf where none does."""
+        if self.report.G is None or self.report.K is None or not self.report.nominally_stable:
+            return np.inf
+        L, omega = self.report.G * self.report.K, self.report.omega
+        size = np.log(np.abs(L))
+        k = np.flatnonzero(size[:-1] * size[1:] <= 0)
+        share = size[k] / (size[k] - size[k + 1])
+        phase = np.angle(L[k]) + share * np.angle(L[k + 1] / L[k])
+        margins = (phase + np.pi) % (2 * np.pi) / (omega[k] * (omega[k + 1] / omega[k]) ** share)
+        return float(margins.min(initial=np.inf))
 
     def __str__(self) -> str:
         position = self.settings.base_unit
