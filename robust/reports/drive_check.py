@@ -177,7 +177,7 @@ class DriveCheck:
 
     @property
     def delay_margin(self) -> float:
-        """Return the least delay [s] that makes the nominal loop unstable, of all its crossovers; inf where none does."""
+        """Return the least delay [s] that makes the nominal loop unstable, over all crossovers; inf of none."""
         if self.report.G is None or self.report.K is None or not self.report.nominally_stable:
             return np.inf
         L, omega = self.report.G * self.report.K, self.report.omega
