@@ -120,7 +120,7 @@ def test_the_picture_has_every_level_measured_and_fitted(motor):
         expected = sorted((1e6 * level.motion, getattr(level, name)) for level in motor.levels)
         assert np.allclose(np.array(measured.get_data()).T, expected)
         assert np.allclose(fitted.get_ydata(), measured.get_ydata(), atol=0.02 * np.abs(measured.get_ydata()).max())
-    assert "N/m, Fs 20" in top.get_title()
+    assert f"N/m, Fs {motor.Fs:.4g} N" in top.get_title()
 
 
 def test_the_class_of_a_fit_holds_the_machine(motor):
