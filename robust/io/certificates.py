@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -220,6 +220,8 @@ def is_same_system(mine: Matrices, other: Matrices) -> bool:
 
 # ---- What a proof for a machine with friction starts from, read from files.
 
+#: Arguments of `load_record` that were given, by name.
+LoadOptions: TypeAlias = Mapping[str, Any]
 #: Kinds of files of ours that a machine and its friction are read from.
 MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, MEASURED_RECORD, "robust-model", "robust-matrix-model")
 #: Arguments of `load_record` -> options of `nlfrf identify`.
@@ -268,7 +270,7 @@ def class_from_files(
     stiffness: float | None = None,
     stiction: float = 1.5,
     free: bool = False,
-    load: Mapping[str, Any] | None = None,
+    load: LoadOptions | None = None,
 ) -> FrictionBasis:
     """Return machines and friction class of one model and a stiffness [N/m], or of BLAs or records at several levels.
 
@@ -330,7 +332,7 @@ def class_from_files(
     )
 
 
-def load_level(path: Path, load: Mapping[str, Any]) -> nlfrf.Bla | nlfrf.Record:
+def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
     schema = nlfrf.inspect_file(path).schema
     if schema and "record" not in schema:
@@ -347,7 +349,7 @@ def class_from_records(
     stiffness: float | None,
     stiction: float,
     free: bool,
-    load: Mapping[str, Any],
+    load: LoadOptions,
 ) -> FrictionClass:
     """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
     identified = [identify_command(path, load) for path in records]
@@ -405,7 +407,7 @@ def class_from_bla_files(
         return friction_class(measured, nominal=around, stiction=stiction)
 
 
-def describe_source(path: Path, kind: str, load: Mapping[str, Any] | None = None) -> dict[str, object]:
+def describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
     """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
     options = {LOAD_OPTIONS[name]: str(option) for name, option in (load or {}).items()}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -471,7 +473,7 @@ def bla_of(record: Path) -> Path:
     return Path(f"{record.name.partition('.')[0]}-bla.npz")
 
 
-def identify_command(path: Path, load: Mapping[str, Any]) -> str:
+def identify_command(path: Path, load: LoadOptions) -> str:
     """Return the command line that identifies the BLA of a record, with the options that it was read with."""
     options = [f"{LOAD_OPTIONS[name]} {shell_quote(str(option))}" for name, option in load.items()]
     return " ".join(["nlfrf identify", shell_quote(path), *options, f"-o {shell_quote(bla_of(path))}"])

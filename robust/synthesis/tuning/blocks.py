@@ -13,9 +13,9 @@ one that runs. A parameter that starts positive (or negative) keeps its sign and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import control
 import numpy as np
@@ -48,6 +48,7 @@ __all__ = [
     "with_parameters",
 ]
 
+Names: TypeAlias = str | Sequence[str]
 #: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
 RANGE_RATIO = 1000.0
 #: The fastest pole of a sampled block over 2/T, as in `design_frf`: beyond it the sampled block rings.
@@ -108,8 +109,8 @@ class TunableBlock:
     #: Bounds that the meaning of a parameter sets.
     LIMITS: Mapping[str, tuple[float, float]] = {}
 
-    reads: Any
-    drives: Any
+    reads: Names
+    drives: Names
     fixed: Any
     lower: Any
     upper: Any
@@ -216,7 +217,7 @@ class TunableBlock:
         return int(self.state_space(parameter_values(self))[0].shape[0])
 
 
-def signal_names(name: str, given: Any) -> tuple[str, ...]:
+def signal_names(name: str, given: Names) -> tuple[str, ...]:
     """Return signal names as a tuple, or a refusal."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, tuple | list) or not names or not all(isinstance(one, str) and one for one in names):
@@ -270,8 +271,8 @@ class Gain(TunableBlock):
     """
 
     K: Any
-    reads: Any
-    drives: Any
+    reads: Names
+    drives: Names
     free: Any = None
     fixed: Any = ()
     lower: Mapping[str, float | np.ndarray] | None = None
@@ -338,8 +339,8 @@ class Pid(TunableBlock):
     1
     """
 
-    reads: Any
-    drives: Any
+    reads: Names
+    drives: Names
     kp: float | None = None
     ki: float | None = None
     kd: float | None = None
@@ -423,8 +424,8 @@ class Notch(TunableBlock):
     """
 
     omega: float
-    reads: Any
-    drives: Any
+    reads: Names
+    drives: Names
     depth: float = 0.3
     width: float = 0.6
     fixed: Any = ()
@@ -470,8 +471,8 @@ class Lead(TunableBlock):
     """
 
     omega: float
-    reads: Any
-    drives: Any
+    reads: Names
+    drives: Names
     phase: float = 0.8
     fixed: Any = ()
     lower: Mapping[str, float | np.ndarray] | None = None
@@ -517,8 +518,8 @@ class Filter2(TunableBlock):
     """
 
     omega: float
-    reads: Any
-    drives: Any
+    reads: Names
+    drives: Names
     zeta: float = 0.7
     fixed: Any = ()
     lower: Mapping[str, float | np.ndarray] | None = None
@@ -568,8 +569,8 @@ class StateSpace(TunableBlock):
     """
 
     n_states: int
-    reads: Any
-    drives: Any
+    reads: Names
+    drives: Names
     A: Any = None
     B: Any = None
     C: Any = None
@@ -582,8 +583,10 @@ class StateSpace(TunableBlock):
     matrix_block = True
 
     @classmethod
-    def from_system(cls, K: control.StateSpace | control.TransferFunction, *, reads: Any, drives: Any) -> StateSpace:
-        """Return the block that starts at a controller or filter K, continuous or sampled, from whatever design it is.
+    def from_system(
+        cls, K: control.StateSpace | control.TransferFunction, *, reads: Names, drives: Names
+    ) -> StateSpace:
+        """Return the block that starts at a controller or filter K, continuous or sampled, of any design.
 
         >>> start = StateSpace.from_system(control.ss(-2.0, 1.0, 3.0, 0.0), reads="e", drives="u")
         >>> start.A.tolist(), start.C.tolist()

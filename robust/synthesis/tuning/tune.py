@@ -208,7 +208,7 @@ def make_loops(
     worst = any(limit.worst for limit in gains)
     external = list(dict.fromkeys(label for limit in gains for label in limit.inputs))
     looked_at = list(dict.fromkeys(label for limit in gains for label in limit.outputs))
-    ports = [Port(reads=block.reads, drives=block.drives) for block in controller.blocks.values()]
+    ports = [Port(reads=tuple(block.reads), drives=tuple(block.drives)) for block in controller.blocks.values()]
     sizes = (controller.n_states, controller.n_in, controller.n_out)
     n_u, n_y = len(plants.inputs), len(plants.outputs)
     scenes: list[ModelledLoop | MeasuredLoop] = []
