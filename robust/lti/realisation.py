@@ -47,11 +47,7 @@ def multivariable(name: str, system: object) -> control.StateSpace:
             real.A, real.B, real.C, real.D, real.dt, inputs=system.input_labels, outputs=system.output_labels
         )
     if not isinstance(system, control.StateSpace):
-        cure = (
-            " Build it from single transfer functions (control.append, control.interconnect)."
-            if isinstance(system, control.TransferFunction)
-            else ""
-        )
+        cure = f" Convert it: control.ss({name})." if isinstance(system, control.TransferFunction) else ""
         for part in ("nominal", "G"):  # a model or a fit, where the plant alone is wanted
             if isinstance(getattr(system, part, None), control.StateSpace):
                 cure = f" Give its {part}."

@@ -65,6 +65,8 @@ AGREE = 0.5
 #: Lowest lines by which friction is seen to hold an axis, and the mean cosine of the phase of G above which it does:
 #: 1 of a spring, 0 of a damper, -1 of a mass.
 LOW_LINES, HELD = 6, 0.5
+#: Factors on kp that are tried where the model is unstable, the mildest first.
+TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
 #: Relative error up to which two gains are the same.
 SAME_GAIN = 1e-3
 #: Orders of the weight that are tried.
@@ -72,10 +74,14 @@ WEIGHT_ORDERS = (4, 6, 8)
 
 
 class Conditions(NamedTuple):
-    """Whether a drive had the gains that are checked while a trace was recorded, and whether the axis was at rest."""
+    """Whether a drive had the gains that are checked while a trace was recorded, or others, and the axis was at rest.
+
+    Of `ran` and `differs` neither is true where the design and the settings cannot be compared.
+    """
 
     ran: bool
     at_rest: bool
+    differs: bool = False
 
 
 @value
@@ -295,18 +301,20 @@ def read_experiments(
             found, labels = levels.records, ("sticks", "bends", "slides")
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
-        conditions += [Conditions(ran_with(design, settings), not np.any(design.velocities))] * len(found)
+        same = has_gains_of(design, settings)
+        at_rest = not np.any(design.velocities)
+        conditions += [Conditions(ran=same is True, at_rest=at_rest, differs=same is False)] * len(found)
     return records, names, conditions
 
 
-def ran_with(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> bool:
-    """Return whether an experiment was designed for a drive with these gains, in A."""
+def has_gains_of(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> bool | None:
+    """Return whether an experiment was designed for a drive with these gains, None where kp cannot be had in A."""
     try:
         kp = settings.gain * settings.output_factor("A")
     except ValueError:  # no torque constant: the design has a kp in A
-        return False
+        return None
     own, given = (design.kv, design.kp, 1 / design.tn), (settings.kv, kp, 1 / settings.tn)
-    return settings.base_unit == design.position_unit and np.allclose(own, given, rtol=SAME_GAIN, atol=0)
+    return settings.base_unit == design.position_unit and bool(np.allclose(own, given, rtol=SAME_GAIN, atol=0))
 
 
 def to_drive_units(record: nlfrf.Record, settings: DriveSettings, path: Path, *, actual: bool) -> nlfrf.Record:
@@ -408,12 +416,13 @@ def check_drive(
     worst = worst_case(model, K, delay=settings.delay) if report.nominally_stable else None
     under = conditions[chosen] if conditions else Conditions(ran=False, at_rest=False)
     stiffness_unit = ratio_unit(unit, base)
+    factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
     doubts = [
         ""
         if found is not None
         else doubt_of_trace_at_rest(names[chosen], blas[chosen], under=under, unit=stiffness_unit),
         doubt_of_crossover(report),
-        doubt_of_unstable_model(names[chosen], report, under),
+        doubt_of_unstable_model(names[chosen], report, under=under, factor=factor),
         doubt_of_margins(report, worst, peak),
     ]
     contradicted = under.ran and not report.nominally_stable
@@ -425,6 +434,8 @@ def check_drive(
             reason=f"{what}; but this trace cannot judge these gains, see the warning",
             advice="",
         )
+    elif not report.nominally_stable:
+        report = replace(report, advice="")  # that of a loop, lower the gain, is wrong for a kp that is too low
     return DriveCheck(
         settings=settings,
         unit=unit,
@@ -544,7 +555,18 @@ def doubt_of_crossover(report: RobustnessReport) -> str:
     )
 
 
-def doubt_of_unstable_model(name: str, report: RobustnessReport, under: Conditions) -> str:
+def stabilizing_factor(model: UncertaintyModel, K: control.StateSpace, delay: float) -> float | None:
+    """Return the factor on kp, of those tried, nearest to one with which the nominal loop is stable; None of none.
+
+    An integral and a position gain that are too high for kp are cured by more kp, all else by less.
+    """
+    for factor in TRIED_FACTORS:
+        if check(model, K * factor, delay=delay, certify=False).nominally_stable:
+            return factor
+    return None
+
+
+def doubt_of_unstable_model(name: str, report: RobustnessReport, *, under: Conditions, factor: float | None) -> str:
     """Why a model that is unstable with the gains may be wrong: the loop ran with them while the trace was recorded."""
     if report.nominally_stable:
         return ""
@@ -554,10 +576,16 @@ def doubt_of_unstable_model(name: str, report: RobustnessReport, under: Conditio
             "loop is unstable: it is the model that is wrong, and nothing is known of the margins. Take a trace in "
             "motion, with more periods or realisations, in a band around the crossover"
         )
+    cure = (
+        f"no kp of {min(TRIED_FACTORS):g} to {max(TRIED_FACTORS):g} times this one makes it stable: change kv and tn"
+        if factor is None
+        else f"{factor:g} times this kp makes it stable"
+    )
+    if under.differs:
+        return f"{name} was recorded with other gains, by its design. With these the loop is unstable; {cure}"
     return (
         f"if {name} was recorded with these gains, the loop was stable, and the model is wrong: take a trace in "
-        "motion, in a band around the crossover, and give its --design. If not, lower the gains until the model is "
-        "stable"
+        f"motion, in a band around the crossover, and give its --design. If not, the loop is unstable; {cure}"
     )
 
 
@@ -568,11 +596,14 @@ def doubt_of_margins(report: RobustnessReport, worst: WorstCase | None, peak: fl
     largest, phase = float(np.max(worst.gain)), np.degrees(report.classical.phase_margin)
     if largest <= peak:
         return ""
+    below, above = report.classical.gain_reduction, report.classical.gain_margin
+    too_low = below > 1 / above  # the gain is nearer to its lower limit: kv and 1/tn are too high for this kp
+    cure = "raise kp, or lower kv and lengthen tn" if too_low else "lower kp, or kv"
     return (
         f"thin margins: |S| reaches {largest:.3g} over the set, at {format_hertz(worst.omega[np.argmax(worst.gain)])}, "
         f"above {peak:g}, and the nominal phase margin is {phase:.1f} deg. Customary are |S| of at most 2 and a phase "
         "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). The axis rings, and a small change makes "
-        "the loop unstable: lower kp, or kv"
+        f"the loop unstable: {cure}"
     )
 
 

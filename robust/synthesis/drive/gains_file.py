@@ -11,7 +11,7 @@ from nlfrf._base.arguments import short_form
 from nlfrf._base.types import Json, JsonObject
 from robust._base.warnings import DesignWarning
 from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
-from robust.synthesis.drive.settings import DriveSettings
+from robust.synthesis.drive.settings import USUAL_KV, DriveSettings, is_unusual_gain
 from robust.synthesis.drive.units import parse_quantity
 
 __all__ = ["load_gains"]
@@ -27,9 +27,6 @@ NUMBERS = {
 }
 #: Entries that are texts or whole numbers, as `DriveSettings` takes them.
 PLAIN = ("position_every", "encoder", "velocity_from", "position_unit", "load_unit", "unit_factor", "load_factor")
-#: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
-#: misread is off by a factor of 16.7 or 60.
-USUAL_KV = (5.0, 1000.0)
 FILTERS: dict[str, Callable[..., FilterSlot]] = {"notch": notch, "low_pass": low_pass, "biquad": biquad}
 FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
     "numerator_frequency": "frequency",
@@ -115,9 +112,9 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
 def warn_of_unusual_gain(kv: float, written: Json) -> None:
     """Warn of a position gain kv [1/s] that hardly any drive has: its unit may be another one."""
     low, high = USUAL_KV
-    if kv and not low <= kv <= high:
+    if is_unusual_gain(kv):
         warnings.warn(
-            f"kv = {short_form(written)} is {kv:.3g} 1/s, and drives usually have {low:g} to {high:g} 1/s "
+            f"kv = {short_form(written)} is {kv:.4g} 1/s, and drives usually have {low:g} to {high:g} 1/s "
             f"({60e-3 * low:g} to {60e-3 * high:g} (m/min)/mm). Every result is of that gain; look up its unit",
             DesignWarning,
             stacklevel=3,

@@ -23,7 +23,11 @@ from nlfrf._base.values import value
 from robust.synthesis.drive.filters import FilterSlot
 from robust.synthesis.drive.units import parse_gain_unit, position_factor
 
-__all__ = ["DriveSettings"]
+__all__ = ["USUAL_KV", "DriveSettings", "is_unusual_gain"]
+
+#: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
+#: misread is off by a factor of 16.7 or 60.
+USUAL_KV = (5.0, 1000.0)
 
 
 @value
@@ -199,8 +203,10 @@ class DriveSettings:
             if self.velocity_from == "observer"
             else f"differences{smoothed}"
         )
+        low, high = USUAL_KV
+        unusual = f" (drives have {low:g} to {high:g} 1/s: look up its unit)" if is_unusual_gain(self.kv) else ""
         rows = [
-            f"position loop kv = {self.kv:.6g} 1/s, every {period * self.position_every:g} ms",
+            f"position loop kv = {self.kv:.6g} 1/s{unusual}, every {period * self.position_every:g} ms",
             f"velocity loop kp = {self.kp:.6g} {self.kp_unit}, {reset}, velocity from {velocity}, every {period:g} ms",
         ]
         if self.encoder == "both":
@@ -211,6 +217,15 @@ class DriveSettings:
         guessed = f" ({' and '.join(self.assumed)} assumed, not given)" if self.assumed else ""
         rows.append(f"{known}current loop: lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g} ms{guessed}")
         return "\n".join(rows)
+
+
+def is_unusual_gain(kv: float) -> bool:
+    """Return whether hardly any drive has a position gain kv [1/s]; none at all is not unusual.
+
+    >>> is_unusual_gain(3.6), is_unusual_gain(60.0), is_unusual_gain(0.0)
+    (True, False, False)
+    """
+    return bool(kv) and not USUAL_KV[0] <= kv <= USUAL_KV[1]
 
 
 def require_number(name: str, number: object) -> float:

@@ -14,7 +14,7 @@ import nlfrf
 import robust
 from robust import cli
 from robust.drive import cascade, load_gains
-from robust.reports.drive_check import DriveCheck, check_drive, ran_with, read_experiments, read_trace
+from robust.reports.drive_check import DriveCheck, check_drive, has_gains_of, read_experiments, read_trace
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -375,9 +375,9 @@ def test_gains_that_did_not_run_are_not_called_stable(folder):
         (150, "A s/m", False),
         (143, "A s/rad", False),
     ):
-        assert ran_with(experiment, replace(settings, kp=kp, kp_unit=kp_unit, position_unit="")) is same
-    assert not ran_with(experiment, replace(settings, kp_unit="Ns/m", torque_constant=np.nan))
-    assert not ran_with(replace(experiment, kv=np.nan), settings)
+        assert has_gains_of(experiment, replace(settings, kp=kp, kp_unit=kp_unit, position_unit="")) is same
+    assert has_gains_of(experiment, replace(settings, kp_unit="Ns/m", torque_constant=np.nan)) is None
+    assert has_gains_of(replace(experiment, kv=np.nan), settings) is False
 
 
 @pytest.mark.usefixtures("played")
@@ -424,7 +424,7 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     nlfrf.axis.play_experiment(axis, folder / "ramp.csv", folder / "ramp-trace.csv")
     records, names, conditions = read_experiments([folder / "ramp-trace.csv"], [ramp], settings)
     assert names == [f"ramp-trace.csv {state}" for state in ("sticks", "bends", "slides")]
-    assert conditions == [(True, True)] * 3
+    assert conditions == [(True, True, False)] * 3
     assert np.all(np.diff([np.std(one.u) for one in records]) > 0)
     low = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=2, n_levels=4, rng=1)
     nlfrf.save(low, folder / "few.csv")
@@ -474,7 +474,8 @@ def test_a_position_gain_in_a_doubtful_unit_is_warned_of(tmp_path, kv, in_second
     with pytest.warns(robust.DesignWarning, match=r"kv = '100 .* 1/s, and drives usually have 5 to 1000 1/s") as seen:
         found = load_gains(path)
     assert found.kv == pytest.approx(in_seconds, rel=0.01)
-    assert f"is {found.kv:.3g} 1/s" in str(seen[0].message)
+    assert f"is {found.kv:.4g} 1/s" in str(seen[0].message)
+    assert "drives have 5 to 1000 1/s: look up its unit" in str(found)
 
 
 def test_stiffness_in_the_loop_is_that_of_spring_and_gain():
@@ -506,3 +507,28 @@ def test_the_delay_margin_is_the_least_of_all_crossovers():
     wanted = min((np.angle(L[k]) + np.pi) % (2 * np.pi) / fine[k] for k in crossing)
     assert DriveCheck.delay_margin.fget(found) == pytest.approx(wanted, rel=1e-3)
     assert wanted < 0.2
+
+
+@pytest.mark.parametrize(("kp", "cure"), [(0.10, "raise kp"), (3.0, "lower kp")])
+def test_thin_margins_are_cured_in_the_direction_that_helps(folder, kp, cure):
+    """A kp that is too low for kv and tn oscillates as one that is too high does: the loop is conditionally stable."""
+    settings = load_gains(folder / "gains.toml")
+    record = read_trace(folder / "moving.npz", settings)
+    low = check_drive([record], replace(settings, kp=settings.kp * kp, kv=60.0, tn=0.012))
+    assert low.report.nominally_stable
+    assert f"unstable: {cure}" in one_line(str(low))
+    way = 1.5 if cure == "raise kp" else 1 / 1.5
+    better = check_drive([record], replace(settings, kp=settings.kp * kp * way, kv=60.0, tn=0.012))
+    assert better.worst.gain.max() < low.worst.gain.max()
+
+
+def test_a_factor_that_is_named_makes_an_unstable_loop_stable(folder):
+    settings = replace(load_gains(folder / "gains.toml"), kv=60.0, tn=0.012)
+    record = read_trace(folder / "moving.npz", settings)
+    for factor in (0.02, 20.0):
+        found = check_drive([record], replace(settings, kp=settings.kp * factor))
+        assert not found.report.nominally_stable
+        assert "Lower the gain" not in one_line(str(found))
+        named = float(re.search(r"([\d.]+) times this kp makes it stable", one_line(str(found)))[1])
+        assert (named > 1) == (factor < 1)
+        assert check_drive([record], replace(settings, kp=settings.kp * factor * named)).report.nominally_stable
