@@ -27,14 +27,14 @@ from nlfrf._base.command import (
 )
 from nlfrf._base.files import command_signature, require_writable, write_text
 from robust._base.states import FrictionVerdict
-from robust.lti.sampling import delayed
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-certificates, pid, from_options, drive_check, shaping_page, gains_file = (
+certificates, pid, sampling, from_options, drive_check, shaping_page, gains_file = (
     lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
     for module in (
         "io.certificates",
         "io.pid",
+        "lti.sampling",
         "reports.command",
         "reports.drive_check",
         "reports.shaping_page.command",
@@ -213,7 +213,7 @@ def design(
                 elif sample_time and abs(sample_time / G.dt - 1) > 1e-9:
                     raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {sample_time:g} s")
                 else:
-                    G = delayed(G, delay, order=PADE_ORDER)
+                    G = sampling.delayed(G, delay, order=PADE_ORDER)
                 result = robust.ncfsyn(G, robust.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
         if not result.met:
             raise ValueError(f"model must let a controller be found: {result.reason}")

@@ -36,7 +36,7 @@ COMMANDS = [
     ("robust verify {}", ("proof.json",)),
     ("robust verify proof.json --model {}", ("model.json",)),
     ("robust verify proof.json --controller {}", ("K.json",)),
-    ("robust prove {} K.json", (*BLAS, "model.json")),
+    ("robust prove {} K.json", (*MEASURED, *BLAS, "model.json")),
     ("robust prove model.json {} --stiffness 1e5", ("K.json",)),
     ("robust export {} -o out.mat", ("model.json", "K.json")),
     ("robust export {} -o out.csv", ("K.json",)),
