@@ -41,7 +41,7 @@ Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], 
 
 
 def read_in_own_process(reader_file: str, path: Path) -> Contents:
-    """Return what the function ``contents`` of a room, given by its file, finds in a file.
+    """Return what the function ``contents`` of a module, given by its file, finds in a file.
 
     The room is loaded by its path alone, so it may import nothing of this package.
 

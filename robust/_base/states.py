@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["FrictionVerdict", "Outcome", "Stability", "Verdict"]
+__all__ = ["Demand", "FrictionVerdict", "Outcome", "Stability", "State", "Verdict"]
 
 
 class State(StrEnum):
@@ -31,6 +31,14 @@ class Outcome(State):
     HOLDS = "holds"
     VIOLATED = "violated"
     UNDECIDED = "undecided"
+
+
+class Demand(State):
+    """Whether every plant of a set meets the performance demand."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    NOT_PROVED = "not proved"
 
 
 class Verdict(State):

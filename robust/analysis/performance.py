@@ -52,6 +52,8 @@ class ClassicalMargins:
         Highest frequency at which |L| is one [rad/s]; nan where it never is.
     phase_margin, omega_phase : float
         Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and where [rad/s].
+    delay_margin : float
+        Least further delay that puts L on -1, over all frequencies with |L| = 1 [s]; inf where there are none.
     gain_margin, omega_gain : float
         Smallest factor above one on the loop gain that puts L on -1, inf where none does, and where [rad/s].
     gain_reduction, omega_reduction : float
@@ -76,6 +78,7 @@ class ClassicalMargins:
     crossover: float = float("nan")
     phase_margin: float = float("nan")
     omega_phase: float = float("nan")
+    delay_margin: float = float("inf")
     gain_margin: float = float("inf")
     omega_gain: float = float("nan")
     gain_reduction: float = 0.0
@@ -126,6 +129,7 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
         margin = np.abs((off + 2 * np.pi) % (2 * np.pi) - np.pi)
         k = int(np.argmin(margin))
         found |= {"crossover": np.exp(at[-1]), "phase_margin": margin[k], "omega_phase": np.exp(at[k])}
+        found["delay_margin"] = ((off + np.pi) % (2 * np.pi) / np.exp(at)).min()
     turns = np.arange(np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1)
     real = [zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
     if abs(L[-1].imag) < REAL_TOLERANCE * abs(L[-1]) and L[-1].real < 0:

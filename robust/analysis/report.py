@@ -10,7 +10,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, format_paragraph
 from nlfrf._base.values import ArrayField, Sketch, value
-from robust._base.states import Verdict
+from robust._base.states import Demand, Verdict
 from robust._base.types import SystemField
 from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import Curves, Peaks
@@ -661,18 +661,18 @@ class RobustnessReport:
         return "rs" if self.is_single else "mu"
 
     @property
-    def performance(self) -> str:
-        """Return whether the whole set meets the demand: "met", "not met" or "not proved"; empty without one."""
+    def performance(self) -> Demand | None:
+        """Return whether the whole set meets the demand; None without one, and of an unstable nominal loop."""
         if not (self.nominally_stable and np.isfinite(self.margin_rp)):
-            return ""
+            return None
         if self.robust_performance:
-            return "met"
-        return "not met" if self.is_single and np.max(self.rp) > 1 else "not proved"  # mu is an upper bound
+            return Demand.MET
+        return Demand.NOT_MET if self.is_single and np.max(self.rp) > 1 else Demand.NOT_PROVED  # mu is an upper bound
 
     @property
     def missed_performance(self) -> str:
         """Return what the verdict has to add of a loop that is robustly stable and misses the demand; else empty."""
-        missed = self.verdict.is_robust and self.performance in ("not met", "not proved")
+        missed = self.verdict.is_robust and self.performance not in (None, Demand.MET)
         return f", performance {self.performance}" if missed else ""
 
     def performance_words(self) -> str:

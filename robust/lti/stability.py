@@ -254,7 +254,7 @@ def initial_slopes(omega: np.ndarray, G: np.ndarray) -> tuple[float, float]:
 
 
 def shows_integrators(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
-    """Return whether the first lines let n integrators be told: by a phase near theirs, and by a slope that stays."""
+    """Return whether the first lines show n integrators: by a phase near theirs, and by a slope that stays."""
     if abs(phase_offset(G[0], n)) > MAX_PHASE_OFFSET:
         return False
     if n == 0 or omega.size < 3 or omega[2] <= 1.6 * omega[0]:

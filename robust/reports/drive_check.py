@@ -28,9 +28,9 @@ from nlfrf._base.arguments import (
     require_positive,
 )
 from nlfrf._base.values import value
-from robust._base.states import FrictionVerdict, Verdict
+from robust._base.states import FrictionVerdict, State, Verdict
 from robust._base.warnings import DesignWarning
-from robust.analysis.loop import assemble_loop
+from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
@@ -73,15 +73,19 @@ SAME_GAIN = 1e-3
 WEIGHT_ORDERS = (4, 6, 8)
 
 
+class RecordedGains(State):
+    """Whether a trace was recorded with the gains that are checked, by its design."""
+
+    SAME = "same"
+    OTHER = "other"
+    UNKNOWN = "unknown"
+
+
 class Conditions(NamedTuple):
-    """Whether a drive had the gains that are checked while a trace was recorded, or others, and the axis was at rest.
+    """With which gains a trace was recorded, and whether the axis was at rest."""
 
-    Of `ran` and `differs` neither is true where the design and the settings cannot be compared.
-    """
-
-    ran: bool
-    at_rest: bool
-    differs: bool = False
+    gains: RecordedGains = RecordedGains.UNKNOWN
+    at_rest: bool = False
 
 
 @value
@@ -176,23 +180,11 @@ class DriveCheck:
     def assumption(self) -> str:
         """What is taken from the settings and not from the traces."""
         timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
-        more = f"; the nominal loop takes {1e3 * self.delay_margin:.3g} ms more" if self.delay_margin < np.inf else ""
+        margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
+        more = f"; the nominal loop takes {1e3 * margin:.3g} ms more" if margin < np.inf else ""
         if self.actual:
             return f"assumed: {timing} of the current loop, which a trace of the actual current does not show{more}"
         return f"{timing} of the current loop taken off; what is wrong with them counts as misfit{more}"
-
-    @property
-    def delay_margin(self) -> float:
-        """Return the least delay [s] that makes the nominal loop unstable, over all crossovers; inf of none."""
-        if self.report.G is None or self.report.K is None or not self.report.nominally_stable:
-            return np.inf
-        L, omega = self.report.G * self.report.K, self.report.omega
-        size = np.log(np.abs(L))
-        k = np.flatnonzero(size[:-1] * size[1:] <= 0)
-        share = size[k] / (size[k] - size[k + 1])
-        phase = np.angle(L[k]) + share * np.angle(L[k + 1] / L[k])
-        margins = (phase + np.pi) % (2 * np.pi) / (omega[k] * (omega[k + 1] / omega[k]) ** share)
-        return float(margins.min(initial=np.inf))
 
     def __str__(self) -> str:
         position = self.settings.base_unit
@@ -301,20 +293,20 @@ def read_experiments(
             found, labels = levels.records, ("sticks", "bends", "slides")
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
-        same = has_gains_of(design, settings)
         at_rest = not np.any(design.velocities)
-        conditions += [Conditions(ran=same is True, at_rest=at_rest, differs=same is False)] * len(found)
+        conditions += [Conditions(gains=compare_gains(design, settings), at_rest=at_rest)] * len(found)
     return records, names, conditions
 
 
-def has_gains_of(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> bool | None:
-    """Return whether an experiment was designed for a drive with these gains, None where kp cannot be had in A."""
+def compare_gains(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> RecordedGains:
+    """Compare the gains an experiment was designed for with these; unknown where kp cannot be converted to A."""
     try:
         kp = settings.gain * settings.output_factor("A")
     except ValueError:  # no torque constant: the design has a kp in A
-        return None
+        return RecordedGains.UNKNOWN
     own, given = (design.kv, design.kp, 1 / design.tn), (settings.kv, kp, 1 / settings.tn)
-    return settings.base_unit == design.position_unit and bool(np.allclose(own, given, rtol=SAME_GAIN, atol=0))
+    same = settings.base_unit == design.position_unit and np.allclose(own, given, rtol=SAME_GAIN, atol=0)
+    return RecordedGains.SAME if same else RecordedGains.OTHER
 
 
 def to_drive_units(record: nlfrf.Record, settings: DriveSettings, path: Path, *, actual: bool) -> nlfrf.Record:
@@ -414,7 +406,7 @@ def check_drive(
     report = check(model, K, delay=settings.delay)
     found, proofs, cures, note = judge_friction(blas, settings, unit=unit, stiction=stiction, Fs=Fs)
     worst = worst_case(model, K, delay=settings.delay) if report.nominally_stable else None
-    under = conditions[chosen] if conditions else Conditions(ran=False, at_rest=False)
+    under = conditions[chosen] if conditions else Conditions()
     stiffness_unit = ratio_unit(unit, base)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
     doubts = [
@@ -425,7 +417,7 @@ def check_drive(
         doubt_of_unstable_model(names[chosen], report, under=under, factor=factor),
         doubt_of_margins(report, worst, peak),
     ]
-    contradicted = under.ran and not report.nominally_stable
+    contradicted = under.gains is RecordedGains.SAME and not report.nominally_stable
     if report.verdict is Verdict.NOT_ROBUST and (contradicted or any(doubts[:2])):
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
         report = replace(
@@ -561,7 +553,7 @@ def stabilizing_factor(model: UncertaintyModel, K: control.StateSpace, delay: fl
     An integral and a position gain that are too high for kp are cured by more kp, all else by less.
     """
     for factor in TRIED_FACTORS:
-        if check(model, K * factor, delay=delay, certify=False).nominally_stable:
+        if decide_nominal_stability(assemble_loop(model, K * factor, w_P=None, delay=delay)).stable:
             return factor
     return None
 
@@ -570,7 +562,7 @@ def doubt_of_unstable_model(name: str, report: RobustnessReport, *, under: Condi
     """Why a model that is unstable with the gains may be wrong: the loop ran with them while the trace was recorded."""
     if report.nominally_stable:
         return ""
-    if under.ran:
+    if under.gains is RecordedGains.SAME:
         return (
             f"{name} was recorded with these gains, by its design, in a loop that was stable. The model says that the "
             "loop is unstable: it is the model that is wrong, and nothing is known of the margins. Take a trace in "
@@ -581,7 +573,7 @@ def doubt_of_unstable_model(name: str, report: RobustnessReport, *, under: Condi
         if factor is None
         else f"{factor:g} times this kp makes it stable"
     )
-    if under.differs:
+    if under.gains is RecordedGains.OTHER:
         return f"{name} was recorded with other gains, by its design. With these the loop is unstable; {cure}"
     return (
         f"if {name} was recorded with these gains, the loop was stable, and the model is wrong: take a trace in "

@@ -132,7 +132,7 @@ def demand_row(
     x: float | np.ndarray | None = None,
     index: np.ndarray | None = None,
 ) -> Demand:
-    """Return a row on all lines (or some), with the centre of the disc on its right side unless told otherwise."""
+    """Return a row on all lines (or some), with the centre of the disc on its right side unless given otherwise."""
     W = at.omega.size
     index = np.flatnonzero(at.known) if index is None else index
     wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}

@@ -46,9 +46,9 @@ def test_a_loop_that_meets_it_is(judge):
 def test_without_a_demand_nothing_is_said():
     model = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]))
     report = check(model, 2.0)
-    assert (report.performance, report.missed_performance) == ("", "")
+    assert (report.performance, report.missed_performance) == (None, "")
     report = check(model, -2.0, w_P=control.ss([], [], [], [[4.0]]))  # unstable: the verdict says more than that
-    assert report.performance == ""
+    assert report.performance is None
 
 
 def test_designs_and_worst_cases_print_what_they_found():

@@ -113,3 +113,17 @@ def test_a_step_of_one_of_several_references_is_that_of_the_closed_loop(dt):
         assert step.final == pytest.approx(loop.dcgain()[j, j])
     with pytest.raises(ValueError, match="reference must be below the 3 outputs of the plant, got 3"):
         step_response(G, K, reference=3)
+
+
+def test_the_delay_margin_is_the_least_of_all_crossovers():
+    """1/s alone has pi/2; with a light mode far above, whose phase margin is larger, the mode limits the delay."""
+    omega = np.unique(np.concatenate([np.geomspace(0.1, 100, 2000), np.linspace(15, 25, 20001)]))
+    s = 1j * omega
+    assert classical_margins(omega, 1 / s).delay_margin == pytest.approx(np.pi / 2, rel=1e-5)
+    found = classical_margins(omega, 1 / s + 5 * s / (s**2 + 0.1 * s + 400))
+    fine = np.linspace(0.5, 25, 2000001)
+    L = 1 / (1j * fine) + 5j * fine / (400 - fine**2 + 0.1j * fine)
+    crossing = np.flatnonzero(np.diff(np.abs(L) > 1))
+    wanted = min((np.angle(L[k]) + np.pi) % (2 * np.pi) / fine[k] for k in crossing)
+    assert found.delay_margin == pytest.approx(wanted, rel=1e-3)
+    assert wanted < 0.2
