@@ -16,7 +16,7 @@ import nlfrf
 import robust
 from nlfrf.axis import AxisLimits, design_experiment, design_ramp, find_levels, load_trace, play_experiment
 from robust import drive
-from robust.reports.drive_check import check_drive
+from robust.reports.drive_check import check_drive, read_experiments
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/21"), help="folder for files and pictures")
@@ -50,19 +50,23 @@ print(levels)
 sticks, bends, slides = levels.records
 wanted = ((sticks, levels.rms[0]), (sticks, 4 * levels.rms[0]), (bends, levels.rms[1]), (slides, levels.rms[2]))
 at_rest = [design_experiment(source, n_samples=4000, f_min=5, f_max=98, rms=rms, rng=2) for source, rms in wanted]
-records = [play(experiment, f"rest{k + 1}")[0] for k, experiment in enumerate(at_rest)]
 moving = design_experiment(
     rough, n_samples=4000, f_min=5, f_max=400, rms=60, base_velocity=0.1, strokes=1, limits=limits, rng=3
 )
-records += play(moving, "moving")[:1]  # forth; the way back is a second record
-names = [*(f"rest {k + 1}" for k in range(len(wanted))), "forth"]
+experiments = {f"rest{k + 1}": experiment for k, experiment in enumerate(at_rest)} | {"moving": moving}
+for name, experiment in experiments.items():
+    play(experiment, name)
 
 # %%
 # The gains that the autotuner of the drive proposes, on one page.
 proposed = drive.DriveSettings(
     fs=4000, kv=250, kp=290, kp_unit="A/(m/s)", tn=0.004, torque_constant=52.8, lag=0.3e-3, delay_periods=1
 )
-before = check_drive(records, proposed, names=names)
+traces = [out / f"{name}-trace.csv" for name in experiments]
+records, names, conditions = read_experiments(
+    traces, list(experiments.values()), proposed, u="force set point", y="position"
+)
+before = check_drive(records, proposed, names=names, conditions=conditions)
 print("\n--- the gains of the autotuner ---")
 print(before)
 
@@ -71,7 +75,7 @@ print(before)
 PI = robust.pid(1.0, 1 / 0.03, dt=1 / 4000)
 design = robust.design_frf(nlfrf.identify(records[-1]), "PD", M_S=1.8, fixed=PI, dt=1 / 4000, filter_time=0.14e-3)
 better = drive.gains(design.K, like=proposed, output_unit="N").alternative  # the faster position loop
-after = check_drive(records, better, names=names)
+after = check_drive(records, better, names=names, conditions=conditions)
 print("\n--- gains with more margin ---")
 print(after)
 

@@ -525,8 +525,10 @@ def check_gains(
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     force: Annotated[
         float | None,
-        typer.Option(help="Largest friction force [N] or [Nm]: a bound where the axis may hunt, and what changes it."),
+        typer.Option(help="Largest friction force [N] or [Nm] where the axis may hunt; without it as was read."),
     ] = None,
+    spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
+    masses: Annotated[int, typer.Option(help="2: friction is read of a motor and a load, which takes minutes.")] = 1,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Page to write (.txt).")] = None,
     json: Json = False,
 ) -> None:
@@ -559,8 +561,9 @@ def check_gains(
         records, names, conditions = [drive_check.read_trace(path, **signals) for path in traces], [], []
     names = names or [path.name for path in traces]
     with spinner("checking"):
+        friction: Any = {"stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
         found = drive_check.check_drive(
-            records, settings, names=names, conditions=conditions, peak=peak, actual=actual, stiction=stiction, Fs=force
+            records, settings, names=names, conditions=conditions, peak=peak, actual=actual, **friction
         )
     say(found)
     if out is not None:

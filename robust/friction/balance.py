@@ -60,8 +60,8 @@ __all__ = [
     "deviations",
     "element_spectra",
     "extend",
-    "format_length",
     "format_numbers",
+    "format_rounded",
     "gain_of",
     "linear_columns",
     "mode_error",
@@ -99,7 +99,7 @@ MOST_ELEMENTS, WORTH = 8, 20.0
 #: Starts that are tried where the first does not explain all but a share of the force (or of Fs) at every level: from
 #: a wrong stiction two random machines of seven ended with a strength that was 30 % off.
 N_STARTS, EXPLAINED = 3, 0.01
-#: Passes of a search at most, and what one has to gain in -2 log likelihood for another.
+#: Passes of a search at most, and what one more, or one more parameter, has to gain in -2 log likelihood.
 MOST_PASSES, LEAST_GAIN = 6, 6.0
 #: Passes in which the weights follow the residual.
 N_PASSES = 3
@@ -118,28 +118,22 @@ def unit_of(quantity: str, units: tuple[str, str]) -> str:
     return NAMED.get((quantity, *units), made)
 
 
-def format_length(length: float, units: tuple[str, str]) -> str:
-    """Return a small length or angle in its unit."""
-    unit = units[1]
-    return f"{1e6 * length:.3g} u{unit}" if unit in ("m", "rad") else f"{length:.3g} {unit}"
-
-
 #: Numbers with an interval, what they are called, their unit in terms of force F and length L, and the factor to it.
 REPORTED = {
-    "mass": ("m", "F s^2/L", 1.0),
-    "damping": ("c", "F s/L", 1.0),
-    "stiffness": ("k", "F/L", 1.0),
-    "K0": ("K0", "F/L", 1.0),
-    "Fs": ("Fs", "F", 1.0),
+    "mass": ("mass m", "F s^2/L", 1.0),
+    "damping": ("viscous friction c", "F s/L", 1.0),
+    "stiffness": ("spring to ground k", "kF/L", 1e-3),
+    "K0": ("presliding stiffness K0", "kF/L", 1e-3),
+    "Fs": ("break-away force Fs", "F", 1.0),
     "coulomb": ("Coulomb friction", "F", 1.0),
     "offset": ("force that does not turn", "F", 1.0),
     "stiction": ("stiction over Coulomb friction", "", 1.0),
     "delay": ("delay with lag", "ms", 1e3),
-    "load_mass": ("m of the load", "F s^2/L", 1.0),
-    "coupling": ("k between motor and load", "F/L", 1.0),
-    "coupling_damping": ("c between motor and load", "F s/L", 1.0),
-    "load_K0": ("K0 at the load", "F/L", 1.0),
-    "load_Fs": ("Fs at the load", "F", 1.0),
+    "load_mass": ("mass of the load", "F s^2/L", 1.0),
+    "coupling": ("spring between motor and load", "kF/L", 1e-3),
+    "coupling_damping": ("damper between motor and load", "F s/L", 1.0),
+    "load_K0": ("presliding stiffness at the load", "kF/L", 1e-3),
+    "load_Fs": ("break-away force at the load", "F", 1.0),
     "load_coulomb": ("Coulomb friction at the load", "F", 1.0),
 }
 
@@ -152,9 +146,20 @@ def format_numbers(fit: Any) -> list[str]:
         if not np.isfinite(std):
             rows.append(f"{label}: left open")
         elif std:
-            number, half = factor * getattr(fit, name), factor * HALF_WIDTH * std
-            rows.append(f"{label} = {number:.4g} +- {half:.1g} {unit_of(unit, fit.units)}".rstrip())
+            half = factor * HALF_WIDTH * std
+            number = format_rounded(factor * getattr(fit, name), half)
+            rows.append(f"{label} = {number} +- {half:.1g} {unit_of(unit, fit.units)}".rstrip())
     return rows
+
+
+def format_rounded(number: float, half: float) -> str:
+    """Return a number with one digit more than its error has, and no more than six.
+
+    >>> format_rounded(6.322, 1000.0), format_rounded(2.00123, 0.001), format_rounded(19.9526, 0.04)
+    ('0', '2.0012', '19.953')
+    """
+    step = 10.0 ** (np.floor(np.log10(half)) - 1)
+    return f"{float(np.round(number / step)) * step + 0.0:.6g}"
 
 
 def units_of(record: Any) -> tuple[str, str]:
@@ -721,10 +726,11 @@ def extend(
 
 
 def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, float]) -> Candidate:
-    """Search from the first starts, until one explains all levels or `N_STARTS` have been tried; the likeliest."""
+    """Search from the likeliest starts, until one explains all levels or `N_STARTS` have been tried; the likeliest."""
     found: list[tuple[float, Candidate]] = []
-    for start in starts[:N_STARTS]:
-        likelihood, candidate = settle(levels, start, span)
+    # what is left before any step ranks the starts badly: the right stiction is often the fourth or later
+    settled = sorted((settle(levels, start, span) for start in starts), key=criterion)
+    for likelihood, candidate in settled[:N_STARTS]:
         for _ in range(MOST_ELEMENTS + 4):
             chosen = with_branches(levels, candidate)
             more = extend(chosen, reweight(chosen, candidate), candidate=candidate, span=span)
@@ -744,7 +750,13 @@ def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, flo
         found.append((likelihood, candidate))
         if max(shares) < EXPLAINED**2:
             break
-    return min(found, key=lambda one: one[0])[1]
+    return min(found, key=criterion)[1]
+
+
+def criterion(found: tuple[float, Candidate]) -> float:
+    """-2 log likelihood and what every parameter has to gain: a stiction that explains nothing is none."""
+    likelihood, candidate = found
+    return likelihood + LEAST_GAIN * pack(candidate).size
 
 
 def settle(levels: list[Motion], candidate: Candidate, span: tuple[float, float]) -> tuple[float, Candidate]:

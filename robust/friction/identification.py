@@ -30,7 +30,6 @@ from robust.friction.balance import (
     derived_numbers,
     deviations,
     element_spectra,
-    format_length,
     format_numbers,
     gain_of,
     linear_columns,
@@ -58,7 +57,7 @@ from robust.friction.levels import (
 )
 from robust.friction.load import start_with_load
 from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.units import position_unit_of
+from robust.friction.units import format_length, position_unit_of
 
 __all__ = ["FrictionFit", "Gap", "LevelBalance", "OpenQuestion", "identify_friction"]
 
@@ -348,7 +347,7 @@ class FrictionFit:
             elements += f" at the motor and {self.load_sliders.stiffness.size} at the load,"
         last = (
             f"95 % intervals, given Maxwell slip of {elements} none of which slips below "
-            f"{format_length(self.seen_from, self.units)}"
+            f"{format_length(self.seen_from, self.units[1])}"
         )
         return "\n".join([*format_numbers(self), last, *(f"Open: {question}" for question in self.questions)])
 
@@ -359,7 +358,7 @@ def describe_assumption(fit: FrictionFit, machine: FrictionPlant, friction: AnyF
     half = {name: HALF_WIDTH * fit.stds[name] for name in ("mass", "stiffness", "delay", "stiction")}
     spring = f"k = {fit.interval('stiffness')[0] / 1e3:.4g} {units.stiffness} (lower end)"
     if not fit.stds["stiffness"]:
-        spring = "no spring, as was stated"
+        spring = "no spring, as was assumed"
     elif fit.interval("stiffness")[0] < 0:
         spring = f"k = 0 (+- {half['stiffness'] / 1e3:.2g} {units.stiffness} were read)"
     ratio = f"stiction {friction.stiction:.3g}"
@@ -367,9 +366,9 @@ def describe_assumption(fit: FrictionFit, machine: FrictionPlant, friction: AnyF
         ratio += ", which the levels do not show"
     elif fit.interval("stiction")[1] < friction.stiction:
         ratio += f", of which {fit.stiction:.3g} +- {half['stiction']:.1g} were read"
-    seen = f"slips below {format_length(fit.seen_from, fit.units)}"
+    seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
     if fit.stds["stiffness"]:
-        seen += f" and none sticks at {format_length(fit.seen_to, fit.units)}"
+        seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
     return (
         f"Assumed, identified from {len(fit.levels)} records of {lowest.force:.3g} to {highest.force:.3g} "
         f"{fit.units[0]} rms, by the balance of forces along the measured motion, in intervals of 95 % each: m = "
@@ -450,6 +449,7 @@ def questions_of(
     stuck: float,
     mode: str | None,
     split: float,
+    damping: tuple[float, float],
 ) -> list[OpenQuestion]:
     """Return what the levels leave open.
 
@@ -457,6 +457,7 @@ def questions_of(
     stuck : stiffness that never slips [N/m].
     mode : what shows that the machine is not rigid in the band; None where nothing does.
     split : half-width of the interval of the break-away force of the load [N]; zero of one mass.
+    damping : viscous friction and three standard deviations of it [Ns/m].
     """
     N, speed_unit = units[0], unit_of("L/s", units)
     found: list[OpenQuestion] = []
@@ -474,6 +475,17 @@ def questions_of(
                     f"{model} with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or of Fs) at "
                     f"{worst.force:.3g} {N} rms unexplained, more than {100 * limit:g} % beyond noise. "
                     f"{ANOTHER_MACHINE[two]}"
+                ),
+            )
+        )
+    c, half = damping
+    if c + half < 0:
+        found.append(
+            OpenQuestion(
+                kind=Gap.OTHER_MACHINE,
+                description=(
+                    f"viscous friction of {c:.3g} +- {half:.1g} {unit_of('F s/L', units)} would drive the machine: the "
+                    f"search ended in a wrong minimum, or another delay is taken for it. {ANOTHER_MACHINE[two]}"
                 ),
             )
         )
@@ -500,7 +512,7 @@ def questions_of(
             OpenQuestion(
                 kind=Gap.HIGHEST_LEVEL_STICKS,
                 description=(
-                    f"the highest level still sticks: it swings +-{format_length(outer, units)}, and {seen}. "
+                    f"the highest level still sticks: it swings +-{format_length(outer, units[1])}, and {seen}. "
                     "Fs is not known, nor what is spring and what friction. Measure at three times the force"
                 ),
             )
@@ -512,7 +524,7 @@ def questions_of(
             OpenQuestion(
                 kind=Gap.LOWEST_LEVEL_SLIPS,
                 description=(
-                    f"the lowest level does not stick: it moves {format_length(inner, units)} rms, where "
+                    f"the lowest level does not stick: it moves {format_length(inner, units[1])} rms, where "
                     f"{100 * early:.2g} % of K0 slips, and what slips earlier is not seen. Measure at a third of the "
                     "force"
                 ),
@@ -706,9 +718,12 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
     stuck = stuck_stiffness(fine, stds, candidate) if free else 0.0
     mode = None if two else sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
-    questions = questions_of(fine, candidate, balances=balances, units=units, stuck=stuck, mode=mode, split=split)
+    damping = numbers["damping"], 3 * spread["damping"]
+    given: Any = {"balances": balances, "units": units, "stuck": stuck, "mode": mode, "split": split}
+    questions = questions_of(fine, candidate, damping=damping, **given)
     for question in questions:
-        spread |= {name: np.inf for name in LEFT_OPEN.get(question.kind, ()) if name in spread}
+        # what is assumed, such as no spring, has no deviation and is not left open
+        spread |= {name: np.inf for name in LEFT_OPEN.get(question.kind, ()) if spread.get(name)}
     if stuck:  # a spring of a free axis that never slips is friction, and more than K0 of its elements
         spread["K0"] = np.inf
     return FrictionFit(

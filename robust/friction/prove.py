@@ -40,7 +40,7 @@ from robust.friction.plant import (
 )
 from robust.friction.settling import largest_rest, settling_numbers
 from robust.friction.storage import METHOD, JudgedStorage, certified_dissipation
-from robust.friction.units import MechanicalUnits
+from robust.friction.units import MechanicalUnits, format_length
 from robust.lti.lti import poles, response, timebase, zeros
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
@@ -373,8 +373,8 @@ class FrictionProof:
             )
         if np.isfinite(self.error_bound):
             lines.append(
-                f"Whatever the friction, if never above the given force: at most {self.error_bound:.3g} "
-                f"{self.units.position} off."
+                "Whatever the friction, if never above the given force: at most "
+                f"{format_length(self.error_bound, self.units.position)} off."
             )
         if np.isfinite(self.kick_sure):
             lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} {self.units.velocity}.")

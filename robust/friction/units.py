@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nlfrf._base.values import value
 
-__all__ = ["MechanicalUnits", "mechanical_units", "position_unit_of"]
+__all__ = ["MechanicalUnits", "format_length", "mechanical_units", "position_unit_of"]
 
 
 @value
@@ -42,6 +42,15 @@ def mechanical_units(position_unit: str) -> MechanicalUnits:
     if position_unit not in UNITS:
         raise ValueError(f'position_unit must be "m" or "rad", got {position_unit!r}')
     return UNITS[position_unit]
+
+
+def format_length(length: float, unit: str) -> str:
+    """Return a length or angle with its unit, below a thousandth in millionths.
+
+    >>> format_length(2.19e-05, "m"), format_length(0.5, "rad"), format_length(1e-5, "mm")
+    ('21.9 um', '0.5 rad', '1e-05 mm')
+    """
+    return f"{1e6 * length:.3g} u{unit}" if unit in UNITS and abs(length) < 1e-3 else f"{length:.3g} {unit}"
 
 
 def position_unit_of(unit: str) -> str:

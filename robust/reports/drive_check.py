@@ -28,29 +28,34 @@ from nlfrf._base.arguments import (
     require_positive,
 )
 from nlfrf._base.values import value
-from robust._base.states import FrictionVerdict, State, Verdict
+from robust._base.states import State, Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.analysis.worst_plant import WorstCase, worst_case
-from robust.friction.levels import FrictionClass
-from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.prove import FrictionProof
-from robust.friction.reading import friction_class
-from robust.io.certificates import highest_level, prove_all
+from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
 from robust.models.fit.orders import OrderScan, scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
+from robust.reports.drive_friction import DriveFriction, judge_friction
 from robust.synthesis.drive.cascade import cascade, with_set_point
-from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.drive.units import POSITIONS
 
-__all__ = ["DriveCheck", "check_drive", "read_experiments", "read_trace"]
+__all__ = [
+    "BaseMotion",
+    "Conditions",
+    "DoubtKind",
+    "DriveCheck",
+    "RecordedGains",
+    "check_drive",
+    "read_experiments",
+    "read_trace",
+]
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
 ORDERS = range(2, 6)
@@ -81,11 +86,36 @@ class RecordedGains(State):
     UNKNOWN = "unknown"
 
 
+class BaseMotion(State):
+    """Whether the axis moved while a trace was recorded, by its design."""
+
+    AT_REST = "at rest"
+    MOVING = "in motion"
+    UNKNOWN = "unknown"
+
+
 class Conditions(NamedTuple):
-    """With which gains a trace was recorded, and whether the axis was at rest."""
+    """With which gains a trace was recorded, and whether the axis moved."""
 
     gains: RecordedGains = RecordedGains.UNKNOWN
-    at_rest: bool = False
+    motion: BaseMotion = BaseMotion.UNKNOWN
+
+
+class DoubtKind(State):
+    """Why gains are not safe though the verdict may be good, or why the model cannot judge them."""
+
+    AT_REST = "friction held the axis in the trace, which cannot judge the gains"
+    OUTSIDE_BAND = "the loop crosses over outside the measured band"
+    UNSTABLE = "the nominal loop is unstable with these gains"
+    CONTRADICTED = "the linear model is wrong: it is unstable with gains that are known to be stable"
+    THIN_MARGINS = "thin margins"
+
+
+class Doubt(NamedTuple):
+    """What speaks against the gains or the model: its kind, and the number that shows it with what to do."""
+
+    kind: DoubtKind
+    description: str
 
 
 @value
@@ -108,19 +138,12 @@ class DriveCheck:
         The worst plant of the set; none where the nominal loop is unstable.
     step : StepResponse or None
         A step of the position set point; none where the nominal loop is unstable.
-    friction : FrictionClass or None
-        What the levels say of the friction.
-    proofs : tuple of FrictionProof
-        The verdicts with it, the least proved first.
-    friction_note : str
-        Why there is no friction verdict.
-    cures : tuple of FrictionCure
-        What a change of the drive does to a verdict that is not proved, where the friction force is known.
+    friction : DriveFriction
+        What the traces at rest say of the friction, and the verdicts with it.
     actual : bool
         Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
-    doubts : tuple of str
-        Why the gains are not safe though the verdict may be good, or why the model cannot judge them: what is wrong,
-        and what to do.
+    doubts : tuple of Doubt
+        Why the gains are not safe though the verdict may be good, or why the model cannot judge them.
     """
 
     settings: DriveSettings
@@ -130,12 +153,9 @@ class DriveCheck:
     report: RobustnessReport
     worst: WorstCase | None
     step: StepResponse | None
-    friction: FrictionClass | None
-    proofs: tuple[FrictionProof, ...]
-    friction_note: str
+    friction: DriveFriction
     actual: bool
-    cures: tuple[FrictionCure, ...] = ()
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def is_exact(self) -> bool:
@@ -145,8 +165,7 @@ class DriveCheck:
     @property
     def proved(self) -> bool:
         """Whether the loop is stable with the whole set, and comes to rest with the friction where it was judged."""
-        at_rest = all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
-        return self.report.robustly_stable and at_rest and self.is_exact
+        return self.report.robustly_stable and (self.friction.proved or not self.friction.proofs) and self.is_exact
 
     @property
     def safe(self) -> bool:
@@ -157,10 +176,14 @@ class DriveCheck:
     def conclusion(self) -> str:
         """Whether the gains passed, and why not, in a sentence."""
         if self.safe:
-            rest = "; comes to rest with every friction of the class, read and assumed as below" if self.proofs else ""
+            rest = (
+                "; comes to rest with every friction of the class, read and assumed as below"
+                if self.friction.proofs
+                else ""
+            )
             return f"PASSED: stable with every linear plant of the set at its confidence, |S| at most the limit{rest}"
         if self.doubts or not self.report.robustly_stable:
-            return f"NOT PASSED: {self.doubts[0] if self.doubts else self.report.reason}"
+            return f"NOT PASSED: {self.doubts[0].kind if self.doubts else self.report.reason}"
         return "NOT PASSED: stable with every linear plant of the set, but " + (
             "not at rest with every friction of the class" if self.is_exact else "of an approximation of the drive"
         )
@@ -182,9 +205,11 @@ class DriveCheck:
         timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
         margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
         more = f"; the nominal loop takes {1e3 * margin:.3g} ms more" if margin < np.inf else ""
+        if shown := self.friction.delay:
+            more = f"; the traces at rest show {shown} of both together{more}"
         if self.actual:
             return f"assumed: {timing} of the current loop, which a trace of the actual current does not show{more}"
-        return f"{timing} of the current loop taken off; what is wrong with them counts as misfit{more}"
+        return f"{timing} of the current loop taken off, what is wrong with them counts as misfit{more}"
 
     def __str__(self) -> str:
         position = self.settings.base_unit
@@ -194,7 +219,6 @@ class DriveCheck:
                 f"\nan approximation: the position loop runs once in {self.settings.position_every} periods, and this "
                 "is its mean over the phase; nothing is proved of the drive itself"
             )
-        linear = "\n".join([linear, *(row for text in self.doubts for row in format_paragraph("warning", text))])
         parts = {
             "drive": str(self.settings),
             "traces": "\n".join([*self.traces, self.assumption]),
@@ -209,13 +233,13 @@ class DriveCheck:
             parts["worst case"] = (
                 worst if self.worst.stable else f"a plant of the set makes the loop unstable, at {where}"
             )
-        parts["friction"] = f"not judged: {self.friction_note}"
-        if self.proofs:
-            parts["friction"] = "\n".join([str(self.friction), *map(str, self.proofs), *map(str, self.cures)])
+        parts["friction"] = str(self.friction)
         if self.step is not None:
-            size = f"of 1 {position}, linear, without limits: in {position}, it"
-            parts["step of the position set point"] = f"{size} {self.step}"
-        parts = {"gains": "\n".join(wrap(self.conclusion, SCREEN_WIDTH))} | parts
+            parts["step of the position set point"] = (
+                f"of any size, in parts of it, linear, without limits: {self.step}"
+            )
+        warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
+        parts = {"gains": "\n".join([*wrap(self.conclusion, SCREEN_WIDTH), *warned])} | parts
         return "\n\n".join(f"{title}\n{content}" for title, content in parts.items())
 
 
@@ -293,8 +317,8 @@ def read_experiments(
             found, labels = levels.records, ("sticks", "bends", "slides")
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
-        at_rest = not np.any(design.velocities)
-        conditions += [Conditions(gains=compare_gains(design, settings), at_rest=at_rest)] * len(found)
+        motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
+        conditions += [Conditions(gains=compare_gains(design, settings), motion=motion)] * len(found)
     return records, names, conditions
 
 
@@ -355,8 +379,13 @@ def check_drive(
     peak: float = 2.0,
     stiction: float = 1.5,
     Fs: float | None = None,
+    spring: bool = False,
+    masses: int = 1,
 ) -> DriveCheck:
     """Check the gains of a drive against traces of its axis, one a level.
+
+    The friction is read by `identify_friction` from the traces at rest, three levels or more; those whose condition is
+    not known count as at rest.
 
     Parameters
     ----------
@@ -373,10 +402,14 @@ def check_drive(
     peak : float
         Largest |S| over the set that is not warned of. 2 leaves a phase margin of 29 deg and a gain margin of 2.
     stiction : float
-        Largest over smallest force of a slider, which no trace shows.
+        Largest over smallest force of a slider; the upper end of what was read where that is more.
     Fs : float, optional
-        Largest friction force [N] or [Nm]: gives a bound of the error where the axis may not come to rest, and what
-        changes it.
+        Largest friction force [N] or [Nm], for a bound of the error where the axis may not come to rest, and what
+        changes it; the upper end of the break-away force that was read when not given.
+    spring : bool
+        Whether a spring to ground, such as a balancer, is part of the machine.
+    masses : int
+        2 to read the friction of a motor and a load, which takes minutes.
 
     Raises
     ------
@@ -400,25 +433,30 @@ def check_drive(
     if not actual:
         require_late_trace(blas[chosen], settings)
     nominal = choose_fit(scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False))
-    require_no_lead(nominal.G, blas[chosen], settings, actual=actual)
+    under = conditions or [Conditions()] * len(blas)
+    at_rest = [record for record, one in zip(records, under, strict=True) if one.motion is not BaseMotion.MOVING]
+    given: Any = {"stiction": stiction, "Fs": Fs, "spring": spring, "masses": masses}
+    friction = judge_friction(at_rest, settings, actual=actual, **given)
+    if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
+        friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
+    if not actual:
+        require_no_lead(nominal.G, blas[chosen], settings, friction=friction)
     machine = set_around(blas[chosen], nominal)
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = check(model, K, delay=settings.delay)
-    found, proofs, cures, note = judge_friction(blas, settings, unit=unit, stiction=stiction, Fs=Fs)
     worst = worst_case(model, K, delay=settings.delay) if report.nominally_stable else None
-    under = conditions[chosen] if conditions else Conditions()
     stiffness_unit = ratio_unit(unit, base)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
-    doubts = [
-        ""
-        if found is not None
-        else doubt_of_trace_at_rest(names[chosen], blas[chosen], under=under, unit=stiffness_unit),
+    doubts: list[Doubt | None] = [
+        None
+        if friction.assumed is not None
+        else doubt_of_trace_at_rest(names[chosen], blas[chosen], under=under[chosen], unit=stiffness_unit),
         doubt_of_crossover(report),
-        doubt_of_unstable_model(names[chosen], report, under=under, factor=factor),
+        doubt_of_unstable_model(names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved),
         doubt_of_margins(report, worst, peak),
     ]
-    contradicted = under.gains is RecordedGains.SAME and not report.nominally_stable
-    if report.verdict is Verdict.NOT_ROBUST and (contradicted or any(doubts[:2])):
+    misled = (DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED)
+    if report.verdict is Verdict.NOT_ROBUST and any(doubt is not None and doubt.kind in misled for doubt in doubts):
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
         report = replace(
             report,
@@ -436,10 +474,7 @@ def check_drive(
         report=report,
         worst=worst,
         step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
-        friction=found,
-        proofs=proofs,
-        friction_note=note,
-        cures=cures,
+        friction=friction,
         actual=actual,
         doubts=tuple(filter(None, doubts)),
     )
@@ -451,11 +486,18 @@ def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlf
     return bla if actual else bla.times(np.exp(s * settings.delay) * (1 + s * settings.lag))
 
 
-def require_no_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> None:
-    """Refuse a delay that is longer than in the traces: what is left then leads, and is fitted by unstable poles."""
+def require_no_lead(
+    machine: control.StateSpace, bla: nlfrf.Bla, settings: DriveSettings, *, friction: DriveFriction
+) -> None:
+    """Refuse a delay that is not that of the traces: what is left where it is too long is fitted by unstable poles."""
     fast = machine.poles()[machine.poles().real > 0]
     fast = fast[np.abs(fast) > LEAD * bla.omega[-1]]
-    if fast.size and not actual:
+    if fast.size and (shown := friction.delay):
+        raise ValueError(
+            f"delay and lag must be those of the traces, which show {shown} of both together, got "
+            f"{1e3 * settings.delay:g} ms and {1e3 * settings.lag:g} ms"
+        )
+    if fast.size:
         raise ValueError(
             f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
             f"{1e3 * settings.lag:g} ms: without them the machine leads, as with an unstable pole at "
@@ -508,42 +550,45 @@ def require_late_trace(machine: nlfrf.Bla, settings: DriveSettings) -> None:
         )
 
 
-def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str) -> str:
+def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str) -> Doubt | None:
     """Why a trace says nothing of the axis in motion: a spring answers on low lines, or its design is at rest."""
     low = machine.G[:LOW_LINES]
     held = np.mean((low / np.abs(low)).real) > HELD
-    if not (held or under.at_rest):
-        return ""
+    if not (held or under.motion is BaseMotion.AT_REST):
+        return None
     found = (
         f"in {name} the axis is held, as by a spring of {np.median((1 / low).real):.3g} {unit} from "
         f"{machine.f[0]:.4g} to {machine.f[: low.size][-1]:.4g} Hz"
         if held
         else f"{name} was recorded at rest, where friction holds the axis and lets it go"
     )
-    return (
+    return Doubt(
+        DoubtKind.AT_REST,
         f"{found}. Unless a spring is part of the machine, this cannot judge the gains: in motion the axis is another "
         "machine. Take a trace in motion: nlfrf axis design ... --velocity V, then --design here. With a spring, give "
-        "three levels or more"
+        "three levels or more",
     )
 
 
-def doubt_of_crossover(report: RobustnessReport) -> str:
+def doubt_of_crossover(report: RobustnessReport) -> Doubt | None:
     """Why margins are those of an assumed model: the loop crosses over where nothing was measured."""
     if report.band is None or report.G is None or report.K is None:
-        return ""
+        return None
     crossover = classical_margins(report.omega, report.G * report.K).crossover
     first, last = report.band
     if not (crossover < 0.999 * first or crossover > 1.001 * last):
-        return ""
+        return None
     above = crossover > last
     side, wanted = (
         ("above", f"up to {format_hertz(2 * crossover)}")
         if above
         else ("below", f"from {format_hertz(crossover / 2)} on")
     )
-    return (
+    return Doubt(
+        DoubtKind.OUTSIDE_BAND,
         f"the loop crosses over at {format_hertz(crossover)}, {side} the measured band of {format_hertz(first)} to "
-        f"{format_hertz(last)}. Stability and margins are those of a model that is assumed there. Take a trace {wanted}"
+        f"{format_hertz(last)}. Stability and margins are those of a model that is assumed there. Take a trace "
+        f"{wanted}",
     )
 
 
@@ -558,15 +603,25 @@ def stabilizing_factor(model: UncertaintyModel, K: control.StateSpace, delay: fl
     return None
 
 
-def doubt_of_unstable_model(name: str, report: RobustnessReport, *, under: Conditions, factor: float | None) -> str:
-    """Why a model that is unstable with the gains may be wrong: the loop ran with them while the trace was recorded."""
+def doubt_of_unstable_model(
+    name: str, report: RobustnessReport, *, under: Conditions, factor: float | None, proved: bool
+) -> Doubt | None:
+    """Why a model that is unstable with the gains may be wrong: the loop ran with them, or is proved without it."""
     if report.nominally_stable:
-        return ""
+        return None
+    if proved:
+        return Doubt(
+            DoubtKind.CONTRADICTED,
+            f"the machine that all traces at rest give is proved stable with these gains, and the linear model of "
+            f"{name} is unstable: it has the friction at rest in it. Take a trace in motion, in a band around the "
+            "crossover: nlfrf axis design ... --velocity V, then --design here",
+        )
     if under.gains is RecordedGains.SAME:
-        return (
+        return Doubt(
+            DoubtKind.CONTRADICTED,
             f"{name} was recorded with these gains, by its design, in a loop that was stable. The model says that the "
             "loop is unstable: it is the model that is wrong, and nothing is known of the margins. Take a trace in "
-            "motion, with more periods or realisations, in a band around the crossover"
+            "motion, with more periods or realisations, in a band around the crossover",
         )
     cure = (
         f"no kp of {min(TRIED_FACTORS):g} to {max(TRIED_FACTORS):g} times this one makes it stable: change kv and tn"
@@ -574,28 +629,33 @@ def doubt_of_unstable_model(name: str, report: RobustnessReport, *, under: Condi
         else f"{factor:g} times this kp makes it stable"
     )
     if under.gains is RecordedGains.OTHER:
-        return f"{name} was recorded with other gains, by its design. With these the loop is unstable; {cure}"
-    return (
+        return Doubt(
+            DoubtKind.UNSTABLE,
+            f"{name} was recorded with other gains, by its design. With these the loop is unstable; {cure}",
+        )
+    return Doubt(
+        DoubtKind.UNSTABLE,
         f"if {name} was recorded with these gains, the loop was stable, and the model is wrong: take a trace in "
-        f"motion, in a band around the crossover, and give its --design. If not, the loop is unstable; {cure}"
+        f"motion, in a band around the crossover, and give its --design. If not, the loop is unstable; {cure}",
     )
 
 
-def doubt_of_margins(report: RobustnessReport, worst: WorstCase | None, peak: float) -> str:
+def doubt_of_margins(report: RobustnessReport, worst: WorstCase | None, peak: float) -> Doubt | None:
     """Why a loop that is stable with the whole set is not safe: it is close to instability."""
     if worst is None or not report.robustly_stable:
-        return ""
+        return None
     largest, phase = float(np.max(worst.gain)), np.degrees(report.classical.phase_margin)
     if largest <= peak:
-        return ""
+        return None
     below, above = report.classical.gain_reduction, report.classical.gain_margin
     too_low = below > 1 / above  # the gain is nearer to its lower limit: kv and 1/tn are too high for this kp
     cure = "raise kp, or lower kv and lengthen tn" if too_low else "lower kp, or kv"
-    return (
+    return Doubt(
+        DoubtKind.THIN_MARGINS,
         f"thin margins: |S| reaches {largest:.3g} over the set, at {format_hertz(worst.omega[np.argmax(worst.gain)])}, "
         f"above {peak:g}, and the nominal phase margin is {phase:.1f} deg. Customary are |S| of at most 2 and a phase "
         "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). The axis rings, and a small change makes "
-        f"the loop unstable: {cure}"
+        f"the loop unstable: {cure}",
     )
 
 
@@ -613,49 +673,6 @@ def behind_lag(machine: control.StateSpace, lag: float) -> control.StateSpace:
     if not lag:
         return machine
     return in_series(control.StateSpace([[-1 / lag]], [[1 / lag]], [[1.0]], [[0.0]], 0), machine, dt=0)
-
-
-def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:
-    """The same of a machine with friction, which acts behind the lag."""
-    if not lag:
-        return machine
-    n = machine.A.shape[0]
-    A = np.block([[machine.A, machine.B_force[:, None]], [np.zeros((1, n)), np.array([[-1 / lag]])]])
-    return replace(
-        machine,
-        A=A,
-        B_force=np.append(np.zeros(n), 1 / lag),
-        B_port=np.append(machine.B_port, 0.0),
-        C_measured=np.append(machine.C_measured, 0.0),
-        C_port=np.append(machine.C_port, 0.0),
-        description=f"{machine.description}, behind a current loop of {1e3 * lag:g} ms",
-    )
-
-
-def judge_friction(
-    blas: list[nlfrf.Bla], settings: DriveSettings, *, unit: str, stiction: float, Fs: float | None
-) -> tuple[FrictionClass | None, tuple[FrictionProof, ...], tuple[FrictionCure, ...], str]:
-    """Return what the levels say of the friction, the proofs with it and what changes them, or why there are none."""
-    if len(blas) < 3:
-        return None, (), (), f"it takes traces at three levels or more, from sticking to sliding, got {len(blas)}"
-    if unit == "A":
-        return None, (), (), "it takes a force, and the gains have no torque_constant"
-    try:
-        found = friction_class(blas, stiction=stiction)
-    except ValueError as error:
-        return None, (), (), str(error)
-    base = settings.base_unit
-    friction = replace(found.friction, position_unit=base)
-    # without a nominal the levels give a single mass
-    mass = 1 / float(found.machine.velocity @ found.machine.B_port)
-    plain = friction_plant(mass, found.stiffness_low, position_unit=base)
-    machine = friction_behind_lag(plain, settings.lag)
-    K = cascade(settings, output_unit=unit)
-    cures: tuple[FrictionCure, ...] = ()
-    proofs = prove_all((machine,), K, friction, delay=settings.delay, Fs=Fs)
-    if Fs is not None and proofs[0].verdict is not FrictionVerdict.PROVED:
-        cures = friction_cures(machine, settings, friction, Fs=Fs, output_unit=unit)
-    return found, proofs, cures, ""
 
 
 def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSettings, unit: str) -> StepResponse:

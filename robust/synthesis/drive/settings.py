@@ -91,7 +91,7 @@ class DriveSettings:
     --------
     >>> settings = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
     >>> print(settings)
-    position loop kv = 100 1/s, every 0.25 ms
+    position loop kv = 100 1/s = 6 (m/min)/mm, every 0.25 ms
     velocity loop kp = 143 A/(m/s), tn = 10 ms, velocity from differences, every 0.25 ms
     force constant 52.8 N/A; current loop: lag 0 ms, delay 0.25 ms
     """
@@ -205,8 +205,9 @@ class DriveSettings:
         )
         low, high = USUAL_KV
         unusual = f" (drives have {low:g} to {high:g} 1/s: look up its unit)" if is_unusual_gain(self.kv) else ""
+        per_mm = f" = {0.06 * self.kv:.4g} (m/min)/mm" if self.base_unit == "m" else ""
         rows = [
-            f"position loop kv = {self.kv:.6g} 1/s{unusual}, every {period * self.position_every:g} ms",
+            f"position loop kv = {self.kv:.6g} 1/s{per_mm}{unusual}, every {period * self.position_every:g} ms",
             f"velocity loop kp = {self.kp:.6g} {self.kp_unit}, {reset}, velocity from {velocity}, every {period:g} ms",
         ]
         if self.encoder == "both":

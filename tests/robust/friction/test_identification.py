@@ -183,7 +183,7 @@ def test_motor_and_load_are_told_apart(belt):
         assert abs(getattr(belt, name) - truth[name]) < 4.5 * belt.stds[name], name
     assert set(truth) < set(belt.stds)
     assert belt.questions == ()
-    assert "Fs at the load = " in str(belt)
+    assert "break-away force at the load = " in str(belt)
 
 
 def test_a_load_is_moved_through_its_coupling(belt):
