@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 import warnings
 from collections.abc import Callable
 from csv import reader as csv_reader
@@ -20,6 +19,7 @@ from nlfrf._base.axes import save_figure
 from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command, printer, rich_console, run_command
 from nlfrf._base.files import require_writable
 from nlfrf._base.values import to_json
+from nlfrf.axis.axis_file import load_axis
 from nlfrf.doctor import examine
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.records import holds_multirecord
@@ -448,13 +448,7 @@ def read_axis(path: Path) -> nlfrf.ServoAxis:
         if path.suffix:
             raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
         return nlfrf.servo_axis(str(path))
-    try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8"))
-        return nlfrf.ServoAxis(drive=nlfrf.ServoDrive(**fields.pop("drive", {})), **fields)
-    except (TypeError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(
-            f"axis must be a file of fields of ServoAxis and [drive], got {path.name!r}: {error}"
-        ) from None
+    return load_axis(path)
 
 
 @app.command()

@@ -27,6 +27,7 @@ from nlfrf._base.arguments import (
     require_kind,
     require_positive,
 )
+from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, State, Verdict
 from robust._base.warnings import DesignWarning
@@ -48,7 +49,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.drive.cascade import cascade, with_set_point
 from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.settings import DriveSettings
-from robust.synthesis.drive.units import POSITIONS
 
 __all__ = ["DriveCheck", "check_drive", "read_experiments", "read_trace"]
 

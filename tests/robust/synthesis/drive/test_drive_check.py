@@ -245,7 +245,7 @@ def test_mistakes_are_one_line(run, words, message):
         (('"10 ms"', '"10 Hz"'), "tn must be a number with its unit"),
         (('"143 A/(m/s)"', "143"), "kp must be a number with its unit"),
         (('"143 A/(m/s)"', '"143 V"'), "kp_unit must be current or force over velocity"),
-        (("tn =", "Tn ="), "must have no entry Tn"),
+        (("tn =", "Tn ="), "must have no entry 'Tn', did you mean tn"),
         (('kv = "100 1/s"', ""), "must have an entry kv, got none"),
         (("lag = ", "lag = = "), "path must be a TOML file with the gains of a drive"),
         (("fs =", "filters = 3\nfs ="), r"filters must be tables \[\[filters\]\], got 3"),
@@ -470,13 +470,21 @@ def test_a_gain_as_drives_write_it(tmp_path, written, same):
 
 
 @pytest.mark.parametrize(
-    ("kv", "in_seconds"), [("100 1/min", 1.67), ("100 (m/min)/mm", 1667), ("1000 1/min", None), ("0 1/s", None)]
+    ("kv", "in_seconds"),
+    [
+        ("100 1/min", 1.67),
+        ("100 (m/min)/mm", 1667),
+        ("1000 1/min", None),
+        ("0 1/s", None),
+        ("3.6 (m/min)/mm", None),
+        ("3.6 m/min/mm", None),
+    ],
 )
 def test_a_position_gain_in_a_doubtful_unit_is_warned_of(tmp_path, kv, in_seconds):
     path = tmp_path / "g.toml"
     path.write_text(LINEAR.replace("100 1/s", kv))
     if in_seconds is None:
-        assert load_gains(path).kv == pytest.approx({"1000 1/min": 1000 / 60, "0 1/s": 0.0}[kv])
+        assert load_gains(path).kv == pytest.approx({"1000": 1000 / 60, "0": 0.0, "3.6": 60.0}[kv.split()[0]])
         return
     with pytest.warns(robust.DesignWarning, match=r"kv = '100 .* 1/s, and drives usually have 5 to 1000 1/s") as seen:
         found = load_gains(path)
