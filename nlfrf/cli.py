@@ -17,7 +17,7 @@ import nlfrf
 from nlfrf._base.arguments import format_count, require_nonnegative
 from nlfrf._base.axes import save_figure
 from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command, printer, rich_console, run_command
-from nlfrf._base.files import require_writable
+from nlfrf._base.files import LOAD_OPTIONS, require_writable
 from nlfrf._base.values import to_json
 from nlfrf.axis.axis_file import load_axis
 from nlfrf.doctor import examine
@@ -33,22 +33,14 @@ app = Commands(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = {
+OPTIONS = LOAD_OPTIONS | {
     "base_velocity": "velocity",
     "n_levels": "ramp",
-    "n_samples": "period",
-    "n_discard": "discard",
     "n_periods": "periods",
     "n_realizations": "realizations",
     "n_log": "log-lines",
     "n_detection": "detection",
     "level_from": "level-from",
-    "resample": "resample",
-    "design": "design",
-    "u": "input",
-    "y": "output",
-    "r": "reference",
-    "fs": "fs",
     "f_min": "f-min",
     "f_max": "f-max",
 }
@@ -270,7 +262,7 @@ def identify(
             "opinion": opinion,
         }
         if extra := [name for name, one in given.items() if one]:
-            raise ValueError(f"{extra[0]} must be left out for an experiment on a drive: its design says it")
+            raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return

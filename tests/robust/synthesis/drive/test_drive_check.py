@@ -217,7 +217,10 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
         ("joint.npz gains.toml", "trace must have the position in m or a multiple of m, got joint.npz in rad"),
         ("moving.npz none.toml", "none.toml could not be opened"),
         ("moving.npz gains.toml --input w", "--input must name a signal of 'moving.npz'"),
-        ("rest-trace.csv gains.toml", "--input must name a signal of 'rest-trace.csv', one of current [A]"),
+        ("rest-trace.csv gains.toml", "--design must be given for rest-trace.csv, which looks like the trace of a"),
+        ("rest-trace.csv gains.toml --input w", "--input must name a signal of 'rest-trace.csv', one of current [A]"),
+        ("motion-trace.csv gains.toml --design rest.npz", "got a base velocity of 0 m/s and a position that moves by"),
+        ("rest-trace.csv gains.toml --design motion.npz", "got a base velocity of 0.2 m/s and a position that moves"),
         ("rest-trace.csv gains.toml --design rest.npz --discard 2", "discard must be left out for an experiment"),
         (
             "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz --design motion.npz",
@@ -531,3 +534,14 @@ def test_a_factor_that_is_named_makes_an_unstable_loop_stable(folder):
         named = float(re.search(r"([\d.]+) times this kp makes it stable", one_line(str(found)))[1])
         assert (named > 1) == (factor < 1)
         assert check_drive([record], replace(settings, kp=settings.kp * factor * named)).report.nominally_stable
+
+
+def test_a_lost_sample_is_cut_out_by_the_option_that_the_refusal_names(run, folder):
+    record = nlfrf.load_record(folder / "moving.npz")
+    u, y = (np.delete(np.tile(one[0, 0], 4), 9000) for one in (record.u / 52.8, record.y))
+    np.savez(folder / "lost.npz", u=u, y=y, fs=4000.0)
+    code, _, refused = run("lost.npz gains.toml --period 4000")
+    assert code == 2
+    assert "--resample leaves it out" in refused
+    code, page, _ = run("lost.npz gains.toml --period 4000 --resample")
+    assert (code, "STATISTICALLY ROBUST" in page) == (0, True)
