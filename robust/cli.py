@@ -50,7 +50,13 @@ app = Commands(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = LOAD_OPTIONS | {"n_poles": "poles", "n_zeros": "zeros", "dt": "sample-time", "M_S": "peak"}
+OPTIONS = LOAD_OPTIONS | {
+    "n_poles": "poles",
+    "n_zeros": "zeros",
+    "dt": "sample-time",
+    "M_S": "peak",
+    "omega_c": "bandwidth",
+}
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
 app.add_typer(drive_app, name="drive")
 PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
@@ -149,7 +155,12 @@ def design(
         Path, typer.Argument(help="Model written by 'robust model'; for pid also a BLA of 'nlfrf identify'.")
     ],
     out: Out,
-    bandwidth: Annotated[float | None, typer.Option(help="Crossover asked for [Hz]; not needed for pid.")] = None,
+    bandwidth: Annotated[
+        float | None,
+        typer.Option(
+            help="Crossover asked for (ncfsyn), bandwidth of S (mixsyn); with pid, where given, |L| >= 1 there [Hz]."
+        ),
+    ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
     delay: Annotated[float, typer.Option(help="Computation delay [s] to design for.")] = 0.0,
     factor: Annotated[float, typer.Option(help="gamma over the smallest possible one, above 1 (ncfsyn).")] = 1.1,
@@ -217,7 +228,8 @@ def design(
     say = printer(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
     if method == "pid":
-        say(describe_limit_checks(plant, model, out))
+        advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
+        say(f"{advice}\n{describe_limit_checks(plant, model, out)}".strip())
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1

@@ -273,7 +273,12 @@ def require_same_motion(run: Run, experiment: AxisExperiment, *, base: np.ndarra
 
 
 def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
-    """Return how smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike."""
+    """Return how smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike.
+
+    One line is smooth in itself.
+    """
+    if lines.size < 2:
+        return 1.0
     H = U / R
     steps = np.divide(
         H[1:] * H[:-1].conj(), np.abs(H[1:] * H[:-1]), out=np.zeros(H.size - 1, complex), where=H[1:] != 0

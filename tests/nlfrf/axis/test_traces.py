@@ -10,6 +10,7 @@ import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
 from nlfrf.axis import design_experiment, load_trace, play_experiment
+from nlfrf.axis.trace import likeness
 from tests.nlfrf.axis import test_levels
 
 ROOT = Path(__file__).parents[3]
@@ -274,3 +275,8 @@ def test_other_designs_are_sent_where_they_belong(at_rest):
     nlfrf.save(at_rest.experiment.ms, at_rest.folder / "ms.npz")
     with pytest.raises(ValueError, match="path must hold an experiment on a drive, got "):
         load_trace(at_rest.folder / "trace.csv", at_rest.folder / "ms.npz")
+
+
+def test_one_line_follows_whatever_was_played():
+    """Steps from line to line were counted, and divided by: there are none."""
+    assert likeness(np.array([2j]), np.array([1.0 + 0j]), np.array([5])) == 1
