@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 import warnings
 from collections.abc import Callable
 from csv import reader as csv_reader
@@ -18,8 +17,9 @@ import nlfrf
 from nlfrf._base.arguments import format_count, require_nonnegative
 from nlfrf._base.axes import save_figure
 from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command, printer, rich_console, run_command
-from nlfrf._base.files import require_writable
+from nlfrf._base.files import LOAD_OPTIONS, require_writable
 from nlfrf._base.values import to_json
+from nlfrf.axis.axis_file import load_axis
 from nlfrf.doctor import examine
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.records import holds_multirecord
@@ -33,22 +33,14 @@ app = Commands(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = {
+OPTIONS = LOAD_OPTIONS | {
     "base_velocity": "velocity",
     "n_levels": "ramp",
-    "n_samples": "period",
-    "n_discard": "discard",
     "n_periods": "periods",
     "n_realizations": "realizations",
     "n_log": "log-lines",
     "n_detection": "detection",
     "level_from": "level-from",
-    "resample": "resample",
-    "design": "design",
-    "u": "input",
-    "y": "output",
-    "r": "reference",
-    "fs": "fs",
     "f_min": "f-min",
     "f_max": "f-max",
 }
@@ -270,7 +262,7 @@ def identify(
             "opinion": opinion,
         }
         if extra := [name for name, one in given.items() if one]:
-            raise ValueError(f"{extra[0]} must be left out for an experiment on a drive: its design says it")
+            raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return
@@ -448,13 +440,7 @@ def read_axis(path: Path) -> nlfrf.ServoAxis:
         if path.suffix:
             raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
         return nlfrf.servo_axis(str(path))
-    try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8"))
-        return nlfrf.ServoAxis(drive=nlfrf.ServoDrive(**fields.pop("drive", {})), **fields)
-    except (TypeError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(
-            f"axis must be a file of fields of ServoAxis and [drive], got {path.name!r}: {error}"
-        ) from None
+    return load_axis(path)
 
 
 @app.command()

@@ -25,7 +25,7 @@ from nlfrf._base.command import (
     run_command,
     spinner,
 )
-from nlfrf._base.files import command_signature, require_writable, write_text
+from nlfrf._base.files import LOAD_OPTIONS, command_signature, require_writable, write_text
 from robust._base.states import FrictionVerdict
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
@@ -50,18 +50,13 @@ app = Commands(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = dict(
-    n_poles="poles",
-    n_zeros="zeros",
-    dt="sample-time",
-    n_samples="period",
-    n_discard="discard",
-    hold="hold",
-    M_S="peak",
-    u="input",
-    y="output",
-    r="reference",
-)
+OPTIONS = LOAD_OPTIONS | {
+    "n_poles": "poles",
+    "n_zeros": "zeros",
+    "dt": "sample-time",
+    "M_S": "peak",
+    "omega_c": "bandwidth",
+}
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
 app.add_typer(drive_app, name="drive")
 PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
@@ -86,6 +81,7 @@ Reference = Annotated[str | None, typer.Option(help="Name of what was added to t
 SamplingFrequency = Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")]
 Period = Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")]
 Discard = Annotated[int, typer.Option(help="Periods to leave out at the start.")]
+Resample = Annotated[bool, typer.Option("--resample", help="Cut the periods where the input shows they are.")]
 PlayedDesign = Annotated[Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it.")]
 
 
@@ -159,7 +155,12 @@ def design(
         Path, typer.Argument(help="Model written by 'robust model'; for pid also a BLA of 'nlfrf identify'.")
     ],
     out: Out,
-    bandwidth: Annotated[float | None, typer.Option(help="Crossover asked for [Hz]; not needed for pid.")] = None,
+    bandwidth: Annotated[
+        float | None,
+        typer.Option(
+            help="Crossover asked for (ncfsyn), bandwidth of S (mixsyn); with pid, where given, |L| >= 1 there [Hz]."
+        ),
+    ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
     delay: Annotated[float, typer.Option(help="Computation delay [s] to design for.")] = 0.0,
     factor: Annotated[float, typer.Option(help="gamma over the smallest possible one, above 1 (ncfsyn).")] = 1.1,
@@ -227,7 +228,8 @@ def design(
     say = printer(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
     if method == "pid":
-        say(describe_limit_checks(plant, model, out))
+        advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
+        say(f"{advice}\n{describe_limit_checks(plant, model, out)}".strip())
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
@@ -331,6 +333,7 @@ def prove(
     fs: SamplingFrequency = None,
     period: Period = None,
     discard: Discard = 0,
+    resample: Resample = False,
     design: PlayedDesign = None,
     hold: Annotated[
         str | None, typer.Option(help="How the force runs between its samples: zoh or band-limited.")
@@ -346,7 +349,8 @@ def prove(
         require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
     [(K, late)] = from_options.load_loops([controller], delay)
     named = {"u": input, "y": output, "r": reference, "fs": fs, "n_samples": period, "design": design, "hold": hold}
-    load = {name: option for name, option in {**named, "n_discard": discard or None}.items() if option is not None}
+    named |= {"n_discard": discard or None, "resample": resample or None}
+    load = {name: option for name, option in named.items() if option is not None}
     basis = certificates.class_from_files(
         machine, controller, nominal=nominal, stiffness=stiffness, stiction=stiction, free=free, load=load
     )
@@ -423,6 +427,7 @@ def report(
     fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
+    resample: Resample = False,
     delay: Delay = None,
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
@@ -444,7 +449,7 @@ def report(
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
     plant, [(K, late)] = robust.load_model(model), from_options.load_loops([controller], delay)
-    load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
+    load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
     if not plant.is_single:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
@@ -512,6 +517,7 @@ def check_gains(
     fs: SamplingFrequency = None,
     period: Period = None,
     discard: Discard = 0,
+    resample: Resample = False,
     design: Annotated[
         list[Path] | None,
         typer.Option(
@@ -549,16 +555,21 @@ def check_gains(
         raise ValueError(
             "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
         )
-    cut: Any = {"r": reference, "n_samples": period, "n_discard": discard}
+    cut: Any = {"r": reference, "n_samples": period, "n_discard": discard, "resample": resample}
     signals: Any = {"settings": settings, "actual": actual, "fs": fs}
     if experiments:
         if extra := [name for name, one in cut.items() if one]:
-            raise ValueError(f"{OPTIONS[extra[0]]} must be left out for an experiment on a drive: its design says it")
+            raise ValueError(f"--{OPTIONS[extra[0]]} must be left out for an experiment on a drive: its design says it")
         signals |= {"u": input or "force set point", "y": output or "position"}
         records, names, conditions = drive_check.read_experiments(traces, experiments, **signals)
     else:
         signals |= cut | {"u": input or "u", "y": output or "y", "design": design[0] if design else None}
-        records, names, conditions = [drive_check.read_trace(path, **signals) for path in traces], [], []
+        try:
+            records, names, conditions = [drive_check.read_trace(path, **signals) for path in traces], [], []
+        except ValueError:
+            if input is None and not played:
+                require_design(traces)
+            raise
     names = names or [path.name for path in traces]
     with spinner("checking"):
         friction: Any = {"stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
@@ -569,6 +580,19 @@ def check_gains(
     if out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
     finish_command(found, found.safe, json)
+
+
+def require_design(traces: list[Path]) -> None:
+    """Refuse the trace of a servo axis without its design, which has the names of the signals and the periods."""
+    from nlfrf.io.channels import read_channels
+
+    for path in traces:
+        file = read_channels(path)
+        if file.full_name("u") not in file.arrays and file.full_name("force set point") in file.arrays:
+            raise ValueError(
+                f"design must be given for {path.name}, which looks like the trace of a servo axis: the .npz that "
+                "'nlfrf axis design' wrote. For another trace give --input and --output"
+            ) from None
 
 
 def controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:

@@ -6,7 +6,7 @@ import numbers
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from textwrap import wrap
 
 import numpy as np
@@ -34,6 +34,7 @@ __all__ = [
     "require_choice",
     "require_integer",
     "require_kind",
+    "require_known",
     "require_nonnegative",
     "require_positive",
     "require_probability",
@@ -200,6 +201,26 @@ def require_kind(name: str, thing: object, *kinds: type) -> None:
         raise ValueError(
             f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got {short_form(thing)}"
         )
+
+
+def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> None:
+    """A refusal that names the nearest known entry, unless every entry of a file is known.
+
+    >>> require_known("axis.toml", ["motor_mass"], ["motor_inertia", "drive"])
+    Traceback (most recent call last):
+        ...
+    ValueError: axis.toml must have no entry 'motor_mass', did you mean motor_inertia? It may have drive, motor_inertia
+    """
+    for name in given:
+        if name not in known:
+            from difflib import get_close_matches
+
+            lower = {one.lower(): one for one in known}
+            near = [lower[one] for one in get_close_matches(name.lower(), lower, n=1, cutoff=0.5)]
+            raise ValueError(
+                f"{where} must have no entry {name!r}{f', did you mean {near[0]}?' if near else '.'} "
+                f"It may have {', '.join(sorted(known))}"
+            )
 
 
 def require_positive(name: str, number: object) -> float:

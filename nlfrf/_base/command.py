@@ -237,7 +237,9 @@ def print_version(wanted: bool) -> None:
 MAX_ROWS = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
 Decimal = Annotated[
     str,
-    typer.Option("--decimal", help="Mark of decimals in a .csv: a point, or a comma with semicolons between columns."),
+    typer.Option(
+        "--decimal", help="Mark of decimals in a .csv that is written: '.', or ',' with semicolons between columns."
+    ),
 ]
 Json = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON, all else on standard error; long arrays by shape.")

@@ -29,6 +29,7 @@ __all__ = [
     "DECIMALS",
     "DESIGN_MARK",
     "FILE_KINDS",
+    "LOAD_OPTIONS",
     "MEASURED_RECORD",
     "PICTURE_SIGNATURE",
     "RECORD_SCHEMAS",
@@ -247,6 +248,20 @@ def is_replaceable(target: Path, path: Path) -> bool:
     return kind is not None and (
         kind != DESIGN_MARK or "multisine" in (file_kind(path.with_suffix(".npz"), ".npz") or "")
     )
+
+
+#: Arguments of `load_record` -> options of the commands, which the two commands and the hints of a refusal share.
+LOAD_OPTIONS = {
+    "u": "input",
+    "y": "output",
+    "r": "reference",
+    "fs": "fs",
+    "n_samples": "period",
+    "n_discard": "discard",
+    "resample": "resample",
+    "design": "design",
+    "hold": "hold",
+}
 
 
 def command_signature(command: str) -> str:

@@ -8,8 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import require_choice, require_integer, require_kind, require_positive, require_real
-from nlfrf.axis.loop import DriveLoop, drive_loop
+from nlfrf._base.arguments import (
+    data_warning,
+    require_choice,
+    require_integer,
+    require_kind,
+    require_positive,
+    require_real,
+)
+from nlfrf.axis.loop import DriveLoop, closed_loop_poles, crossover_frequency, drive_loop
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.servo import ServoAxis, run_servo
@@ -19,6 +26,10 @@ from nlfrf.signals.multisine import Multisine, Rng, multisine
 __all__ = ["design_experiment", "design_ramp"]
 
 Spectrum = np.ndarray | Callable[[np.ndarray], np.ndarray]
+#: Error of a double pole at one by rounding, which is the root of that of the numbers, with room.
+ROUNDING_OF_POLES = 1e-6
+#: Factor by which the crossover lies outside the band where it is warned of: closer, a model may still reach it.
+FAR = 2.0
 
 
 def design_experiment(
@@ -88,6 +99,12 @@ def design_experiment(
         A level, or a base motion, that passes a limit (with the largest level that fits); a multisine that would turn
         the base motion round; neither a level nor limits; a source that does not fit.
 
+    Warns
+    -----
+    DataWarning
+        Of a drive with its rough machine: a loop that is unstable, or crosses over far outside the band; a `tn` above
+        the period.
+
     References
     ----------
     Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4 (FRF of a closed loop).
@@ -119,6 +136,8 @@ def design_experiment(
         n_log=n_log,
         rng=rng,
     )
+    if isinstance(source, ServoAxis) and plant is None:
+        warn_of_loop(source, wanted)
     segments = Segments(base_velocity * directions, np.ones(directions.size), n_periods, n_discard)
     return experiment_within(source, wanted, segments=segments, port=port, plant=plant, rms=rms, limits=limits)
 
@@ -242,6 +261,31 @@ def wanted_force(
         rng=rng,
         hold="zoh",
     )
+
+
+def warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
+    """Warn of a loop that is unstable, or of which the band and the period of the experiment show little."""
+    drive, position = axis.drive, axis.units[0]
+    gains = f"kv = {drive.kv:g} 1/s, kp = {drive.kp:g} A s/{position} and tn = {drive.tn:g} s"
+    if np.abs(closed_loop_poles(axis)).max() > 1 + ROUNDING_OF_POLES:
+        data_warning(
+            f"the loop of this axis with {gains} is unstable without friction: peaks and set points computed here mean "
+            "nothing. Look up the units of the gains, of force_constant and of the inertia"
+        )
+        return
+    crossover, (first, last) = crossover_frequency(axis), wanted.f[[0, -1]]
+    if not first / FAR <= crossover <= last * FAR:
+        where = "nowhere" if np.isnan(crossover) else f"at {crossover:.3g} Hz"
+        data_warning(
+            f"the loop with {gains} crosses over {where}, far outside the lines of {first:g} to {last:g} Hz: a trace "
+            "says nothing of its margins. Take a band around the crossover, or look up the units of the gains"
+        )
+    period = wanted.n_samples / wanted.fs
+    if period < drive.tn < np.inf:
+        data_warning(
+            f"tn = {drive.tn:g} s is longer than the period of {period:g} s: nothing of the integral part shows on "
+            "the lines. tn is in seconds; drives often show it in ms"
+        )
 
 
 def experiment_within(

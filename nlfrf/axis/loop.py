@@ -16,7 +16,7 @@ from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.servo import ServoAxis
 
-__all__ = ["DriveLoop", "drive_loop", "plant_frf", "record_spectra"]
+__all__ = ["DriveLoop", "closed_loop_poles", "crossover_frequency", "drive_loop", "plant_frf", "record_spectra"]
 
 
 @value
@@ -81,7 +81,15 @@ def interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: st
 
 
 def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
-    """Return (F,) FRF from force set point to encoder, without friction: hold, delay and current lag included.
+    """Return (F,) FRF from force set point to encoder, without friction: hold, delay and current lag included."""
+    Phi, early, late, C = sampled_plant(axis)
+    z, whole = np.exp(2j * np.pi * f / axis.drive.fs), int(axis.drive.delay_periods)
+    inputs = np.outer(z ** -(whole + 1.0), early) + np.outer(z ** -float(whole), late)
+    return np.array([C @ np.linalg.solve(one * np.eye(C.size) - Phi, b) for one, b in zip(z, inputs, strict=True)])
+
+
+def sampled_plant(axis: ServoAxis) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return Phi (n, n), the inputs (n,) for the force set points of whole + 1 and of whole periods ago, and C (n,).
 
     The hold is exact: x' = A x + B u over each period, in which u changes once, `delay_periods` after the sample.
     """
@@ -104,11 +112,51 @@ def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
         whole = expm(T * np.block([[A, B[:, None]], [np.zeros((1, order + 1))]]))
         return whole[:order, :order], whole[:order, -1]
 
-    whole, part = divmod(drive.delay_periods, 1.0)
+    part = drive.delay_periods % 1.0
     (Phi, _), (_, early), (late_Phi, late) = sampled(Ts), sampled(part * Ts), sampled((1 - part) * Ts)
-    z = np.exp(2j * np.pi * f * Ts)
-    inputs = np.outer(z ** -(whole + 1), late_Phi @ early) + np.outer(z**-whole, late)
-    return np.array([C @ np.linalg.solve(one * np.eye(order) - Phi, b) for one, b in zip(z, inputs, strict=True)])
+    return Phi, late_Phi @ early, late, C
+
+
+def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
+    """Return the poles of the axis under its drive, without friction, from one run of the position loop to the next.
+
+    The loop is one linear map of what drive and machine remember. The map is put together by the steps that the
+    compiled drive takes, on all unit vectors together.
+    """
+    Phi, early, late, C = sampled_plant(axis)
+    drive, sections = axis.drive, np.asarray(axis.drive.filters)
+    Ts, whole = 1 / drive.fs, int(drive.delay_periods)
+    # rows: machine, set points of the last whole + 1 periods, last reading, speed, integral, position loop, filters
+    sizes = np.cumsum([C.size, whole + 1, 1, 1, 1, 1])
+    state = np.eye(sizes[-1] + 2 * len(sections))
+    for k in range(drive.position_every):
+        x, forces, last, speed, integral, by_position, memory = (one.copy() for one in np.split(state, sizes))
+        y = C @ x
+        speed += Ts / (Ts + drive.velocity_lag) * ((y - last) / Ts - speed)
+        if k == 0:
+            by_position = -drive.kv * y[None]
+        error = by_position - speed
+        new = drive.kp * error + integral
+        for s, (b0, b1, b2, _, a1, a2) in enumerate(sections):  # direct form II, transposed
+            given, new = new, b0 * new + memory[[2 * s]]
+            memory[2 * s] = (b1 * given - a1 * new + memory[2 * s + 1])[0]
+            memory[2 * s + 1] = (b2 * given - a2 * new)[0]
+        integral += drive.kp * Ts / drive.tn * error
+        forces = np.vstack([axis.force_constant * new, forces])
+        x = Phi @ x + np.outer(early, forces[whole + 1]) + np.outer(late, forces[whole])
+        state = np.vstack([x, forces[:-1], y[None], speed, integral, by_position, memory])
+    return np.linalg.eigvals(state)
+
+
+def crossover_frequency(axis: ServoAxis) -> float:
+    """Return the highest frequency [Hz] at which the loop, cut at the force, has a gain of one; nan where it has none.
+
+    The gain is looked at on a fine grid of six decades below half the sampling frequency.
+    """
+    f = np.geomspace(1e-6, 1.0, 3000)[:-1] * axis.drive.fs / 2
+    L = 1 / port_frf(axis, plant_frf(axis, f), port="force", f=f) - 1
+    above = np.flatnonzero(np.abs(L) >= 1)
+    return float(f[above[-1]]) if above.size else np.nan
 
 
 def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:

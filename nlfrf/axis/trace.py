@@ -49,6 +49,7 @@ START = 0.1  # of a period by which phases may look late: sticking friction that
 AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
 TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
 UPPER_SHARE = 1 / 3  # of the lines that count as upper
+LITTLE = 0.1  # share of the base motion below which an axis was at rest
 OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
 TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
 
@@ -93,7 +94,8 @@ def load_trace(
     ------
     ValueError
         A trace that does not answer what was played (another file, another period or clock); a set point in place of
-        the force or the position; a base motion at another velocity; a trace that is too short or too slow.
+        the force or the position; a base motion at another velocity, or of one of design and trace only; a trace that
+        is too short or too slow.
     FileNotFoundError
         No such file.
 
@@ -221,6 +223,7 @@ def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> di
     moments = (np.arange(run.y.size) - first) / run.fs
     scale = POSITION_SCALES.get(run.labels["y_unit"], 1.0)
     base = scale * np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
+    require_same_motion(run, experiment, base=base, N=N)
     found = {}
     for label, segments in experiment.groups.items():
         u, y, drifts = [], [], []
@@ -243,8 +246,39 @@ def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> di
     return found
 
 
+def require_same_motion(run: Run, experiment: AxisExperiment, *, base: np.ndarray, N: int) -> None:
+    """Refuse the trace of an axis in motion for a design at rest, and one at rest for a design in motion.
+
+    At rest the position repeats itself. In motion it moves on by more than it swings, as the multisine is slower.
+    """
+    unit = run.labels["y_unit"] or experiment.position_unit
+    velocity = float(np.abs(experiment.velocities).max())
+    if velocity:
+        moved, size = float(np.ptp(run.y)), "in all"
+        same = moved > LITTLE * np.ptp(base)
+    else:
+        periods = run.y[: min(run.y.size, experiment.n_rows) // N * N].reshape(-1, N)
+        steps = np.diff(periods, axis=0).mean(axis=1)
+        if not steps.size:
+            return
+        swing = np.ptp(periods[:-1] - steps[:, None] * np.arange(N) / N, axis=1)
+        moved, size = float(np.median(np.abs(steps))), "a period"
+        same = moved <= max(np.median(swing), POSITION_SCALES.get(run.labels["y_unit"], 1.0) * experiment.travel)
+    if not same:
+        raise ValueError(
+            f"experiment must be at rest or in motion as its trace is, got a base velocity of {velocity:g} "
+            f"{experiment.position_unit}/s and a position that moves by {moved:.3g} {unit} {size}: was another design "
+            "played, or is y in another unit?"
+        )
+
+
 def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
-    """Return how smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike."""
+    """Return how smooth U over R is from line to line, 0 to 1; a delay turns all steps of one width alike.
+
+    One line is smooth in itself.
+    """
+    if lines.size < 2:
+        return 1.0
     H = U / R
     steps = np.divide(
         H[1:] * H[:-1].conj(), np.abs(H[1:] * H[:-1]), out=np.zeros(H.size - 1, complex), where=H[1:] != 0

@@ -31,6 +31,7 @@ COHERENT_SHARE = 8 / 3
 FEW_LINES = 27
 MAX_DISTORTION_RATIO = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
 MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
+NO_SCATTER = 1e-12  # of the squared gain of a cubic, below which its scatter is rounding
 MIN_RATIO_ON_FEW_LINES, MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
 #: Of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one.
 HIGHER_ORDER_ALLOWANCE = 1.25
@@ -175,6 +176,8 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
         return typical, chance
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
+    if whole <= NO_SCATTER * float(np.mean(amplitude * amplitude)) ** 2:  # two or three lines that no triple falls on
+        return typical, MAX_COHERENT_SHARE
     common = HIGHER_ORDER_ALLOWANCE * gap * gap * (1 + chance) / whole * ratio
     return typical, common if few and n == 1 else min(max(common, chance), MAX_COHERENT_SHARE)
 

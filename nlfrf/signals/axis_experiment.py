@@ -23,6 +23,7 @@ __all__ = ["GAINS", "PORTS", "AxisExperiment", "AxisLimits", "stepped_profile"]
 
 PORTS = ("force", "velocity", "position")
 GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
+SAME_GAIN = 1e-3  # relative error up to which two gains are the same
 
 
 @value
@@ -139,6 +140,10 @@ class AxisExperiment:
         gains, velocities = (require_real_array(one, getattr(self, one), ndim=1) for one in ("gains", "velocities"))
         if gains.shape != velocities.shape or not gains.size:
             raise ValueError(f"velocities must be one a segment, {gains.size} of them, got {velocities.size}")
+
+    def has_gains(self, kv: float, kp: float, tn: float) -> bool:
+        """Return whether it was designed for these gains [1/s], [A s/m] or [A s/rad], [s]."""
+        return bool(np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0))
 
     @property
     def n_segments(self) -> int:

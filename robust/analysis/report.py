@@ -675,6 +675,11 @@ class RobustnessReport:
         missed = self.verdict.is_robust and self.performance not in (None, Demand.MET)
         return f", performance {self.performance}" if missed else ""
 
+    @property
+    def next_step(self) -> str:
+        """Return the advice where there is something to mend: not where the loop is robust and meets its demand."""
+        return "" if self.verdict.is_robust and not self.missed_performance else self.advice
+
     def performance_words(self) -> str:
         """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
         if not self.is_single:
@@ -716,7 +721,7 @@ class RobustnessReport:
             lines += format_paragraph("disk margin", self.disk_words())
         if self.margins is not None and not self.margins.reason:
             lines += format_paragraph("margins", self.margins.least())
-        known = {"level": "" if self.level is None else str(self.level), "next": self.advice, "loop": self.context}
+        known = {"level": "" if self.level is None else str(self.level), "next": self.next_step, "loop": self.context}
         if self.nominally_stable and self.is_single:
             known = {"loop gain": str(self.classical)} | known
         for name, text in known.items():

@@ -14,7 +14,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import format_count, short_form
-from nlfrf._base.files import MEASURED_RECORD, RECORD_SCHEMAS, parse_json_of, require_file_of
+from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORD, RECORD_SCHEMAS, parse_json_of, require_file_of
 from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
@@ -224,17 +224,6 @@ def is_same_system(mine: Matrices, other: Matrices) -> bool:
 LoadOptions: TypeAlias = Mapping[str, Any]
 #: Kinds of files of ours that a machine and its friction are read from.
 MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, MEASURED_RECORD, "robust-model", "robust-matrix-model")
-#: Arguments of `load_record` -> options of `nlfrf identify`.
-LOAD_OPTIONS = {
-    "u": "--input",
-    "y": "--output",
-    "r": "--reference",
-    "fs": "--fs",
-    "n_samples": "--period",
-    "n_discard": "--discard",
-    "design": "--design",
-    "hold": "--hold",
-}
 
 
 @value
@@ -311,7 +300,7 @@ def class_from_files(
             records, controller, nominal=nominal, stiffness=stiffness, stiction=stiction, free=free, load=load
         )
     else:
-        if given := [LOAD_OPTIONS[name] for name in load] + ["--free"] * free:
+        if given := [f"--{LOAD_OPTIONS[name]}" for name in load] + ["--free"] * free:
             raise ValueError(
                 f"machine must be records for {' and '.join(given)}, got BLAs; "
                 + next_command_hint(prove_command(list(blas), controller, nominal=nominal, stiffness=stiffness))
@@ -409,7 +398,7 @@ def class_from_bla_files(
 
 def describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
     """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
-    options = {LOAD_OPTIONS[name]: str(option) for name, option in (load or {}).items()}
+    options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return {"file": path.name, "kind": kind, "sha256": digest, **({"options": options} if options else {})}
 
@@ -475,7 +464,10 @@ def bla_of(record: Path) -> Path:
 
 def identify_command(path: Path, load: LoadOptions) -> str:
     """Return the command line that identifies the BLA of a record, with the options that it was read with."""
-    options = [f"{LOAD_OPTIONS[name]} {shell_quote(str(option))}" for name, option in load.items()]
+    options = [
+        f"--{LOAD_OPTIONS[name]}" + ("" if option is True else f" {shell_quote(str(option))}")
+        for name, option in load.items()
+    ]
     return " ".join(["nlfrf identify", shell_quote(path), *options, f"-o {shell_quote(bla_of(path))}"])
 
 

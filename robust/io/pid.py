@@ -14,11 +14,12 @@ from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
 
-__all__ = ["PidGains", "format_gains", "pid_gains", "reason_for_unusual_gains"]
+__all__ = ["PidGains", "advice_on_structure", "format_gains", "pid_gains", "reason_for_unusual_gains"]
 
 
 INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
 RESPONSE_TOLERANCE = 1e-6
+NEGLIGIBLE = 0.01  # share of |K| below which a part of it does nothing
 ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
 
 
@@ -247,6 +248,33 @@ def reason_for_unusual_gains(K: Controller) -> str:
             if len({gain > 0 for gain in named.values() if gain}) > 1:
                 parts = join_names([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
                 return f"the PID has {parts}: no PLC takes gains of different signs"
+    return ""
+
+
+def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
+    """Return what to design where Kp does nothing at the frequencies omega [rad/s]; empty where it does, or no PID.
+
+    >>> advice_on_structure(control.tf([1e-6, 20.0], [1.0, 0.0]), np.array([1.0, 100.0]))
+    'Kp = 1e-06 is at most 0.0005 % of |K| on the lines: K is an integrator. Ask for --structure I'
+    >>> advice_on_structure(control.tf([1.0, 20.0], [1.0, 0.0]), np.array([1.0, 100.0]))
+    ''
+    """
+    with suppress(ValueError):
+        gains = pid_gains(K)
+        if isinstance(gains, tuple) or not gains.ki:
+            return ""
+        s = 2j / gains.dt * np.tan(omega * gains.dt / 2) if gains.dt else 1j * omega
+        slope = gains.kd * s / (gains.filter_time * s + 1)
+        size = np.abs(gains.kp + gains.ki / s + slope)
+        share = float(np.max(abs(gains.kp) / size))
+        if share <= NEGLIGIBLE:
+            found = f"Kp = {gains.kp:.3g} is at most {100 * share:.2g} % of |K| on the lines"
+            if np.all(np.abs(slope) <= NEGLIGIBLE * size):
+                return f"{found}: K is an integrator. Ask for --structure I"
+            return (
+                f"{found}: K is an integrator and a derivative, for which no PLC has Ti and Td. Use the parallel form, "
+                "or ask for --structure PI or I"
+            )
     return ""
 
 

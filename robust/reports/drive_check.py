@@ -27,6 +27,7 @@ from nlfrf._base.arguments import (
     require_kind,
     require_positive,
 )
+from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import value
 from robust._base.states import State, Verdict
 from robust._base.warnings import DesignWarning
@@ -44,7 +45,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.reports.drive_friction import DriveFriction, judge_friction
 from robust.synthesis.drive.cascade import cascade, with_set_point
 from robust.synthesis.drive.settings import DriveSettings
-from robust.synthesis.drive.units import POSITIONS
 
 __all__ = [
     "BaseMotion",
@@ -72,8 +72,6 @@ AGREE = 0.5
 LOW_LINES, HELD = 6, 0.5
 #: Factors on kp that are tried where the model is unstable, the mildest first.
 TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
-#: Relative error up to which two gains are the same.
-SAME_GAIN = 1e-3
 #: Orders of the weight that are tried.
 WEIGHT_ORDERS = (4, 6, 8)
 
@@ -328,8 +326,7 @@ def compare_gains(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) ->
         kp = settings.gain * settings.output_factor("A")
     except ValueError:  # no torque constant: the design has a kp in A
         return RecordedGains.UNKNOWN
-    own, given = (design.kv, design.kp, 1 / design.tn), (settings.kv, kp, 1 / settings.tn)
-    same = settings.base_unit == design.position_unit and np.allclose(own, given, rtol=SAME_GAIN, atol=0)
+    same = settings.base_unit == design.position_unit and design.has_gains(settings.kv, kp, settings.tn)
     return RecordedGains.SAME if same else RecordedGains.OTHER
 
 

@@ -40,7 +40,7 @@ def verdict_section(report: RobustnessReport) -> Section:
             ("proved", report.proved),
             ("not proved", report.not_proved),
             *([] if report.level is None else [("level of the loop", str(report.level))]),
-            ("what to do next", report.advice),
+            ("what to do next", report.next_step),
         ),
     )
 

@@ -19,6 +19,7 @@ from nlfrf import (
     save_multisine,
     save_record,
 )
+from nlfrf.axis.axis_file import load_axis
 
 
 @pytest.fixture
@@ -429,8 +430,10 @@ def test_an_axis_from_its_gains_to_three_levels_and_either_direction(nlfrf_comma
         ("axis design trace.csv {} -o x.csv", "got 'trace.csv': a trace needs --first"),
         (
             "axis design bad.toml {} -o x.csv",
-            "axis must be a file of fields of ServoAxis and [drive], got 'bad.toml': ",
+            "bad.toml must have no entry 'motor_inertai', did you mean motor_inertia? It may have damping, drive,",
         ),
+        ("axis design bare.toml {} -o x.csv", "bare.toml must have an entry motor_inertia, got none"),
+        ("axis design broken.toml {} -o x.csv", "axis must be a TOML file, got 'broken.toml': "),
         ("axis play belt play.npz -o x.csv", "path must hold set points called"),
         (
             "identify trace.csv --design play.npz --period 500 -o x.npz",
@@ -445,7 +448,9 @@ def test_an_axis_from_its_gains_to_three_levels_and_either_direction(nlfrf_comma
 )
 def test_what_the_commands_of_an_axis_refuse(nlfrf_command, tmp_path, arguments, message):
     band = "--period 500 --f-min 8 --f-max 100 --seed 1"
-    (tmp_path / "bad.toml").write_text("mass = 3\n[drive]\nfs = 4000\nkv = 1\nkp = 1\n")
+    (tmp_path / "bad.toml").write_text("motor_inertai = 3\n[drive]\nfs = 4000\nkv = 1\nkp = 1\n")
+    (tmp_path / "bare.toml").write_text("force_constant = 3\n[drive]\nfs = 4000\nkv = 1\nkp = 1\n")
+    (tmp_path / "broken.toml").write_text("mass = = 3\n")
     for step in (f"axis design belt {band} --rms 30 -o play.csv", "axis play belt play.csv -o trace.csv"):
         assert nlfrf_command(*step.split())[0] == 0
     save_multisine(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz")
@@ -453,3 +458,45 @@ def test_what_the_commands_of_an_axis_refuse(nlfrf_command, tmp_path, arguments,
     assert code == 2
     assert message in err
     assert err.count("\n") == 1
+
+
+def test_an_axis_with_units_is_the_one_in_plain_numbers(tmp_path):
+    linear, rotary = tmp_path / "linear.toml", tmp_path / "rotary.toml"
+    linear.write_text(
+        'motor_inertia = "7170 g"\nload_inertia = 15\nstiffness = "1.33 N/um"\ndamping = "100 N/(m/s)"\n'
+        'force_constant = "125 N/A"\nresolution = "50 nm"\n[drive]\nfs = "4 kHz"\nkv = "1.8 m/min/mm"\n'
+        'kp = "33 A s/m"\ntn = "30 ms"\nlag = "500 us"\nmax_current = "17000 mA"\nvelocity_feedforward = "80 %"\n',
+        encoding="utf-8",
+    )
+    rotary.write_text(
+        'motion = "rotary"\nmotor_inertia = "5200 kg cm²"\nforce_constant = "12 Nm/A"\nmotor_damping = "15 Nms/rad"\n'
+        '[drive]\nfs = 4000\nkv = "900 1/min"\nkp = "2 A/rpm"\n',
+        encoding="utf-8",
+    )
+    found = load_axis(linear)
+    assert (found.motor_inertia, found.stiffness, found.resolution) == pytest.approx((7.17, 1.33e6, 50e-9))
+    assert (found.drive.fs, found.drive.kv, found.drive.kp, found.drive.tn) == pytest.approx((4000, 30, 33, 0.03))
+    assert (found.drive.lag, found.drive.max_current, found.drive.velocity_feedforward) == (0.5e-3, 17.0, 0.8)
+    found = load_axis(rotary)
+    assert (found.motor_inertia, found.drive.kv, found.drive.kp) == pytest.approx((0.52, 15, 60 / np.pi))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("load_inertia = 15.0", 'load_inertia = "15 kg m^2"'), "load_inertia must be a number with its unit, such as"),
+        (("tn = 0.03", 'tn = "30"'), 'tn must be a number with its unit, such as "1 s" or "1 ms"'),
+        (("kp = 33", 'kp = "33 A/(rad/s)"'), r'kp must be a number with its unit, such as "143 A/\(m/s\)", got'),
+        (("kv = 30", ""), r"\[drive\] of axis.toml must have an entry kv, got none"),
+        (
+            ("kv = 30", "Kv = 30"),
+            r"\[drive\] of axis.toml must have no entry 'Kv', did you mean kv\? It may have delay",
+        ),
+        (("[drive]", "drive = 3\n[other]"), "axis.toml must have no entry 'other'"),
+        (("lag = 0.5e-3", 'delay_periods = "1 ms"'), "delay_periods must be a real number, got '1 ms'"),
+    ],
+)
+def test_an_axis_that_is_not_well_written_is_refused(tmp_path, change, message):
+    (tmp_path / "axis.toml").write_text(AXIS_TOML.replace(*change))
+    with pytest.raises(ValueError, match=message):
+        load_axis(tmp_path / "axis.toml")

@@ -74,3 +74,12 @@ def test_every_name_of_the_dictionary_is_called_on_its_page():
     asked = "ucover mussv wcgain robstab ultidyn ureal loopmargin diskmargin systune looptune mixsyn hinfsyn ncfsyn "
     asked += "ncfmargin gapmetric musyn usample tfest spa idinput"
     assert [name for name in asked.split() if not re.search(rf"\b{name}\b", theirs)] == []
+
+
+def test_the_set_without_a_measurement_of_the_guide_is_proved(capsys):
+    page = (DOCS / "guide" / "several.md").read_text(encoding="utf-8")
+    (block,) = (one for one in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "UncertaintyModel(" in one)
+    exec(compile(f"import control, robust\nimport numpy as np\n{block}", "several.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert "ROBUST (proved for every perturbation of the set)" in printed
+    assert "the uncertainty may grow by a factor 4.99" in printed

@@ -141,6 +141,7 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("design m.json -o K2.json", "bandwidth must be given"),
         ("design m.json --method lqg -o K2.json", "method must be one of"),
         ("design m.json --method pid --structure PIDD -o K2.json", "structure must be one of"),
+        ("design bla.npz --method pid --bandwidth 9000 -o K2.json", "--bandwidth must lie within the lines, "),
         ("export m.json -o m.xyz", "out must end in .mat or .csv"),
         ("export m.json -o m.csv", "path must hold a controller"),
     ],

@@ -15,6 +15,9 @@ from robust.models.fit.rational import stack_real_imaginary
 
 __all__ = ["FitUncertainty", "estimate_uncertainty", "format_roots", "probability_of_cost"]
 
+#: Standard deviation over the root of the cost that stands for all larger ones: its square is a number.
+HUGE = 1e150
+
 
 @value(copy=False)
 class FitUncertainty:
@@ -103,11 +106,10 @@ def estimate_uncertainty(
     if free_delay:
         columns.append(-1j * omega)
     J = stack_real_imaginary(np.column_stack(columns) * (model / std)[:, None])
-    size = np.linalg.norm(J, axis=0)
-    size[size == 0] = 1.0
+    size = np.maximum(np.linalg.norm(J, axis=0), 1 / HUGE)  # the slope by a root far away is as good as none
     _, sv, right = np.linalg.svd(J / size, full_matrices=False)
     sv = np.maximum(sv, 1e-14 * sv[0])  # what the data do not tell at all has a huge standard deviation
-    half = right.T / sv / size[:, None]
+    half = np.clip(right.T / sv / size[:, None], -HUGE, HUGE)
     cov = c / 2 * half @ half.T
     n_z = zeros.size
     return FitUncertainty(

@@ -9,5 +9,4 @@ gains            a controller as the gains of a drive
 gains_file       gains in a TOML file, every number with its unit
 settings         the settings of a drive, with their units
 structured_text  a function block for a PLC
-units            units of positions, velocities, currents and forces
 """

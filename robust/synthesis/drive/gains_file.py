@@ -7,12 +7,12 @@ import tomllib
 import warnings
 from collections.abc import Callable, Mapping
 
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import require_known, short_form
 from nlfrf._base.types import Json, JsonObject
+from nlfrf._base.units import parse_quantity, split_quantity
 from robust._base.warnings import DesignWarning
 from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
 from robust.synthesis.drive.settings import USUAL_KV, DriveSettings, is_unusual_gain
-from robust.synthesis.drive.units import parse_quantity
 
 __all__ = ["load_gains"]
 
@@ -84,21 +84,19 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
             content = tomllib.load(file)
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"path must be a TOML file with the gains of a drive, got {path}: {error}") from None
-    known = {*NUMBERS, *PLAIN, "kp", "filters"}
-    if others := sorted(set(content) - known):
-        raise ValueError(f"{path} must have no entry {others[0]}; it may have {', '.join(sorted(known))}")
+    require_known(str(path), content, [*NUMBERS, *PLAIN, "kp", "filters"])
     if missing := [name for name in ("fs", "kv", "kp") if name not in content]:
         raise ValueError(f"{path} must have an entry {missing[0]}, got none")
     found: JsonObject = {name: content[name] for name in PLAIN if name in content}
     for name, kind in NUMBERS.items():
         if name in content:
             found[name] = parse_quantity(name, kind, content[name])
-    kp = content["kp"]
-    number, _, unit = kp.strip().partition(" ") if isinstance(kp, str) else ("", "", "")
     try:
-        found |= {"kp": float(number), "kp_unit": unit.strip()}
+        found["kp"], found["kp_unit"] = split_quantity(content["kp"])
     except ValueError:
-        raise ValueError(f'kp must be a number with its unit, such as "143 A/(m/s)", got {short_form(kp)}') from None
+        raise ValueError(
+            f'kp must be a number with its unit, such as "143 A/(m/s)", got {short_form(content["kp"])}'
+        ) from None
     found["assumed"] = tuple(name for name in ("lag", "delay") if name not in found)
     if "delay" in found:
         found["delay_periods"] = found.pop("delay") * found["fs"]

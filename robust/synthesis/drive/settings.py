@@ -19,9 +19,9 @@ from nlfrf._base.arguments import (
     require_positive,
     require_real,
 )
+from nlfrf._base.units import parse_gain_unit, position_factor
 from nlfrf._base.values import value
 from robust.synthesis.drive.filters import FilterSlot
-from robust.synthesis.drive.units import parse_gain_unit, position_factor
 
 __all__ = ["USUAL_KV", "DriveSettings", "is_unusual_gain"]
 

@@ -28,8 +28,9 @@ class Design:
     K : control.StateSpace
         Controller for the unweighted plant, negative feedback: u = K (r - y).
     gamma : float
-        Achieved norm, recomputed from the closed loop; inf where the loop is not stable. With a `certificate` that
-        holds the norm is proved to be below it; else gamma is only what was computed.
+        Achieved norm, recomputed from the closed loop; inf where the loop is not stable, nan where no
+        weight was given. With a `certificate` that holds the norm is proved to be below it; else gamma is only what was
+        computed.
     gamma_min : float
         Smallest norm any controller could reach; nan where it is not known.
     met : bool
@@ -74,9 +75,10 @@ class Design:
         return iter((self.K, self.CL, self.gamma, self))
 
     def __str__(self) -> str:
-        text = f"{describe_controller(self.K)}: gamma {self.gamma:.4g}{' proved' if self.certified else ''}"
-        text += f", at best {self.gamma_min:.4g}" if np.isfinite(self.gamma_min) else ""
-        text += "" if self.met else "; LIMITS NOT MET"
+        found = [] if np.isnan(self.gamma) else [f"gamma {self.gamma:.4g}{' proved' if self.certified else ''}"]
+        found += [f"at best {self.gamma_min:.4g}"] if np.isfinite(self.gamma_min) else []
+        limits = "" if self.met and found else "every limit met" if self.met else "LIMITS NOT MET"
+        text = f"{describe_controller(self.K)}: {'; '.join(filter(None, (', '.join(found), limits)))}"
         return f"{text}\n  {self.reason}" if self.reason else text
 
     @property

@@ -8,7 +8,7 @@ import pytest
 import nlfrf
 from nlfrf import identify, multisine, run_servo, servo_axis
 from nlfrf.axis import AxisLimits, design_experiment, design_ramp, load_trace, play_experiment
-from nlfrf.axis.loop import plant_frf
+from nlfrf.axis.loop import closed_loop_poles, crossover_frequency, plant_frf
 
 N = 2000
 BAND = {"n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}
@@ -286,3 +286,46 @@ def test_a_trace_ends_where_a_limit_is_passed(tmp_path):
     records = load_trace(tmp_path / "trace.csv", ramp)
     assert 3 <= len(records) < 8
     assert all(np.ptp(record.y) <= 1e-4 for record in records)
+
+
+LOOPS = [
+    {},
+    {"position_every": 4},
+    {"delay_periods": 2.7, "velocity_lag": 1e-3},
+    {"filters": [[0.2, 0.3, 0.1, 1.0, -0.6, 0.2]], "lag": 0.0},
+]
+
+
+@pytest.mark.parametrize("drive", LOOPS)
+@pytest.mark.parametrize("name", ["belt", "joint"])
+def test_a_kick_decays_or_grows_as_the_poles_of_the_loop_say(name, drive):
+    axis = free(name, max_current=np.inf, **drive)
+    force = np.zeros(7000)
+    force[0] = 1.0
+    x = np.abs(run_servo(axis, force=force, oversampling=4).position)
+    rate = (x[6000:].max() / x[5000:6000].max()) ** (1 / 1000)
+    largest = np.abs(closed_loop_poles(axis)).max() ** (1 / axis.drive.position_every)
+    assert np.isclose(rate, largest, rtol=0, atol=1e-4)
+
+
+def test_crossover_of_a_mass_under_a_velocity_loop():
+    """Without position loop, reset time, delay and lag |L| is kp K / (m omega), a sampled integrator."""
+    axis = free("linear motor", kv=0.0, tn=np.inf, lag=0.0, delay_periods=0.0, kp=10.0)
+    axis = replace(axis, motor_damping=0.0)
+    assert np.isclose(crossover_frequency(axis), 10.0 * 52.8 / 12.0 / (2 * np.pi), rtol=0.01)
+    assert np.isnan(crossover_frequency(replace(axis, drive=replace(axis.drive, kp=0.0))))
+
+
+@pytest.mark.parametrize(
+    ("axis", "message"),
+    [
+        (free("linear motor", kp=1500.0), "is unstable without friction: peaks and set points"),
+        (replace(free("linear motor"), force_constant=0.0528), "is unstable without friction: peaks and set points"),
+        (free("linear motor", kp=1.43, kv=1.0, tn=0.4), r"crosses over at 1[\d.]+ Hz, far outside the lines of 6"),
+        (free("linear motor", tn=12.0), "tn = 12 s is longer than the period of 0.5 s: .*tn is in seconds"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+def test_gains_and_machines_that_the_loop_shows_to_be_wrong_are_warned_of(axis, message):
+    with pytest.warns(nlfrf.DataWarning, match=message):
+        design_experiment(axis, **BAND, rms=5)

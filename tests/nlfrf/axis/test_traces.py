@@ -10,6 +10,7 @@ import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
 from nlfrf.axis import design_experiment, load_trace, play_experiment
+from nlfrf.axis.trace import likeness
 from tests.nlfrf.axis import test_levels
 
 ROOT = Path(__file__).parents[3]
@@ -165,9 +166,22 @@ def test_a_wrong_period_or_another_file(run):
     other = replace(run.experiment, ms=design_experiment(ROUGH, n_samples=N, rng=2, **band).ms)
     with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
         run.read(experiment=other)
-    longer = design_experiment(ROUGH, n_samples=N + 200, rng=1, **band)
+    motion = {"base_velocity": 0.15, "strokes": 1} if np.any(run.experiment.velocities) else {}
+    longer = design_experiment(ROUGH, n_samples=N + 200, rng=1, **band, **motion)
     with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
         run.read(experiment=longer)
+
+
+def test_a_design_at_rest_and_a_trace_in_motion(at_rest, in_motion):
+    with pytest.raises(
+        ValueError,
+        match=r"got a base velocity of 0 m/s and a position that moves by 0\.0[78]\d+ m a period",
+    ):
+        in_motion.read(experiment=at_rest.experiment)
+    with pytest.raises(
+        ValueError, match=r"got a base velocity of 0\.15 m/s and a position that moves by 0\.000\d+ m in all"
+    ):
+        at_rest.read(experiment=in_motion.experiment)
 
 
 def test_a_wrong_clock(run):
@@ -261,3 +275,8 @@ def test_other_designs_are_sent_where_they_belong(at_rest):
     nlfrf.save(at_rest.experiment.ms, at_rest.folder / "ms.npz")
     with pytest.raises(ValueError, match="path must hold an experiment on a drive, got "):
         load_trace(at_rest.folder / "trace.csv", at_rest.folder / "ms.npz")
+
+
+def test_one_line_follows_whatever_was_played():
+    """Steps from line to line were counted, and divided by: there are none."""
+    assert likeness(np.array([2j]), np.array([1.0 + 0j]), np.array([5])) == 1

@@ -175,3 +175,13 @@ def test_nearest_lines_are_the_nearest(at):
         farthest = np.sort(np.abs(lines - k))[5]
         assert np.abs(lines[window] - k).max() == farthest
         assert np.unique(window).size == 6
+
+
+@pytest.mark.parametrize("lines", [[1], [5, 7], [5, 9, 11]])
+def test_lines_that_no_three_of_them_meet_on_have_a_finite_share(lines):
+    """A cubic scatters nothing onto them, and its share was divided by that."""
+    k = np.array(lines)
+    assert np.all(cubic_variance(np.ones(k.size), k, k) == pytest.approx(0, abs=1e-12))
+    ratio, share = crest_correction(np.ones((1, k.size), dtype=complex), k, low=False)
+    assert 0.6 <= ratio <= 6
+    assert share == 1

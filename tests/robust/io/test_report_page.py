@@ -103,7 +103,7 @@ def test_it_tells_the_whole_run(whole):
     assert page.ids == SECTIONS
     assert "A <bench> & its loop" in page.text  # escaped where it must be
     assert "Second try" in page.text
-    for said in (report.reason, report.proved, report.not_proved, report.advice, report.context, str(MODEL)):
+    for said in (report.reason, report.proved, report.not_proved, report.next_step, report.context, str(MODEL)):
         assert " ".join(said.split()) in page.text
     for number in (f"{report.disk_margin:.3f}", f"{1 / report.margin_rs:.3f}", f"{np.max(report.rp):.3f}"):
         assert number in page.text

@@ -223,7 +223,7 @@ def told_by_the_check(facts, report):
     assert facts["verdict", "because"] == report.reason
     assert facts["verdict", "proved"] == report.proved
     assert facts["verdict", "not proved"] == report.not_proved
-    assert facts.get(("verdict", "what to do next"), "") == report.advice
+    assert facts.get(("verdict", "what to do next"), "") == report.next_step
     assert facts["loop", "loop"] == report.context
     if not report.nominally_stable:
         assert facts["check", "nominal loop"] == "not stable: no margin is given"

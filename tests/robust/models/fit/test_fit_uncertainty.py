@@ -6,6 +6,7 @@ import pytest
 from matplotlib.path import Path
 
 import robust
+from robust.models.fit.fit_uncertainty import estimate_uncertainty
 from robust.models.fit.orders import describe_doubtful_poles
 from robust.plot.loops import confidence_ellipse
 from tests.support.printed import unwrapped
@@ -149,3 +150,14 @@ def test_poles_that_the_data_do_not_carry_are_not_recommended():
         frd = control.FrequencyResponseData(G, OMEGA)
         scan = robust.scan_orders(frd, n_poles=(2, 3, 5), std=np.full(OMEGA.size, 1e-3))
         assert not describe_doubtful_poles(scan.fit)
+
+
+@pytest.mark.parametrize("far", [1e3, 1e100, 1e152, 1e170, 1e300])
+def test_a_root_far_outside_the_band_is_unknown_and_overflows_nothing(far):
+    """Warnings are errors here: the square of its standard deviation was no number."""
+    known = {"model": 1 / (S + 30), "std": np.full(OMEGA.size, STD), "zeros": np.zeros(0), "c": 1.0, "dt": 0.0}
+    found = estimate_uncertainty(S, OMEGA, **known, poles=np.array([-30.0, -far]), free_delay=False)
+    alone = estimate_uncertainty(S, OMEGA, **known, poles=np.array([-30.0]), free_delay=False)
+    assert np.isfinite(found.std_poles).all()
+    assert found.std_poles[1] > min(far, 1e148)
+    assert found.std_poles[0] == pytest.approx(alone.std_poles[0], rel=0.5)

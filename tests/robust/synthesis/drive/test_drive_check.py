@@ -235,7 +235,10 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
         ("joint.npz gains.toml", "trace must have the position in m or a multiple of m, got joint.npz in rad"),
         ("moving.npz none.toml", "none.toml could not be opened"),
         ("moving.npz gains.toml --input w", "--input must name a signal of 'moving.npz'"),
-        ("rest-trace.csv gains.toml", "--input must name a signal of 'rest-trace.csv', one of current [A]"),
+        ("rest-trace.csv gains.toml", "--design must be given for rest-trace.csv, which looks like the trace of a"),
+        ("rest-trace.csv gains.toml --input w", "--input must name a signal of 'rest-trace.csv', one of current [A]"),
+        ("motion-trace.csv gains.toml --design rest.npz", "got a base velocity of 0 m/s and a position that moves by"),
+        ("rest-trace.csv gains.toml --design motion.npz", "got a base velocity of 0.2 m/s and a position that moves"),
         ("rest-trace.csv gains.toml --design rest.npz --discard 2", "discard must be left out for an experiment"),
         (
             "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz --design motion.npz",
@@ -263,7 +266,7 @@ def test_mistakes_are_one_line(run, words, message):
         (('"10 ms"', '"10 Hz"'), "tn must be a number with its unit"),
         (('"143 A/(m/s)"', "143"), "kp must be a number with its unit"),
         (('"143 A/(m/s)"', '"143 V"'), "kp_unit must be current or force over velocity"),
-        (("tn =", "Tn ="), "must have no entry Tn"),
+        (("tn =", "Tn ="), "must have no entry 'Tn', did you mean tn"),
         (('kv = "100 1/s"', ""), "must have an entry kv, got none"),
         (("lag = ", "lag = = "), "path must be a TOML file with the gains of a drive"),
         (("fs =", "filters = 3\nfs ="), r"filters must be tables \[\[filters\]\], got 3"),
@@ -520,13 +523,21 @@ def test_a_gain_as_drives_write_it(tmp_path, written, same):
 
 
 @pytest.mark.parametrize(
-    ("kv", "in_seconds"), [("100 1/min", 1.67), ("100 (m/min)/mm", 1667), ("1000 1/min", None), ("0 1/s", None)]
+    ("kv", "in_seconds"),
+    [
+        ("100 1/min", 1.67),
+        ("100 (m/min)/mm", 1667),
+        ("1000 1/min", None),
+        ("0 1/s", None),
+        ("3.6 (m/min)/mm", None),
+        ("3.6 m/min/mm", None),
+    ],
 )
 def test_a_position_gain_in_a_doubtful_unit_is_warned_of(tmp_path, kv, in_seconds):
     path = tmp_path / "g.toml"
     path.write_text(LINEAR.replace("100 1/s", kv))
     if in_seconds is None:
-        assert load_gains(path).kv == pytest.approx({"1000 1/min": 1000 / 60, "0 1/s": 0.0}[kv])
+        assert load_gains(path).kv == pytest.approx({"1000": 1000 / 60, "0": 0.0, "3.6": 60.0}[kv.split()[0]])
         return
     with pytest.warns(robust.DesignWarning, match=r"kv = '100 .* 1/s, and drives usually have 5 to 1000 1/s") as seen:
         found = load_gains(path)
@@ -573,3 +584,14 @@ def test_a_factor_that_is_named_makes_an_unstable_loop_stable(folder):
         named = float(re.search(r"([\d.]+) times this kp makes it stable", one_line(str(found)))[1])
         assert (named > 1) == (factor < 1)
         assert check_drive([record], replace(settings, kp=settings.kp * factor * named)).report.nominally_stable
+
+
+def test_a_lost_sample_is_cut_out_by_the_option_that_the_refusal_names(run, folder):
+    record = nlfrf.load_record(folder / "moving.npz")
+    u, y = (np.delete(np.tile(one[0, 0], 4), 9000) for one in (record.u / 52.8, record.y))
+    np.savez(folder / "lost.npz", u=u, y=y, fs=4000.0)
+    code, _, refused = run("lost.npz gains.toml --period 4000")
+    assert code == 2
+    assert "--resample leaves it out" in refused
+    code, page, _ = run("lost.npz gains.toml --period 4000 --resample")
+    assert (code, "STATISTICALLY ROBUST" in page) == (0, True)

@@ -1,5 +1,6 @@
 """PID gains that a PLC takes: all of one sign, under the names of its blocks; and a warning where they are not."""
 
+import re
 import sys
 
 import control
@@ -8,11 +9,12 @@ import pytest
 
 import robust
 from robust import cli
-from robust.io.pid import PidGains
+from robust.io.pid import PidGains, advice_on_structure
 from tests.support.printed import unwrapped
 
 PLANT = control.tf([60.0**2], [1, 36.0, 60.0**2])  # with a delay as long as a third of its period
 ASKED = {"M_S": 1.8, "dt": 5e-3, "delay": 0.02}
+OMEGA = 2 * np.pi * np.geomspace(0.1, 50.0, 60)
 
 
 def gains_of(K):
@@ -144,3 +146,32 @@ def test_the_command_warns_and_positive_cures(monkeypatch, capsys, tmp_path):
     code, _, err = run("robust design m.json --method ncfsyn --positive --bandwidth 1 -o K.json")
     assert code == 2
     assert "positive must be asked of --method pid" in err
+
+
+def test_a_proportional_gain_that_does_nothing_is_named_and_an_integrator_is_as_good():
+    plant = control.tf([60.0**2], [1, 2.4, 60.0**2])
+    design = robust.design_frf(plant, "PI", positive=True, **ASKED)
+    found = advice_on_structure(design.K, OMEGA)
+    assert re.fullmatch(r"Kp = \S+ is at most \S+ % of \|K\| on the lines: K is an int.*Ask for --structure I", found)
+    alone = robust.design_frf(plant, "I", positive=True, **ASKED)
+    assert gains_of(alone.K)[1] == pytest.approx(gains_of(design.K)[1], rel=1e-3)
+
+
+def test_an_integrator_and_a_derivative_are_no_integrator():
+    K = robust.pid(1e-4, 1.3e8, 930.0, filter_time=1.3e-3)
+    assert advice_on_structure(K, OMEGA).endswith("Use the parallel form, or ask for --structure PI or I")
+
+
+@pytest.mark.parametrize(
+    "K", [robust.pid(2.0, 3.0), robust.pid(1.0), control.tf([1], [1, 1]), robust.pid(0.0, 0.0, 1.0, filter_time=0.1)]
+)
+def test_other_controllers_get_no_advice(K):
+    assert advice_on_structure(K, OMEGA) == ""
+
+
+def test_a_design_without_a_weight_has_no_gamma_to_print():
+    design = robust.design_frf(PLANT, "PI", positive=True, **ASKED)
+    assert np.isnan(design.gamma)
+    assert str(design).splitlines()[0] == "controller of order 1, sampled at 200 Hz: every limit met"
+    missed = robust.design_frf(PLANT, "PI", M_S=0.9, dt=5e-3, delay=0.02)
+    assert str(missed).splitlines()[0] == "controller of order 1, sampled at 200 Hz: LIMITS NOT MET"

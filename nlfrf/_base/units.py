@@ -1,4 +1,4 @@
-"""Units of a drive: positions and velocities in m or rad, currents in A, forces in N or Nm, times in s."""
+"""Units of a drive and its axis: positions and velocities in m or rad, currents in A, forces in N or Nm, times in s."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf._base.arguments import short_form
 
-__all__ = ["POSITIONS", "parse_gain_unit", "parse_quantity", "position_factor"]
+__all__ = ["POSITIONS", "parse_gain_unit", "parse_quantity", "position_factor", "split_quantity"]
 
 #: Unit of a position -> base unit and factor to it.
 POSITIONS = {
@@ -33,9 +33,21 @@ OUTPUTS = {"A": ("A", 1.0), "mA": ("A", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3)
 QUANTITIES = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
-    "rate": {"1/s": 1.0, "1/min": 1 / 60, "(m/min)/mm": 1e3 / 60},
+    "rate": {"1/s": 1.0, "1/min": 1 / 60, "(m/min)/mm": 1e3 / 60, "m/min/mm": 1e3 / 60},
+    "current": {"A": 1.0, "mA": 1e-3},
     "output": {"A": 1.0, "mA": 1e-3, "N": 1.0, "kN": 1e3, "Nm": 1.0},
     "torque constant": {"N/A": 1.0, "Nm/A": 1.0},
+    # of an axis: linear, and rotary
+    "mass": {"kg": 1.0, "g": 1e-3},
+    "inertia": {"kg m^2": 1.0, "kg cm^2": 1e-4},
+    "linear force constant": {"N/A": 1.0},
+    "rotary force constant": {"Nm/A": 1.0},
+    "linear damping": {"Ns/m": 1.0, "N/(m/s)": 1.0},
+    "rotary damping": {"Nms/rad": 1.0, "Nm/(rad/s)": 1.0},
+    "linear stiffness": {"N/m": 1.0, "N/mm": 1e3, "N/um": 1e6, "N/µm": 1e6},
+    "rotary stiffness": {"Nm/rad": 1.0},
+    "length": {unit: factor for unit, (base, factor) in POSITIONS.items() if base == "m"},
+    "angle": {unit: factor for unit, (base, factor) in POSITIONS.items() if base == "rad"},
     "share": {"": 1.0, "%": 0.01},
 }
 
@@ -78,17 +90,36 @@ def parse_quantity(name: str, kind: str, written: object) -> float:
 
     >>> parse_quantity("tn", "time", "10 ms"), parse_quantity("depth", "share", 0.1)
     (0.01, 0.1)
+    >>> parse_quantity("motor_inertia", "inertia", "2 kgm²")  # spaces, dots and stars between units do not count
+    2.0
     """
     units = QUANTITIES[kind]
     listed = " or ".join(f'"1 {unit}"' for unit in units if unit)
     if "" in units and isinstance(written, int | float) and not isinstance(written, bool):
         return float(written)
-    found = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(\S*)\s*", written) if isinstance(written, str) else None
     try:
-        if found is None or found[2] not in units:
-            raise ValueError
-        return float(found[1]) * units[found[2]]
-    except ValueError:
+        number, unit = split_quantity(written)
+        return number * {join_unit(one): factor for one, factor in units.items()}[join_unit(unit)]
+    except (KeyError, ValueError):
         raise ValueError(
             f"{name} must be a number with its unit, such as {listed}, got {short_form(written)}"
         ) from None
+
+
+def split_quantity(written: object) -> tuple[float, str]:
+    """Return number and unit of a text, or refuse what has no number in front.
+
+    >>> split_quantity("143 A/(m/s)"), split_quantity("3.6m/min/mm")
+    ((143.0, 'A/(m/s)'), (3.6, 'm/min/mm'))
+    """
+    found = re.fullmatch(
+        r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*", written if isinstance(written, str) else ""
+    )
+    if found is None:
+        raise ValueError(f"written must be a number with its unit, got {short_form(written)}")
+    return float(found[1]), found[2]
+
+
+def join_unit(unit: str) -> str:
+    """Return a unit without what may stand between its parts: "kg m²" and "kg*m^2" are the same."""
+    return re.sub(r"[\s*·⋅]", "", unit).replace("²", "^2")
