@@ -73,6 +73,7 @@ __all__ = [
     "residual_of",
     "reweight",
     "search",
+    "settle",
     "start_candidates",
     "tangent_of",
     "unit_of",
@@ -726,11 +727,12 @@ def extend(
 
 
 def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, float]) -> Candidate:
-    """Search from the likeliest starts, until one explains all levels or `N_STARTS` have been tried; the likeliest."""
+    """Search from the first start and the likeliest others, until one explains all levels; the likeliest of these."""
     found: list[tuple[float, Candidate]] = []
-    # what is left before any step ranks the starts badly: the right stiction is often the fourth or later
-    settled = sorted((settle(levels, start, span) for start in starts), key=criterion)
-    for likelihood, candidate in settled[:N_STARTS]:
+    # what is left before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16 sets
+    # of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 11 right
+    first, *others = (settle(levels, start, span) for start in starts)
+    for likelihood, candidate in [first, *sorted(others, key=criterion)][:N_STARTS]:
         for _ in range(MOST_ELEMENTS + 4):
             chosen = with_branches(levels, candidate)
             more = extend(chosen, reweight(chosen, candidate), candidate=candidate, span=span)

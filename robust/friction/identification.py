@@ -19,7 +19,6 @@ from robust.friction.balance import (
     FORCE_ERROR,
     HALF_WIDTH,
     LOAD,
-    N_PASSES,
     REPORTED,
     STEP,
     WORTH,
@@ -41,6 +40,7 @@ from robust.friction.balance import (
     residual_of,
     reweight,
     search,
+    settle,
     start_candidates,
     tangent_of,
     unit_of,
@@ -708,9 +708,8 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
         )
     candidate = search(coarse, starts, span)
     fine = [motion_of_record(record, FINE) for record in records]
-    for _ in range(N_PASSES):
-        fine = with_branches(fine, candidate)
-        candidate = refine(fine, reweight(fine, candidate), candidate=candidate, span=span)
+    candidate = settle(fine, candidate, span)[1]
+    fine = with_branches(fine, candidate)
     stds = reweight(fine, candidate)
     numbers, spread = numbers_with_spread(records, fine, stds=stds, candidate=candidate, span=span)
     balances = [balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]

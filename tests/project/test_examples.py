@@ -157,7 +157,7 @@ PRINTED = {
         r"\|S\| at most 1\.[78]\d* over the set",
         r"proved: Comes to rest from every state",
         r"in motion, after the friction doubled ---\nvalidation: 0 of",
-        r"at rest, bending, after .*\n.*\n.*\n +level: the rest is [12]\.\d times what both",
+        r"break-away force \[N\]: 19\.\d+ to \S+, 39\.\d+ to",
     ],
 }
 

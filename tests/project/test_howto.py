@@ -46,11 +46,8 @@ def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch
     for block in re.findall(r"```toml\n(.*?)```", page, re.DOTALL):
         Path(re.match(r"# (\S+\.toml)\n", block)[1]).write_text(block, encoding="utf-8")
     commands = re.findall(r"^    ((?:nlfrf|robust) .*)$", page, re.MULTILINE)
-    assert [" ".join(one.split()[:3]) for one in commands] == [
-        "nlfrf axis design",
-        "nlfrf axis play",
-        "robust drive check",
-    ]
+    design, play, judge = "nlfrf axis design", "nlfrf axis play", "robust drive check"
+    assert [" ".join(one.split()[:3]) for one in commands] == [design, play, judge, design, play, play, judge]
     for command in commands:
         program, *words = shlex.split(command)
         monkeypatch.setattr(sys, "argv", [program, *words])
@@ -61,6 +58,8 @@ def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch
         assert printed.err == ""
     assert "STATISTICALLY ROBUST" in printed.out
     assert "warning" not in printed.out
+    assert "break-away force Fs = 19.9" in printed.out
+    assert "proved: Comes to rest from every state" in printed.out
 
 
 def test_every_name_of_the_dictionary_is_called_on_its_page():
