@@ -730,7 +730,7 @@ def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, flo
     """Search from the first start and the likeliest others, until one explains all levels; the likeliest of these."""
     found: list[tuple[float, Candidate]] = []
     # what is left before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16 sets
-    # of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 11 right
+    # of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 8 right
     first, *others = (settle(levels, start, span) for start in starts)
     for likelihood, candidate in [first, *sorted(others, key=criterion)][:N_STARTS]:
         for _ in range(MOST_ELEMENTS + 4):

@@ -74,7 +74,7 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
     >>> with tempfile.NamedTemporaryFile("w", suffix=".toml") as file:
     ...     _ = file.write(text), file.flush()
     ...     print(load_gains(file.name))
-    position loop kv = 100 1/s, every 0.25 ms
+    position loop kv = 100 1/s = 6 (m/min)/mm, every 0.25 ms
     velocity loop kp = 143 A/(m/s), tn = 10 ms, velocity from differences, every 0.25 ms
     filters: notch at 83 Hz
     force constant 52.8 N/A; current loop: lag 0.3 ms, delay 0.25 ms
