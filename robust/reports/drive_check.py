@@ -202,7 +202,7 @@ class DriveCheck:
         """What is taken from the settings and not from the traces."""
         timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
         margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
-        more = f"; the nominal loop takes {1e3 * margin:.3g} ms more" if margin < np.inf else ""
+        more = f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay" if margin < np.inf else ""
         if shown := self.friction.delay:
             more = f"; the traces at rest show {shown} of both together{more}"
         if self.actual:

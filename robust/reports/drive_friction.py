@@ -74,7 +74,8 @@ class DriveFriction:
         if self.assumed is None:
             return "\n".join([*rows, f"not judged: {self.note}"])
         if self.largest is not None:
-            rows.append(f"force of the bounds below: {self.largest:.4g} {self.assumed.friction.units.force}")
+            largest = f"{self.largest:.4g} {self.assumed.friction.units.force}"
+            rows.append(f"largest friction force for the bound below, the upper end of Fs or as given: {largest}")
         return "\n".join([*rows, str(self.assumed), *map(str, self.proofs), *map(str, self.cures)])
 
 
