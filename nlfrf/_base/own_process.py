@@ -43,7 +43,7 @@ Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], 
 def read_in_own_process(reader_file: str, path: Path) -> Contents:
     """Return what the function ``contents`` of a module, given by its file, finds in a file.
 
-    The room is loaded by its path alone, so it may import nothing of this package.
+    The module is loaded by its path alone, so it may import nothing of this package.
 
     Raises
     ------
@@ -124,10 +124,10 @@ def receive(stream: IO[bytes], file_size: int) -> Contents | None:
 
 
 def send(found: Contents, stream: IO[bytes]) -> None:
-    """Hand over what a room found, a block at a time.
+    """Hand over what a module found, a block at a time.
 
     An array may be anything with a shape and a type that gives arrays when it is cut along its first axis, so that a
-    room need not read it whole; its ``rows``, where it has any, are how many are best read together.
+    module need not read it whole; its ``rows``, where it has any, are how many are best read together.
     """
     arrays, *rest = found
     kinds = [[name, np.dtype(array.dtype).str, list(array.shape)] for name, array in arrays.items()]

@@ -26,7 +26,7 @@ from nlfrf.signals.multisine import Multisine, Rng, multisine
 __all__ = ["design_experiment", "design_ramp"]
 
 Spectrum = np.ndarray | Callable[[np.ndarray], np.ndarray]
-#: Error of a double pole at one by rounding, which is the root of that of the numbers, with room.
+#: Most error of a double pole at one by rounding, which is the root of that of the numbers.
 ROUNDING_OF_POLES = 1e-6
 #: Factor by which the crossover lies outside the band where it is warned of: closer, a model may still reach it.
 FAR = 2.0

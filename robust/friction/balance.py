@@ -727,32 +727,46 @@ def extend(
 
 
 def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, float]) -> Candidate:
-    """Search from the first start and the likeliest others, until one explains all levels; the likeliest of these."""
-    found: list[tuple[float, Candidate]] = []
-    # what is left before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16 sets
-    # of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 8 right
-    first, *others = (settle(levels, start, span) for start in starts)
-    for likelihood, candidate in [first, *sorted(others, key=criterion)][:N_STARTS]:
-        for _ in range(MOST_ELEMENTS + 4):
-            chosen = with_branches(levels, candidate)
-            more = extend(chosen, reweight(chosen, candidate), candidate=candidate, span=span)
-            if more is None:
+    """Search from the first start, then from the likeliest others, until one explains all levels; the likeliest."""
+    found = [extend_fully(levels, settle(levels, starts[0], span), span)]
+    if not explains(levels, found[0][1]):
+        # what is left before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16
+        # sets of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 8
+        # right
+        others = sorted((settle(levels, start, span) for start in starts[1:]), key=criterion)
+        for settled in others[: N_STARTS - 1]:
+            found.append(extend_fully(levels, settled, span))
+            if explains(levels, found[-1][1]):
                 break
-            further = settle(chosen, more, span)
-            if further[0] >= likelihood:
-                break
-            likelihood, candidate = further
-        chosen = with_branches(levels, candidate)
-        Fs = float(np.dot(*candidate.all_elements))
-        shares = [
-            float((np.abs(residual_of(level, candidate)) ** 2).mean())
-            / max(float((np.abs(level.U) ** 2).mean()), 2 * Fs**2 / level.omega.size)
-            for level in chosen
-        ]
-        found.append((likelihood, candidate))
-        if max(shares) < EXPLAINED**2:
-            break
     return min(found, key=criterion)[1]
+
+
+def extend_fully(
+    levels: list[Motion], settled: tuple[float, Candidate], span: tuple[float, float]
+) -> tuple[float, Candidate]:
+    """Extend a settled candidate by one term or element at a time, while that makes the levels likelier."""
+    likelihood, candidate = settled
+    for _ in range(MOST_ELEMENTS + 4):
+        chosen = with_branches(levels, candidate)
+        more = extend(chosen, reweight(chosen, candidate), candidate=candidate, span=span)
+        if more is None:
+            break
+        further = settle(chosen, more, span)
+        if further[0] >= likelihood:
+            break
+        likelihood, candidate = further
+    return likelihood, candidate
+
+
+def explains(levels: list[Motion], candidate: Candidate) -> bool:
+    """Whether a candidate leaves at most a share `EXPLAINED` of the force (or of Fs) at every level."""
+    Fs = float(np.dot(*candidate.all_elements))
+    shares = [
+        float((np.abs(residual_of(level, candidate)) ** 2).mean())
+        / max(float((np.abs(level.U) ** 2).mean()), 2 * Fs**2 / level.omega.size)
+        for level in with_branches(levels, candidate)
+    ]
+    return max(shares) < EXPLAINED**2
 
 
 def criterion(found: tuple[float, Candidate]) -> float:

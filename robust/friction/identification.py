@@ -718,8 +718,9 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
     mode = None if two else sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
     damping = numbers["damping"], 3 * spread["damping"]
-    given: Any = {"balances": balances, "units": units, "stuck": stuck, "mode": mode, "split": split}
-    questions = questions_of(fine, candidate, damping=damping, **given)
+    questions = questions_of(
+        fine, candidate, balances=balances, units=units, stuck=stuck, mode=mode, split=split, damping=damping
+    )
     for question in questions:
         # what is assumed, such as no spring, has no deviation and is not left open
         spread |= {name: np.inf for name in LEFT_OPEN.get(question.kind, ()) if spread.get(name)}

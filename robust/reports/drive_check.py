@@ -432,8 +432,7 @@ def check_drive(
     nominal = choose_fit(scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False))
     under = conditions or [Conditions()] * len(blas)
     at_rest = [record for record, one in zip(records, under, strict=True) if one.motion is not BaseMotion.MOVING]
-    given: Any = {"stiction": stiction, "Fs": Fs, "spring": spring, "masses": masses}
-    friction = judge_friction(at_rest, settings, actual=actual, **given)
+    friction = judge_friction(at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses)
     if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
         friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
     if not actual:
@@ -606,7 +605,7 @@ def doubt_of_unstable_model(
     """Why a model that is unstable with the gains may be wrong: the loop ran with them, or is proved without it."""
     if report.nominally_stable:
         return None
-    if proved:
+    if proved and under.motion is not BaseMotion.MOVING:  # in motion it may be a mode that the levels do not reach
         return Doubt(
             DoubtKind.CONTRADICTED,
             f"the machine that all traces at rest give is proved stable with these gains, and the linear model of "

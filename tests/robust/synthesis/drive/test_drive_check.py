@@ -23,6 +23,7 @@ from robust.reports.drive_check import (
     RecordedGains,
     check_drive,
     compare_gains,
+    doubt_of_unstable_model,
     read_experiments,
     read_trace,
 )
@@ -354,6 +355,15 @@ def test_a_proof_and_an_unstable_model_contradict_each_other(folder):
     assert not found.report.nominally_stable
     assert [doubt.kind for doubt in found.doubts] == [DoubtKind.CONTRADICTED]
     assert found.report.verdict is Verdict.NOT_CERTIFIED
+
+
+@pytest.mark.parametrize(
+    ("motion", "kind"), [(BaseMotion.MOVING, DoubtKind.UNSTABLE), (BaseMotion.AT_REST, DoubtKind.CONTRADICTED)]
+)
+def test_a_proof_of_one_mass_does_not_contradict_a_model_in_motion(motion, kind):
+    """In motion the band is wider, and a mode may make the loop unstable that the levels at rest do not reach."""
+    report, under = SimpleNamespace(nominally_stable=False), Conditions(motion=motion)
+    assert doubt_of_unstable_model("trace", report, under=under, factor=0.5, proved=True).kind is kind
 
 
 @pytest.mark.filterwarnings("ignore:G stands out of its neighbours")
