@@ -30,6 +30,7 @@ COMMANDS = (
     "bench_friction_proof --bursts 2",
     "bench_friction_attack --loops 100",
     "settling --runs 120",
+    "friction_ports --axes 30",
     "read_class --machines 60",
     "read_machine --runs 4",
     "bench_saturation --every 24",

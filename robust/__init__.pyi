@@ -75,6 +75,7 @@ from .friction.linear_uncertainty import friction_frequency_test as friction_fre
 # Sliding: machines with friction
 from .friction.plant import friction_plant as friction_plant
 from .friction.plant import sliding_machine as sliding_machine
+from .friction.plant import two_mass_plant as two_mass_plant
 from .friction.prove import FrictionProof as FrictionProof
 from .friction.prove import prove_friction as prove_friction
 from .friction.reading import friction_class as friction_class

@@ -13,6 +13,7 @@ linear_uncertainty   the class beside an LTI error of the linear part: a test at
 multipliers          weights of filters on the friction, by a linear program
 passivity            every passive friction: what damping a loop leaves at its port
 plant                a machine with friction and its sampled loop; bounded motion
+ports                friction at several places: weights of the filters at each, and a bound
 prove                a proof for every friction of a class
 reading              the entry point: machine and class from BLAs or records at several levels
 saturation           a machine with friction whose actuator saturates

@@ -16,6 +16,7 @@ from .linear_uncertainty import FrequencyTest as FrequencyTest
 from .linear_uncertainty import friction_frequency_test as friction_frequency_test
 from .plant import friction_plant as friction_plant
 from .plant import sliding_machine as sliding_machine
+from .plant import two_mass_plant as two_mass_plant
 from .prove import FrictionProof as FrictionProof
 from .prove import prove_friction as prove_friction
 from .reading import friction_class as friction_class

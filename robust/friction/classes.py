@@ -11,7 +11,7 @@ from nlfrf._base.arguments import require_nonnegative, require_positive, require
 from nlfrf._base.values import value
 from robust.friction.units import MechanicalUnits, mechanical_units
 
-__all__ = ["AnyFriction", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
+__all__ = ["AnyFriction", "FrictionAtPorts", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
 
 
 @value
@@ -81,6 +81,79 @@ class AnyFriction:
     def words(self) -> str:
         """`description`, by its name in version 0.1."""
         return self.description
+
+
+@value
+class FrictionAtPorts:
+    """Maxwell-slip friction at several places of a machine, a class each; what `prove_friction` makes of a tuple.
+
+    Fields
+    ------
+    ports : tuple of AnyFriction
+        The class at each port.
+    names : tuple of str
+        Where each acts, for people.
+    """
+
+    ports: tuple[AnyFriction, ...]
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        kinds = sorted({port.kind for port in self.ports})
+        if kinds != ["Maxwell slip"]:
+            raise ValueError(f"friction at several ports must be of any_maxwell_slip at each, got {', '.join(kinds)}")
+        if len({port.position_unit for port in self.ports}) > 1:
+            raise ValueError("friction must be in one position unit at all ports, got m and rad")
+
+    @property
+    def kind(self) -> str:
+        """ "Maxwell slip"."""
+        return self.ports[0].kind
+
+    @property
+    def position_unit(self) -> str:
+        """ "m", or "rad"."""
+        return self.ports[0].position_unit
+
+    @property
+    def units(self) -> MechanicalUnits:
+        """Units of its numbers."""
+        return self.ports[0].units
+
+    @property
+    def K0(self) -> np.ndarray:
+        """(P,) largest presliding stiffness at each port [N/m]."""
+        return np.array([port.K0 for port in self.ports])
+
+    @property
+    def stiction(self) -> np.ndarray:
+        """(P,) largest over smallest force of a slider at each port."""
+        return np.array([port.stiction for port in self.ports])
+
+    @property
+    def bristle_time(self) -> float:
+        """Largest damping over stiffness of an element [s]."""
+        return max(port.bristle_time for port in self.ports)
+
+    @property
+    def damper(self) -> float:
+        """Microdamping of a sticking element: none."""
+        return 0.0
+
+    @property
+    def description(self) -> str:
+        """Which laws these are."""
+        places = list(zip(self.ports, self.names, strict=True))
+        stiffest = " and ".join(f"{port.K0 / 1e3:.4g} {self.units.stiffness} at {name}" for port, name in places)
+        if len({port.stiction for port in self.ports}) == 1:
+            ratio = f"{self.ports[0].stiction:.4g} times"
+        else:
+            ratio = " and ".join(f"{port.stiction:.4g} times at {name}" for port, name in places)
+        damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
+        return (
+            f"Maxwell-slip friction of presliding stiffness up to {stiffest}{damped}, each of whose sliders never "
+            f"holds more than {ratio} the least force it slips at (anywhere, in any direction, at any speed or time)"
+        )
 
 
 def any_maxwell_slip(

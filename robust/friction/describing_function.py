@@ -13,7 +13,14 @@ from nlfrf._base.arguments import require_real_array, short_form
 from nlfrf._base.values import value
 from robust._base.types import Controller
 from robust.friction.passivity import MeasuredImpedances, measured_impedances
-from robust.friction.plant import FrictionLoop, FrictionPlant, friction_loop, loop_frequencies, mobility
+from robust.friction.plant import (
+    FrictionLoop,
+    FrictionPlant,
+    friction_loop,
+    loop_frequencies,
+    mobility,
+    require_one_port,
+)
 from robust.lti.lti import poles
 from robust.lti.realisation import state_space
 
@@ -197,6 +204,7 @@ def quasi_linear(
     """
     if not isinstance(machine, FrictionPlant):
         raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
+    require_one_port(machine)
     K = state_space("K", K)
     loop = friction_loop(machine, K, delay)
     levels = measured_impedances(friction, machine) if isinstance(friction, (list, tuple)) else None

@@ -10,6 +10,10 @@ the class says  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <= Supply(z, d), a fo
     Supply = mu_0 (d v - a_1 d y_x) + sum_j mu_j [d v - (1 - 1/rho) a_1 d y_x - e_j v/rho - (a_j/(rho K0)) (d - e_j)^2]
 
 and s = mu_0 + (1 - 1/rho) sum_j mu_j. This takes out the line of rests, on which nothing can be strict.
+
+With friction at several ports p everything is summed over them: y = xi - sum_p fh_p xi_p, and with X_pq the
+displacement at port p at rest under f_q = 1 the middle term is sum_p s_p fh_p y_p + 1/2 sum_pq fh_p s_p X_pq fh_q. It
+is the integral of sum_p s_p fh_p v_p only where s_p X_pq is symmetric.
 """
 
 from __future__ import annotations
@@ -29,59 +33,67 @@ ROUNDED_UP = 1 + 1e-6
 
 
 def maxwell_slip_dissipation(
-    loop: FrictionLoop, rates: np.ndarray, *, mu: np.ndarray, K0: float, rho: float
+    loop: FrictionLoop, rates: np.ndarray, *, mu: np.ndarray, K0: float | np.ndarray, rho: float | np.ndarray
 ) -> Dissipation:
-    """Return the inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out."""
-    rho = max(rho, ROUNDED_UP)
-    used = np.concatenate([[True], mu[2:] > 0])
-    a, weight, free = rates[used], np.where(mu[1:] > 0, mu[1:], 0.0)[used], float(mu[0])
-    n, extra = loop.F.shape[0], a.size - 1
-    size = n + extra
-    rest, offset = loop.rest()
-    A, B = np.zeros((size, size)), np.zeros(size)
-    A[:n, :n], A[n:, n:] = loop.F, -np.diag(a[1:])
-    B[:n], B[n:] = loop.B - a[0] * rest, a[1:] - a[0]
+    """Return the inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out.
+
+    With P friction ports mu is (P, 1 + J), and K0 and rho are (P,).
+    """
+    n, n_ports = loop.columns.shape
+    ports = list(zip(np.atleast_2d(mu), np.broadcast_to(K0, n_ports), np.broadcast_to(rho, n_ports), strict=True))
+    used = [np.concatenate([[True], own[2:] > 0]) for own, _, _ in ports]
+    starts = n + np.concatenate([[0], np.cumsum([chosen.sum() - 1 for chosen in used])])
+    size = int(starts[-1])
+    rest, offset = (part.reshape(n, n_ports) for part in loop.rest())
     jumps = np.zeros((loop.jumps.shape[0], size, size))
     jumps[:, :n, :n] = loop.jumps
-    jumps[:, n:, n:] = np.eye(extra)
-    x, v = np.pad(loop.x, (0, extra)), np.pad(loop.v, (0, extra))
-    total = float(weight.sum())
-    s = free + (1 - 1 / rho) * total
-    lost = weight * a / (rho * K0)
-    Q, N = np.zeros((size, size)), (free + total) / 2 * v - s * a[0] / 2 * x
-    R = -lost.sum()
-    for j in range(1, a.size):
-        e = n + j - 1
-        Q[e] -= weight[j] / (2 * rho) * v
-        Q[:, e] -= weight[j] / (2 * rho) * v
-        Q[e, e] -= lost[j]
-        N[e] += lost[j]
-    stored = np.zeros((size + 2, size + 2))
-    h, F = size, size + 1
-    x_e = float(loop.x @ rest)
-    stored[:size, h] = stored[h, :size] = -s / 2 * x
-    stored[h, h] = -s * x_e / 2 + total / (rho * 2 * K0)
-    stored[F, F] = (free + total) / (2 * K0)
-    stored[h, F] = stored[F, h] = -total / (rho * 2 * K0)
-    for j in range(1, a.size):
-        e, held = n + j - 1, weight[j] / (2 * K0 * rho)
-        stored[e, e] += held
-        stored[e, h] += held
-        stored[h, e] += held
-        stored[e, F] -= held
-        stored[F, e] -= held
+    jumps[:, n:, n:] = np.eye(size - n)
+    A, Q, stored = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size + 2 * n_ports, size + 2 * n_ports))
+    A[:n, :n] = loop.F
+    B, N, B_error, R = np.zeros((size, n_ports)), np.zeros((size, n_ports)), np.zeros((size, n_ports)), []
+    shares = np.zeros(n_ports)  # s of each port
+    for port, (own, stiffness, stiction) in enumerate(ports):
+        ratio, e = max(float(stiction), ROUNDED_UP), slice(starts[port], starts[port + 1])
+        a, weight, free = rates[used[port]], np.where(own[1:] > 0, own[1:], 0.0)[used[port]], float(own[0])
+        x, v = (np.pad(row[port], (0, size - n)) for row in (loop.displacements, loop.velocities))
+        total, lost = float(weight.sum()), weight * a / (ratio * stiffness)
+        shares[port] = free + (1 - 1 / ratio) * total
+        A[e, e] = -np.diag(a[1:])
+        B[:n, port], B[e, port] = loop.columns[:, port] - a[0] * rest[:, port], a[1:] - a[0]
+        B_error[:n, port] = a[0] * offset[:, port]
+        N[:, port] = (free + total) / 2 * v - shares[port] * a[0] / 2 * x
+        N[e, port] += lost[1:]
+        slips = np.outer(weight[1:] / (2 * ratio), v)
+        Q[e] -= slips
+        Q[:, e] -= slips.T
+        Q[e, e] -= np.diag(lost[1:])
+        R.append(-lost.sum())
+        h, F = size + 2 * port, size + 2 * port + 1
+        held = weight[1:] / (2 * stiffness * ratio)
+        stored[:size, h] = stored[h, :size] = -shares[port] / 2 * x
+        stored[h, h] = total / (ratio * 2 * stiffness)
+        stored[F, F] = (free + total) / (2 * stiffness)
+        stored[h, F] = stored[F, h] = -total / (ratio * 2 * stiffness)
+        stored[e, e] += np.diag(held)
+        for column, signed in ((h, held), (F, -held)):
+            stored[e, column] += signed
+            stored[column, e] += signed
+    at_rest = np.arange(size, size + 2 * n_ports, 2)
+    moved = shares[:, np.newaxis] * (loop.displacements @ rest)
+    stored[np.ix_(at_rest, at_rest)] -= (moved + moved.T) / 4
+    unsure = shares[:, np.newaxis] / 2 * (np.abs(loop.displacements) @ offset)
     stored_error = np.zeros_like(stored)
-    stored_error[h, h] = s / 2 * float(np.abs(loop.x) @ offset)
+    stored_error[np.ix_(at_rest, at_rest)] = (unsure + unsure.T) / 2
     return Dissipation(
         A=A,
-        B=B[:, None],
+        B=B,
         spans=loop.spans,
         jumps=jumps,
         Q=Q,
-        N=N[:, None],
-        R=np.array([[R]]),
+        N=N,
+        R=np.diag(R),
         stored=stored,
-        B_error=np.pad(a[0] * offset, (0, extra))[:, None],
+        B_error=B_error,
         stored_error=stored_error,
     )
 

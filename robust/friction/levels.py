@@ -11,9 +11,9 @@ from scipy.stats import f as f_distribution
 from nlfrf import Bla
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import ArrayField, value
-from robust.friction.classes import AnyFriction, any_maxwell_slip
+from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.passivity import port_responses, refuse_unknown_amplitude
-from robust.friction.plant import FrictionPlant, friction_plant, with_port_impedance
+from robust.friction.plant import FrictionPlant, friction_plant, require_one_port, with_port_impedance
 from robust.friction.prove import error_of_nominal, machines_of_nominal
 from robust.friction.units import MechanicalUnits, mechanical_units, position_unit_of
 from robust.lti.sampling import hold_correction
@@ -347,8 +347,8 @@ class FrictionClass:
     machine : FrictionPlant
         Mass, and the least stiffness that the highest level allows, without damping. A stiffer machine is in the class:
         the difference is a spring that does not slip.
-    friction : AnyFriction
-        Maxwell slip with the stiffness from that of `machine` to that at rest, and a margin.
+    friction : AnyFriction or FrictionAtPorts
+        Maxwell slip with the stiffness from that of `machine` to that at rest, and a margin; of motor and load at both.
     evidence : str
         What it was read from, and what the data cannot show.
     mass, stiffness : (L,) ndarray
@@ -387,7 +387,7 @@ class FrictionClass:
     """
 
     machine: FrictionPlant
-    friction: AnyFriction
+    friction: AnyFriction | FrictionAtPorts
     evidence: str
     mass: np.ndarray
     stiffness: np.ndarray
@@ -407,9 +407,12 @@ def machines_of(
 ) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
     """Return the machines to prove, and the class; from a class read from levels both."""
     if isinstance(machine, FrictionClass) and machine.machines and friction is None:
+        require_one_port(machine.machine)
+        assert isinstance(machine.friction, AnyFriction)
         return tuple(machine.machines), machine.friction
     if not isinstance(machine, FrictionPlant):
         raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {short_form(machine)}")
+    require_one_port(machine)
     if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
         raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
     return (machine,), friction

@@ -18,7 +18,7 @@ from nlfrf._base.values import value
 from robust._base.types import Controller
 from robust.friction.classes import AnyFriction
 from robust.friction.multipliers import filter_rates
-from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies, mobility
+from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies, mobility, require_one_port
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import solve_program
 
@@ -125,6 +125,7 @@ def friction_frequency_test(
     """
     if not isinstance(machine, FrictionPlant):
         raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
+    require_one_port(machine)
     if not (isinstance(friction, AnyFriction) and friction.kind == "Maxwell slip"):
         raise ValueError(f"friction must be any_maxwell_slip(...), got {short_form(friction)}")
     mass, stiffness = require_nonnegative("mass", mass), require_nonnegative("stiffness", stiffness)

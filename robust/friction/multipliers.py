@@ -27,10 +27,13 @@ __all__ = [
     "bristle_multipliers",
     "bristle_terms",
     "filter_rates",
+    "hermitian_product",
     "largest_share",
     "largest_stiffness",
     "maxwell_slip_multipliers",
     "multiplier_terms",
+    "negative_multipliers",
+    "port_terms",
 ]
 
 
@@ -54,28 +57,96 @@ def multiplier_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
 ) -> np.ndarray:
     """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v first, then one a filter."""
+    filters, lost = filter_terms(omega, rates, K0=K0, rho=rho)
+    return (filters * mobility[:, None] - lost).real
+
+
+def filter_terms(omega: np.ndarray, rates: np.ndarray, *, K0: float, rho: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return (W, 1 + J) factors on the velocity and what is lost: of f v itself, then of each filter."""
     s = 1j * omega[:, None]
-    stiction_row = (1 - rates / (rho * (rates - s))) * mobility[:, None]
+    factors = 1 - rates / (rho * (rates - s))
     lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
-    return np.column_stack([mobility.real, stiction_row.real - lost])
+    one = np.ones((omega.size, 1))
+    return np.hstack([one, factors]), np.hstack([0 * one, lost])
 
 
-def maxwell_slip_multipliers(table: np.ndarray) -> tuple[np.ndarray, float]:
+def port_terms(
+    mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: np.ndarray, rho: np.ndarray
+) -> np.ndarray:
+    """Return the (W, P (1 + J), P, P) integrand of each multiplier: hermitian forms in the P friction forces.
+
+    mobility : (W, P, P); K0, rho : (P,) of the class at each port. All multipliers of the first port come first.
+    """
+    n_ports = mobility.shape[-1]
+    table = []
+    for port, unit in enumerate(np.eye(n_ports, dtype=complex)):
+        factors, lost = filter_terms(omega, rates, K0=K0[port], rho=rho[port])
+        force = np.broadcast_to(unit, (omega.size, n_ports))
+        own = hermitian_product(force, force)
+        table += [
+            hermitian_product(force, factors[:, [j]] * mobility[:, port]) - lost[:, j, None, None] * own
+            for j in range(1 + rates.size)
+        ]
+    return np.stack(table, axis=1)
+
+
+MAX_ROUNDS = 60
+NEGLIGIBLE_WEIGHT = 1e-12  # of the largest weight: what is left out
+NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this share of the diagonal is not taken for negative
+
+
+def negative_multipliers(
+    table: np.ndarray, *, coupling: float, least: float, balanced: np.ndarray | None = None
+) -> np.ndarray | None:
+    """Return (C,) few multipliers >= 0 that make every hermitian matrix negative definite; None where none were found.
+
+    A matrix is negative where its form is, for every vector: a linear program over the vectors that were worst so far,
+    again and again until none is worse.
+
+    table : (W, C, P, P), the matrices of each multiplier at each frequency.
+    coupling : the terms off the diagonal are enlarged by 1/coupling.
+    least : share of every row that has to be left.
+    balanced : (C, B) combinations of the multipliers that have to be zero.
+    """
+    n = table.shape[-1]
+    table = np.where(np.eye(n, dtype=bool), table, table / coupling)
+    rows = [table[..., i, i].real for i in range(n)]
+    for _ in range(MAX_ROUNDS):
+        theta, share = maxwell_slip_multipliers(np.concatenate(rows), balanced)
+        if not share > least:
+            return None
+        theta[theta < NEGLIGIBLE_WEIGHT * theta.max()] = 0.0
+        both = np.einsum("wcij,c->wij", table, theta)
+        diagonal = np.diagonal(both, axis1=1, axis2=2).real
+        if not diagonal.max() < 0:
+            return None
+        unit = 1 / np.sqrt(-diagonal)
+        sizes, vectors = np.linalg.eigh(both * unit[:, :, None] * unit[:, None, :])
+        worse = sizes[:, -1] >= NOT_NEGATIVE
+        if not worse.any():
+            return theta
+        worst = vectors[..., -1] * unit
+        rows.append(np.einsum("wi,wcij,wj->wc", worst.conj(), table, worst, optimize=True).real[worse])
+    return None
+
+
+def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """Return the (1 + J,) multipliers that make every row negative by the largest share of its largest entry.
 
-    And that share.
+    And that share. balanced : (1 + J, B) combinations of them that have to be zero.
     """
     scaled = table / np.abs(table).max(axis=1, keepdims=True)
     columns = np.abs(scaled).max(axis=0)
     scaled = scaled / columns
     n = table.shape[1]
     A = np.column_stack([scaled, np.ones(table.shape[0])])
+    equal = np.ones((1, n)) if balanced is None else np.vstack([np.ones(n), (balanced / columns[:, None]).T])
     result = linprog(
         np.append(np.zeros(n), -1.0),
         A_ub=A,
         b_ub=np.zeros(table.shape[0]),
-        A_eq=np.append(np.ones(n), 0.0)[None, :],
-        b_eq=[1.0],
+        A_eq=np.column_stack([equal, np.zeros(equal.shape[0])]),
+        b_eq=np.append(1.0, np.zeros(equal.shape[0] - 1)),
         bounds=[(0, None)] * n + [(None, None)],
         method="highs",
     )
@@ -161,7 +232,7 @@ def bristle_terms(
 
 
 def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return (W, 2, 2), the form Re(conj(x) y) of two linear forms (W, 2)."""
+    """Return (W, P, P), the form Re(conj(x) y) of two linear forms (W, P)."""
     full = np.conj(x)[:, :, None] * y[:, None, :]
     return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import control
 import numpy as np
 from scipy.linalg import eig, expm, solve_discrete_lyapunov
 
-from nlfrf._base.arguments import require_nonnegative, require_positive
+from nlfrf._base.arguments import require_choice, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.types import Controller, LinearSystem
 from robust.friction.units import MechanicalUnits, mechanical_units
@@ -27,9 +28,12 @@ __all__ = [
     "friction_plant",
     "loop_frequencies",
     "mobility",
+    "pad_states",
+    "require_one_port",
     "separate_delay",
     "sliding_machine",
     "steady_error_bound",
+    "two_mass_plant",
     "with_port_impedance",
 ]
 
@@ -46,16 +50,22 @@ class FrictionPlant:
     ------
     A : (n, n) ndarray
         Dynamics.
-    B_force, B_port : (n,) ndarray
-        How the force of the actuator enters, and a force at the friction port [N].
-    C_measured, C_port : (n,) ndarray
-        The measured position and the displacement at the friction port [m].
+    B_force : (n,) ndarray
+        How the force of the actuator enters.
+    B_port : (n,) or (n, P) ndarray
+        How a force at the friction port enters [N]; with friction at several places a column each.
+    C_measured : (n,) ndarray
+        The measured position.
+    C_port : (n,) or (P, n) ndarray
+        The displacement at the friction port [m]; with several a row each.
     description : str
         What it is, for people.
     delay : float
         From the command to the force, or from the position to its sample [s]; every loop around it has it.
     position_unit : str
         "m", or "rad" where the machine turns, with Nm for N.
+    port_names : tuple of str
+        Where the friction of each of several ports acts, for people; empty: port 1, port 2, ...
     """
 
     A: np.ndarray
@@ -66,9 +76,15 @@ class FrictionPlant:
     description: str
     delay: float = 0.0
     position_unit: str = "m"
+    port_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         mechanical_units(self.position_unit)
+
+    @property
+    def n_ports(self) -> int:
+        """Number of places where friction acts."""
+        return int(np.atleast_2d(self.C_port).shape[0])
 
     @property
     def units(self) -> MechanicalUnits:
@@ -82,7 +98,7 @@ class FrictionPlant:
 
     @property
     def velocity(self) -> np.ndarray:
-        """(n,) the velocity at the friction port: x' = velocity @ p, whatever the forces."""
+        """(n,) or (P, n) the velocity at the friction port: x' = velocity @ p, whatever the forces."""
         return self.C_port @ self.A
 
     @property
@@ -90,10 +106,11 @@ class FrictionPlant:
         """The mode that moves the friction port most, [rad/s]; of a free mass zero."""
         poles, modes = np.linalg.eig(self.A)
         try:
-            residues = (self.velocity @ modes) * np.linalg.solve(modes, self.B_port.astype(complex))
+            enters = np.linalg.solve(modes, self.B_port.reshape(poles.size, -1).astype(complex))
         except np.linalg.LinAlgError:
             return 0.0
-        size = np.where(np.abs(poles) > ROUNDING * np.abs(poles).max(initial=0), np.abs(residues), 0)
+        residues = np.abs(np.atleast_2d(self.velocity) @ modes).max(axis=0) * np.abs(enters).max(axis=1)
+        size = np.where(np.abs(poles) > ROUNDING * np.abs(poles).max(initial=0), residues, 0)
         return float(np.abs(poles[np.argmax(size)])) if np.isfinite(size).all() and size.any() else 0.0
 
 
@@ -118,8 +135,8 @@ def friction_plant(
     damping : float
         Viscous damping [Ns/m].
     port : bool, optional
-        True where the friction acts elsewhere than the force: the model then has the inputs (force, force at the
-        friction port) and the outputs (measured position, displacement at the friction port).
+        True where the friction acts elsewhere than the force, or at several places: the model then has the inputs
+        (force, force at each friction port) and the outputs (measured position, displacement at each friction port).
     position_unit : str
         "m", or "rad" where the machine turns: then kg m^2, Nm/rad, Nm s/rad.
 
@@ -170,6 +187,81 @@ def friction_plant(
     )
 
 
+def two_mass_plant(
+    motor: float,
+    load: float,
+    stiffness: float,
+    damping: float = 0.0,
+    *,
+    spring: float = 0.0,
+    encoder: str = "motor",
+    position_unit: str = "m",
+) -> FrictionPlant:
+    """Return motor and load behind a belt, a screw or a gear, with a friction port at either.
+
+    Parameters
+    ----------
+    motor, load : float
+        Masses in the coordinate of the load [kg], or inertias [kg m^2].
+    stiffness, damping : float
+        Between them [N/m], [Ns/m], or [Nm/rad], [Nm s/rad].
+    spring : float
+        From the motor to ground [N/m]; zero for a free axis.
+    encoder : str
+        "motor" or "load": which position the drive controls.
+    position_unit : str
+        "m", or "rad" where the machine turns.
+
+    Returns
+    -------
+    FrictionPlant
+        Two friction ports, named the motor and the load, in this order.
+
+    Raises
+    ------
+    ValueError
+        A mass or a stiffness that is not positive, another encoder.
+
+    References
+    ----------
+    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, chapter 16: two masses and a spring.
+
+    Examples
+    --------
+    >>> machine = two_mass_plant(7.17, 15.0, 1.33e6, 100.0)             # the belt of `nlfrf.servo_axis`
+    >>> machine.n_ports, round(machine.resonance / 2 / np.pi, 1)
+    (2, 83.3)
+    """
+    motor, load = require_positive("motor", motor), require_positive("load", load)
+    k, c = require_positive("stiffness", stiffness), require_nonnegative("damping", damping)
+    ground = require_nonnegative("spring", spring)
+    units = mechanical_units(position_unit)
+    A = np.array(
+        [
+            [0, 0, 1, 0],
+            [0, 0, 0, 1],
+            [-(k + ground) / motor, k / motor, -c / motor, c / motor],
+            [k / load, -k / load, c / load, -c / load],
+        ]
+    )
+    into, places = np.array([[0, 0], [0, 0], [1 / motor, 0], [0, 1 / load]]), np.eye(4)[:2]
+    return FrictionPlant(
+        A=A,
+        B_force=into[:, 0],
+        B_port=into,
+        C_measured=places[("motor", "load").index(require_choice("encoder", encoder, ("motor", "load")))],
+        C_port=places,
+        description=(
+            f"motor {motor:.4g} {units.mass} and load {load:.4g} {units.mass} with {k / 1e3:.4g} {units.stiffness} and "
+            f"{c:.3g} {units.damping} between them"
+            + (f", {ground / 1e3:.4g} {units.stiffness} to ground" if ground else "")
+            + f", encoder on the {encoder}"
+        ),
+        position_unit=position_unit,
+        port_names=("the motor", "the load"),
+    )
+
+
 # The names of version 0.1, which scripts and pickles use.
 SlidingMachine, sliding_machine = FrictionPlant, friction_plant
 
@@ -178,7 +270,7 @@ def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fri
     """Return a state space with one force and one position, or with those of its friction port beside them."""
     units = mechanical_units(position_unit)
     G = multivariable("mass", model)
-    wanted = 2 if port else 1
+    wanted = max(2, G.ninputs) if port else 1
     if (G.ninputs, G.noutputs) != (wanted, wanted):
         hint = "(force, port force) to (measured, port displacement)" if port else "force to position"
         raise ValueError(f"mass must be a model from {hint}, got {G.ninputs} inputs and {G.noutputs} outputs")
@@ -194,24 +286,36 @@ def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fri
             "mass must be a strictly proper model, got a direct term. Fit it with two poles more than zeros"
         )
     B, C = np.asarray(G.B, float), np.asarray(G.C, float)
-    size = np.linalg.norm(C[-1]) * np.linalg.norm(B, axis=0)
-    if np.any(np.abs(C[-1] @ B) > ROUNDING * size):
+    places = C[1:] if port else C
+    size = np.linalg.norm(places, axis=1)[:, np.newaxis] * np.linalg.norm(B, axis=0)
+    if np.any(np.abs(places @ B) > ROUNDING * size):
         raise ValueError(
             "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by "
-            f"{np.abs(C[-1] @ B).max():.3g} {units.velocity} per {units.force} of force. Fit it with at "
+            f"{np.abs(places @ B).max():.3g} {units.velocity} per {units.force} of force. Fit it with at "
             "least two poles more than zeros"
         )
-    description = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
+    several = wanted > 2
+    description = f"model of order {G.nstates}"
+    if port:
+        description += f", friction at {wanted - 1} ports" if several else ", friction at another port than the force"
     return FrictionPlant(
         A=np.asarray(G.A, float),
         B_force=B[:, 0],
-        B_port=B[:, -1],
+        B_port=B[:, 1:] if several else B[:, -1],
         C_measured=C[0],
-        C_port=C[-1],
+        C_port=C[1:] if several else C[-1],
         description=description,
         delay=delay,
         position_unit=position_unit,
     )
+
+
+def require_one_port(machine: FrictionPlant) -> None:
+    """Refuse friction at several ports where one is meant."""
+    if machine.n_ports > 1:
+        raise ValueError(
+            f"machine must have one friction port, got {machine.n_ports}: friction at several is for prove_friction"
+        )
 
 
 def separate_delay(machine: FrictionPlant, delay: float) -> tuple[FrictionPlant, float]:
@@ -226,6 +330,7 @@ def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 
     >>> round(machine.resonance**2 * 1.25)
     50000
     """
+    require_one_port(machine)
     accelerated = float(machine.velocity @ machine.B_port)
     share = mass / (1 + mass * accelerated)  # of the acceleration that the machine would have without the mass
     A = machine.A - stiffness * np.outer(machine.B_port, machine.C_port)
@@ -255,10 +360,10 @@ class FrictionLoop:
     ------
     F : (n, n) ndarray
         Flow between the samples; the whole loop where the controller is continuous.
-    B : (n,) ndarray
-        How the friction enters: xi' = F xi + B f.
-    x, v : (n,) ndarray
-        Displacement and velocity at the friction port.
+    B : (n,) or (n, P) ndarray
+        How the friction enters: xi' = F xi + B f; with several friction ports a column each.
+    x, v : (n,) or (P, n) ndarray
+        Displacement and velocity at the friction port; with several a row each.
     T : float
         Sampling time [s]; zero for a continuous controller.
     spans : (S,) ndarray
@@ -278,9 +383,27 @@ class FrictionLoop:
     jumps: np.ndarray
     measured: np.ndarray
 
-    def period(self, kappa: float = 0.0, damper: float = 0.0) -> np.ndarray:
-        """(n, n) one sample on, from just before the jump, with a spring and a damper at the port; F if continuous."""
-        F = self.F + np.outer(self.B, kappa * self.x + damper * self.v)
+    @property
+    def columns(self) -> np.ndarray:
+        """(n, P) how the friction of each port enters."""
+        return self.B.reshape(self.F.shape[0], -1)
+
+    @property
+    def displacements(self) -> np.ndarray:
+        """(P, n) displacement at each port."""
+        return np.atleast_2d(self.x)
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """(P, n) velocity at each port."""
+        return np.atleast_2d(self.v)
+
+    def period(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> np.ndarray:
+        """(n, n) one sample on, from just before the jump, with springs and dampers at the ports; F if continuous.
+
+        kappa : stiffness [N/m], one for all or one a port.
+        """
+        F = self.F + self.columns * kappa @ self.displacements + self.columns * damper @ self.velocities
         if not self.T:
             return F
         total = np.eye(F.shape[0])
@@ -288,28 +411,29 @@ class FrictionLoop:
             total = expm(span * F) @ jump @ total
         return total
 
-    def poles(self, kappa: float = 0.0, damper: float = 0.0) -> np.ndarray:
+    def poles(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> np.ndarray:
         """Poles of the loop with a spring and a damper at its port: of one period where sampled."""
         return np.linalg.eigvals(self.period(kappa, damper))
 
-    def growth(self, kappa: float = 0.0, damper: float = 0.0) -> float:
+    def growth(self, kappa: float | np.ndarray = 0.0, damper: float = 0.0) -> float:
         """Largest |pole| less one, or largest real part: negative where the loop is stable."""
         poles = self.poles(kappa, damper)
         return float(np.abs(poles).max() - 1 if self.T else poles.real.max())
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (n,) where the loop comes to rest under f = 1 N, and how far each entry of it may be off."""
+        """Where the loop comes to rest under f = 1 N, of the shape of B, and how far each entry of it may be off."""
         unit_time = self.T or 1.0
         own = np.eye(self.F.shape[0])
         conditions = np.vstack([self.F * unit_time, *(jump - own for jump in self.jumps)])
-        wanted = np.concatenate([-self.B * unit_time, np.zeros(conditions.shape[0] - self.F.shape[0])])
+        wanted = np.zeros((conditions.shape[0], *self.B.shape[1:]))
+        wanted[: own.shape[0]] = -self.B * unit_time
         unit = np.linalg.norm(conditions, axis=0)
         unit[unit == 0] = 1.0  # a state that may rest anywhere
         inverse = np.linalg.pinv(conditions / unit, rcond=1e-15) / unit[:, None]
         there = inverse @ wanted
         for _ in range(2):
             there += inverse @ (wanted - conditions @ there)
-        left = np.abs(conditions @ there - wanted) + there.size * EPS * (np.abs(conditions) @ np.abs(there))
+        left = np.abs(conditions @ there - wanted) + own.shape[0] * EPS * (np.abs(conditions) @ np.abs(there))
         return there, 2 * np.abs(inverse) @ left
 
 
@@ -357,13 +481,13 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
         jump[held] = line[waiting]
     return FrictionLoop(
         F=F,
-        B=pad_vector(-machine.B_port, size),
-        x=pad_vector(machine.C_port, size),
-        v=pad_vector(machine.velocity, size),
+        B=pad_states(-machine.B_port.T, size).T,
+        x=pad_states(machine.C_port, size),
+        v=pad_states(machine.velocity, size),
         T=T,
         spans=np.array(spans),
         jumps=np.array(jumps),
-        measured=pad_vector(machine.C_measured, size),
+        measured=pad_states(machine.C_measured, size),
     )
 
 
@@ -377,19 +501,19 @@ def continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionLo
         F[n:, :n], F[n:, n:] = -np.outer(K.B[:, 0], machine.C_measured), K.A
     return FrictionLoop(
         F=F,
-        B=pad_vector(-machine.B_port, n + s),
-        x=pad_vector(machine.C_port, n + s),
-        v=pad_vector(machine.velocity, n + s),
+        B=pad_states(-machine.B_port.T, n + s).T,
+        x=pad_states(machine.C_port, n + s),
+        v=pad_states(machine.velocity, n + s),
         T=0.0,
         spans=np.zeros(0),
         jumps=np.zeros((0, n + s, n + s)),
-        measured=pad_vector(machine.C_measured, n + s),
+        measured=pad_states(machine.C_measured, n + s),
     )
 
 
-def pad_vector(part: np.ndarray, size: int) -> np.ndarray:
-    """Pad a vector of the machine with zeros to the states of the loop."""
-    return np.concatenate([part, np.zeros(size - part.size)])
+def pad_states(part: np.ndarray, size: int) -> np.ndarray:
+    """Pad a row or rows (..., n) over the states of the machine with zeros to those of the loop."""
+    return np.concatenate([part, np.zeros((*part.shape[:-1], size - part.shape[-1]))], axis=-1)
 
 
 # ---- What a friction that is only known to be bounded cannot do: stop a run-away, or hunt further than this.
@@ -558,11 +682,12 @@ def merge_periods(cut: PeriodPieces) -> tuple[int, np.ndarray] | None:
 
 def kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """Return (R,) sums of the norms of (rows kernel) over the columns of each piece."""
-    n = kernel.shape[0]
-    blocks = np.array_split(rows, 1 + rows.shape[0] * kernel.shape[1] // 4_000_000)
-    return np.concatenate(
-        [np.linalg.norm((block @ kernel).reshape(block.shape[0], -1, n), axis=2).sum(axis=1) for block in blocks]
-    )
+    n, at_once = kernel.shape[0], max(1, 4_000_000 // kernel.shape[1])
+    sums = []
+    for first in range(0, rows.shape[0], at_once):
+        pieces = (rows[first : first + at_once] @ kernel).reshape(-1, kernel.shape[1] // n, n)
+        sums.append(np.sqrt(np.einsum("rpi,rpi->rp", pieces, pieces)).sum(axis=1))
+    return np.concatenate(sums)
 
 
 def lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
@@ -663,8 +788,13 @@ def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
 
 
 def mobility(loop: FrictionLoop, omega: np.ndarray) -> np.ndarray:
-    """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out."""
-    return np.asarray(driven_states(loop, omega, flow=loop.B, struck=np.zeros(loop.B.size))[0] @ loop.v)
+    """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out.
+
+    With several ports (W, P, P), from the friction at the second to the velocity at the first.
+    """
+    none = np.zeros(loop.F.shape[0])
+    moved = [driven_states(loop, omega, flow=column, struck=none)[0] @ loop.v.T for column in loop.columns.T]
+    return np.asarray(np.stack(moved, axis=-1) if loop.B.ndim > 1 else moved[0])
 
 
 def driven_states(
@@ -705,32 +835,46 @@ def driven_states(
 
 # ---- Refutation: a friction of the class that never slips is a spring, and a spring can make the loop unstable.
 
-#: A pole this close to the boundary is on neither side.
+#: Springs that are tried, over K0: of one port, and of each of several.
+SPRING_SHARES = (
+    np.unique(np.concatenate([np.linspace(0, 1, 31)[1:], np.geomspace(1e-3, 1, 30)])),
+    np.concatenate([[0.0], np.geomspace(1e-3, 1, 13)]),
+)
 
 
-def destabilizing_stiffness(loop: FrictionLoop, K0: float, damper: float = 0.0) -> tuple[float, complex] | None:
+def destabilizing_stiffness(
+    loop: FrictionLoop, K0: float | np.ndarray, damper: float = 0.0
+) -> tuple[float | tuple[float, ...], complex] | None:
     """Return a stiffness [N/m] in [0, K0] that makes the loop unstable, and its pole; the most unstable one found.
 
-    With each stiffness but zero goes a damper [Ns/m], that of a bristle. None where none was found: of the 60 tried
-    and the refinement around the worst of them.
+    With each stiffness but zero goes a damper [Ns/m], that of a bristle. With several ports K0 and the stiffness are
+    one a port. None where none was found: of those tried and the refinement around the worst of them.
     """
     beyond = CIRCLE_MARGIN * (1.0 if loop.T else np.abs(loop.poles()).max())
-    if loop.growth() > beyond:
-        return 0.0, rightmost_pole(loop, 0.0)
-    if not K0:
+    n_ports = loop.columns.shape[1]
+    stiffest = np.broadcast_to(np.asarray(K0, dtype=float), n_ports)
+    worst, growth = np.zeros(n_ports), loop.growth()
+    if growth <= beyond and stiffest.any():
+        tried = SPRING_SHARES[n_ports > 1]
+        shares = np.array(list(product(tried, repeat=n_ports)))
+        found = np.array([loop.growth(share * stiffest, damper) for share in shares])
+        worst, growth = shares[int(np.argmax(found))], float(found.max())
+        for port in range(n_ports):  # between the neighbours of the worst, one port after the other
+            at = int(np.searchsorted(tried, worst[port]))
+            low, high = tried[max(at - 1, 0)], tried[min(at + 1, tried.size - 1)]
+            for share in np.linspace(low, high, 9)[1:-1]:
+                changed = np.where(np.arange(n_ports) == port, share, worst)
+                now = loop.growth(changed * stiffest, damper)
+                if now > growth:
+                    worst, growth = changed, now
+    if not growth > beyond:
         return None
-    kappas = np.unique(np.concatenate([np.linspace(0, K0, 31)[1:], np.geomspace(1e-3 * K0, K0, 30)]))
-    growth = np.array([loop.growth(kappa, damper) for kappa in kappas])
-    i = int(np.argmax(growth))
-    low, high = kappas[max(i - 1, 0)], kappas[min(i + 1, kappas.size - 1)]
-    for kappa in np.linspace(low, high, 9)[1:-1]:
-        found = loop.growth(kappa, damper)
-        if found > growth[i]:
-            kappas[i], growth[i] = kappa, found
-    return (float(kappas[i]), rightmost_pole(loop, float(kappas[i]), damper)) if growth[i] > beyond else None
+    springs = worst * stiffest
+    stiffness = float(springs[0]) if loop.B.ndim == 1 else tuple(map(float, springs))
+    return stiffness, rightmost_pole(loop, springs, damper)
 
 
-def rightmost_pole(loop: FrictionLoop, kappa: float, damper: float = 0.0) -> complex:
+def rightmost_pole(loop: FrictionLoop, kappa: float | np.ndarray, damper: float = 0.0) -> complex:
     """Return the pole furthest outside of the stability region."""
     poles = loop.poles(kappa, damper)
     return complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])

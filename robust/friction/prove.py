@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from typing import Any, Protocol
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import format_hertz, require_positive, short_form
+from nlfrf._base.arguments import format_hertz, short_form
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust._base.types import Controller
-from robust.friction.classes import AnyFriction
+from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.dissipation import ROUNDED_UP, bristle_dissipation, maxwell_slip_dissipation
-from robust.friction.exact.claim import FrictionClaim, Settling
+from robust.friction.exact.claim import FrictionClaim, PortClass, Settling
 from robust.friction.exact.verify import verify_friction
 from robust.friction.multipliers import (
     bristle_multipliers,
@@ -35,8 +35,16 @@ from robust.friction.plant import (
     friction_plant,
     loop_frequencies,
     mobility,
+    require_one_port,
     separate_delay,
     steady_error_bound,
+)
+from robust.friction.ports import (
+    bound_of_ports,
+    coupling_of_rests,
+    friction_of_ports,
+    largest_forces,
+    weights_of_ports,
 )
 from robust.friction.settling import largest_rest, settling_numbers
 from robust.friction.storage import METHOD, JudgedStorage, certified_dissipation
@@ -72,6 +80,12 @@ __all__ = [
 
 SUBJECT = "the stored energy falls"
 N_POINTS = 300  # of the frequencies of a cone program
+COUPLINGS = (
+    0.9,
+    0.99,
+)  # of the forces at two ports, of what a definite matrix allows: slack for what the sampler folds
+MIN_SHARE = 1e-9  # share of a row that has to be left
+ONE_SIDED = 1e-9  # of the largest displacement at rest: what is smaller is none
 
 BISECTION_RATIO = 1.02  # ratio of the two ends where a bisection stops
 MAX_RATIO = 64.0  # times what was asked
@@ -125,8 +139,8 @@ class FrictionCertificate:
         Rates a_j [rad/s] (zero for the weight of f v) and weights mu_j.
     omega, form : (W,) ndarray
         The integrand with these weights over frequency [rad/s], over its largest part.
-    numbers : Multipliers or None
-        Where it holds: all that a `FrictionClaim` needs besides loop, class and energy.
+    numbers : tuple of Multipliers
+        Where it holds, one a port: all that a `FrictionClaim` needs besides loop, class and energy.
     energy : Energy or None
     """
 
@@ -134,19 +148,19 @@ class FrictionCertificate:
     multipliers: np.ndarray
     omega: np.ndarray
     form: np.ndarray
-    numbers: Multipliers | None
+    numbers: tuple[Multipliers, ...]
     energy: JudgedStorage | None
 
 
 def certify_friction(
-    loop: FrictionLoop, friction: AnyFriction, reference: float, *, quick: bool = False
+    loop: FrictionLoop, friction: AnyFriction | FrictionAtPorts, reference: float, *, quick: bool = False
 ) -> FrictionCertificate:
     """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
 
     reference : rate of the filter that the others of Maxwell slip are measured against [rad/s]. Quick: with the first
     set of filters only, and without the finest intervals.
     """
-    if friction.kind == "bristle":
+    if isinstance(friction, AnyFriction) and friction.kind == "bristle":
         return certify_bristle(
             loop,
             friction.K0,
@@ -161,32 +175,60 @@ def certify_friction(
 
 
 def certify_maxwell_slip(
-    loop: FrictionLoop, K0: float, *, rho: float, bristle_time: float, reference: float, quick: bool = False
+    loop: FrictionLoop,
+    K0: float | np.ndarray,
+    *,
+    rho: float | np.ndarray,
+    bristle_time: float,
+    reference: float,
+    quick: bool = False,
 ) -> FrictionCertificate:
     """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
 
-    Quick: with the first set of filters only, and without the finest intervals.
+    K0, rho : of several ports one each. Quick: with the first set of filters only, and without the finest intervals.
     """
-    omega = loop_frequencies(loop)
+    several, stiffest, ratios = loop.B.ndim > 1, np.atleast_1d(K0), np.atleast_1d(rho)
+    omega = loop_frequencies(loop, N_POINTS if several else 900)
     response = mobility(loop, omega)
+    balanced = False
+    if several:
+        wrong, balanced = coupling_of_rests(loop)
+        if wrong:
+            return friction_certificate(wrong, np.zeros((2, 0)), omega=omega, form=np.full(omega.size, np.nan))
     reason = "no weights of the filters make every frequency dissipate"
     fastest = 1 / bristle_time if bristle_time else np.inf
     found = np.zeros((2, 0))
     form = np.full(omega.size, np.nan)
     for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
-        table = multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho)
-        mu, share = maxwell_slip_multipliers(table)
-        if not share > 0 or not (mu[1:] > 0).any():
+        weights = (
+            weights_of_ports(response, omega, rates=rates, K0=stiffest, rho=ratios, balanced=balanced)
+            if several
+            else weights_of_port(response, omega, rates=rates, K0=stiffest[0], rho=ratios[0])
+        )
+        if weights is None:
             continue
-        mu[mu < 1e-9 * mu.max()] = 0
-        found = np.vstack([np.append(0.0, rates), mu])[:, mu > 0]
-        form = table @ mu / np.abs(table * mu).max(axis=1)
+        mu, form = weights
+        found = np.vstack([np.tile(np.append(0.0, rates), mu.shape[0]), mu.ravel()])[:, mu.ravel() > 0]
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho), quick)
         if not reason:
-            used = np.append(True, mu[2:] > 0)
-            numbers = Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0]))
-            return friction_certificate("", found, omega=omega, form=form, numbers=numbers, energy=energy)
+            numbers = []
+            for own in mu:
+                used = np.append(True, own[2:] > 0)
+                numbers.append(Multipliers(rates=rates[used], weights=own[1:][used], free=float(own[0])))
+            return friction_certificate("", found, omega=omega, form=form, numbers=tuple(numbers), energy=energy)
     return friction_certificate(reason, found, omega=omega, form=form)
+
+
+def weights_of_port(
+    response: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return (1, 1 + J) weights of the filters at one port and (W,) the dissipation with them; None of none."""
+    table = multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho)
+    mu, share = maxwell_slip_multipliers(table)
+    if not share > 0 or not (mu[1:] > 0).any():
+        return None
+    mu[mu < 1e-9 * mu.max()] = 0
+    return mu[np.newaxis], table @ mu / np.abs(table * mu).max(axis=1)
 
 
 def certify_bristle(
@@ -212,7 +254,7 @@ def certify_bristle(
             numbers = Multipliers(
                 rates=rates[used], weights=weights.nu[used], free=weights.mu, block=weights.block, bounds=weights.bounds
             )
-            return friction_certificate("", found, omega=omega, form=form, numbers=numbers, energy=energy)
+            return friction_certificate("", found, omega=omega, form=form, numbers=(numbers,), energy=energy)
     return friction_certificate(reason, found, omega=omega, form=form)
 
 
@@ -222,7 +264,7 @@ def friction_certificate(
     *,
     omega: np.ndarray,
     form: np.ndarray,
-    numbers: Multipliers | None = None,
+    numbers: tuple[Multipliers, ...] = (),
     energy: JudgedStorage | None = None,
 ) -> FrictionCertificate:
     """Return the certificate of a proof, where the reason why not is empty, else of that reason.
@@ -300,16 +342,18 @@ class FrictionProof:
         What is proved, in one sentence; what is not; why the verdict is what it is.
     machine : FrictionPlant
         The linear part.
-    friction : AnyFriction
+    friction : AnyFriction or FrictionAtPorts
         The class.
     counterexample : tuple of (float, complex) or None
-        A spring, what never slips of a friction, in [N/m], and the pole it puts outside the stable region.
+        A spring, what never slips of a friction, in [N/m] (of several ports a tuple, one each), and the pole it puts
+        outside the stable region.
     K0_max, stiction_max : float
         Largest presliding stiffness [N/m] and largest ratio of a slider for which the proof was found too, one at a
         time; nan unless asked for.
     error_bound : float
-        How far from rest the position stays in the end with any friction of at most Fs [m]; nan where no Fs was given,
-        the sliding loop is not stable, or its fastest mode is too fast for its clock or its slowest one to follow.
+        How far from rest the position (of several ports each displacement there) stays in the end with any friction of
+        at most Fs [m]; nan where no Fs was given, the sliding loop is not stable, or its fastest mode is too fast for
+        its clock or its slowest one to follow.
     settling_error : float
         How far from rest the position stays in the end with every friction of the class of at most Fs [m]: the smaller
         of a bound of the class, which `certificate.verify()` proves over the rationals, and `error_bound`, which is in
@@ -349,8 +393,8 @@ class FrictionProof:
     not_claimed: str
     reason: str
     machine: FrictionPlant
-    friction: AnyFriction
-    counterexample: tuple[float, complex] | None
+    friction: AnyFriction | FrictionAtPorts
+    counterexample: tuple[float | tuple[float, ...], complex] | None
     K0_max: float
     stiction_max: float
     error_bound: float
@@ -366,7 +410,7 @@ class FrictionProof:
         if self.claim and self.reason:
             settles = self.verdict is FrictionVerdict.SETTLES
             lines.append(f"Whether it comes to rest is not decided: {self.reason}." if settles else self.reason)
-        if np.isfinite(self.K0_max):
+        if np.isfinite(self.K0_max) and isinstance(self.friction, AnyFriction):
             times = self.K0_max / self.friction.K0
             lines.append(
                 f"Proved up to {times:.3g} times this presliding stiffness, or stiction {self.stiction_max:.3g}."
@@ -389,10 +433,10 @@ class FrictionProof:
 def prove_friction(
     machine: FrictionPlant,
     K: Controller,
-    friction: AnyFriction,
+    friction: AnyFriction | FrictionAtPorts | Sequence[AnyFriction],
     *,
     delay: float = 0.0,
-    Fs: float | None = None,
+    Fs: float | Sequence[float] | None = None,
     limits: bool = False,
 ) -> FrictionProof:
     """Prove that a loop comes to rest with every friction of a class, through sampler and hold, or refute it.
@@ -403,14 +447,16 @@ def prove_friction(
         The linear part, from `friction_plant`.
     K : control.StateSpace, TransferFunction or float
         Controller, u = K (r - y); sampled, or continuous and proper. Used as it is: nothing is cancelled.
-    friction : AnyFriction
-        The class: `any_maxwell_slip`, `any_bristle`, `any_bounded`, `any_passive`.
+    friction : AnyFriction, FrictionAtPorts or sequence of AnyFriction
+        The class: `any_maxwell_slip`, `any_bristle`, `any_bounded`, `any_passive`. With friction at several ports of
+        the machine, as on motor and load, `any_maxwell_slip` of each.
     delay : float
         From sampling to the force changing [s]; any part of a sample, or several.
-    Fs : float, optional
-        Largest friction force [N]: also says how far such a friction can hunt, or from which kick the loop runs away.
+    Fs : float or sequence of float, optional
+        Largest friction force [N], of several ports one each: also says how far such a friction can hunt, or (of one
+        port) from which kick the loop runs away.
     limits : bool
-        Whether to look for the largest stiffness and stiction that are still proved.
+        Whether to look for the largest stiffness and stiction that are still proved; of one port.
 
     Returns
     -------
@@ -436,13 +482,17 @@ def prove_friction(
     """
     if not isinstance(machine, FrictionPlant):
         raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
-    if not isinstance(friction, AnyFriction):
-        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
-    require_same_units(machine, friction)
+    given = friction_of_ports(machine, friction)
+    require_same_units(machine, given)
+    if limits and isinstance(given, FrictionAtPorts):
+        raise ValueError("limits must be False with friction at several ports, got True")
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
-    Fs = np.nan if Fs is None else require_positive("Fs", Fs)
+    forces = largest_forces(machine, Fs)
+    if isinstance(given, FrictionAtPorts):
+        return prove_at_ports(machine, K, given, delay=delay, loop=loop, forces=forces)
+    friction, Fs = given, float(forces[0])
     if friction.kind == "bounded":
         if np.isfinite(Fs) and Fs != friction.Fs:
             raise ValueError(
@@ -486,7 +536,47 @@ def prove_friction(
     )
 
 
-def require_same_units(machine: FrictionPlant, friction: AnyFriction) -> None:
+def prove_at_ports(
+    machine: FrictionPlant,
+    K: control.StateSpace,
+    friction: FrictionAtPorts,
+    *,
+    delay: float,
+    loop: FrictionLoop,
+    forces: np.ndarray,
+) -> FrictionProof:
+    """Return the proof of a loop with friction at several ports; `forces` (P,) are the largest, or nan."""
+    spring = destabilizing_stiffness(loop, friction.K0)
+    error_bound = bound_of_ports(loop, forces)
+    if spring is not None:
+        found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, friction))
+    else:
+        found = certified_verdict(machine, K, delay=delay, loop=loop, friction=friction, limits=False)
+        if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(error_bound):
+            found = replace(found, verdict=FrictionVerdict.SETTLES, settling_error=error_bound)
+    return FrictionProof(
+        machine=machine,
+        friction=friction,
+        counterexample=spring,
+        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind]),
+        claim=describe_claim(machine, friction, K=K, delay=delay, found=found, Fs=forces, error_bound=error_bound)
+        if found.verdict in CLAIMED
+        else "",
+        kick_sure=np.nan,
+        error_bound=error_bound,
+        verdict=found.verdict,
+        reason=found.reason,
+        K0_max=np.nan,
+        stiction_max=np.nan,
+        settling_error=found.settling_error,
+        certificate=found.certificate,
+        multipliers=found.multipliers,
+        omega=found.omega,
+        form=found.form,
+    )
+
+
+def require_same_units(machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts) -> None:
     """Refuse a friction in other units than the machine."""
     if friction.position_unit != machine.position_unit:
         raise ValueError(
@@ -543,7 +633,7 @@ def certified_verdict(
     *,
     delay: float,
     loop: FrictionLoop,
-    friction: AnyFriction,
+    friction: AnyFriction | FrictionAtPorts,
     limits: bool,
 ) -> Finding:
     """Return the verdict on a loop that no spring of the class makes unstable."""
@@ -555,10 +645,10 @@ def certified_verdict(
     holds = proof.certificate.holds
     verdict = FrictionVerdict.PROVED if holds else FrictionVerdict.NOT_DECIDED
     certificate, K0_max, stiction_max = proof.certificate, np.nan, np.nan
-    if proof.numbers is not None and proof.energy is not None:
+    if proof.energy is not None:
         exact = build_claim(machine, K, delay=delay, friction=friction, numbers=proof.numbers, stored=proof.energy)
         certificate = replace(proof.certificate, claim=exact, again=verify_friction)
-    if holds and limits:
+    if holds and limits and isinstance(friction, AnyFriction):
         K0_max, stiction_max = proved_limits(loop, friction, reference)
     return Finding(
         verdict=verdict,
@@ -600,7 +690,7 @@ def settling_verdict(
         error = max((one.reach * largest_rest(Fs, friction.stiction) + held) * SETTLING_ROUNDED_UP, 1e-300)
         numbers = Multipliers(rates=one.rates, weights=one.weights, free=0.0)
         exact = replace(
-            build_claim(machine, K, delay=delay, friction=friction, numbers=numbers, stored=one),
+            build_claim(machine, K, delay=delay, friction=friction, numbers=(numbers,), stored=one),
             settling=Settling(decay=one.decay, Fs=Fs, error=error),
         )
         if verify_friction(exact).verified:
@@ -624,37 +714,51 @@ def build_claim(
     K: control.StateSpace,
     *,
     delay: float,
-    friction: AnyFriction,
-    numbers: Multipliers,
+    friction: AnyFriction | FrictionAtPorts,
+    numbers: tuple[Multipliers, ...],
     stored: Storage,
 ) -> FrictionClaim:
-    """Return the claim of the certificate, with every number as given."""
-    stiction = float(np.nan_to_num(friction.stiction))
+    """Return the claim of the certificate, with every number as given; `numbers` are one a port."""
+    classes = friction.ports if isinstance(friction, FrictionAtPorts) else (friction,)
+    first, *others = (
+        PortClass(
+            K0=float(np.nan_to_num(one.K0)),
+            stiction=max(one.stiction, ROUNDED_UP)
+            if one.kind == "Maxwell slip"
+            else float(np.nan_to_num(one.stiction)),
+            bristle_time=float(np.nan_to_num(one.bristle_time)),
+            free=own.free,
+            rates=own.rates,
+            weights=own.weights,
+        )
+        for one, own in zip(classes, numbers, strict=True)
+    )
     return FrictionClaim(
         machine=plant_matrices(machine),
         controller=to_matrices(K),
         delay=float(delay),
         kind=friction.kind,
-        K0=float(np.nan_to_num(friction.K0)),
-        stiction=max(stiction, ROUNDED_UP) if friction.kind == "Maxwell slip" else stiction,
-        bristle_time=float(np.nan_to_num(friction.bristle_time)),
-        microdamping=float(np.nan_to_num(friction.microdamping)),
-        rates=numbers.rates,
-        weights=numbers.weights,
-        free=numbers.free,
-        block=numbers.block,
-        bounds=numbers.bounds,
+        K0=first.K0,
+        stiction=first.stiction,
+        bristle_time=first.bristle_time,
+        microdamping=float(np.nan_to_num(classes[0].microdamping)),
+        rates=first.rates,
+        weights=first.weights,
+        free=first.free,
+        block=numbers[0].block,
+        bounds=numbers[0].bounds,
         V=stored.V,
         P=stored.P,
         counts=stored.counts,
+        other_ports=tuple(others),
     )
 
 
 def plant_matrices(machine: FrictionPlant) -> Matrices:
-    """Return the machine as a system from (force, force at the port) to (measured, displacement at the port)."""
+    """Return the machine as a system from (force, force at each port) to (measured, displacement at each port)."""
     inputs = np.column_stack([machine.B_force, machine.B_port])
     outputs = np.vstack([machine.C_measured, machine.C_port])
-    return Matrices(A=machine.A, B=inputs, C=outputs, D=np.zeros((2, 2)))
+    return Matrices(A=machine.A, B=inputs, C=outputs, D=np.zeros((outputs.shape[0], inputs.shape[1])))
 
 
 def reference_rate(machine: FrictionPlant, loop: FrictionLoop) -> float:
@@ -667,15 +771,20 @@ def reference_rate(machine: FrictionPlant, loop: FrictionLoop) -> float:
     return float(np.clip(np.median(rates), 1.0, 1e3))
 
 
-def describe_counterexample(spring: tuple[float, complex], loop: FrictionLoop, friction: AnyFriction) -> str:
+def describe_counterexample(
+    spring: tuple[float | tuple[float, ...], complex], loop: FrictionLoop, friction: AnyFriction | FrictionAtPorts
+) -> str:
     """Describe the member of the class that makes the loop unstable."""
     kappa, pole = spring
     size = f"|z| = {format_pole_modulus(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
-    if kappa == 0:
+    if not np.any(kappa):
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
     still = "a bristle" if friction.kind == "bristle" else "a spring"
+    places = friction.names if isinstance(friction, FrictionAtPorts) else ()
+    springs = [f"{still} of {stiffness / 1e3:.4g} {friction.units.stiffness}" for stiffness in np.atleast_1d(kappa)]
+    springs = [f"{spring} at {name}" for spring, name in zip(springs, places, strict=True)] if places else springs
     return (
-        f"not every friction of the class: with {still} of {kappa / 1e3:.4g} {friction.units.stiffness} that does not "
+        f"not every friction of the class: with {' and '.join(springs)} that does not "
         f"slip, its rests are unstable ({size}); yours may be another member"
     )
 
@@ -688,18 +797,21 @@ def format_pole_modulus(size: float) -> str:
 
 def describe_claim(
     machine: FrictionPlant,
-    friction: AnyFriction,
+    friction: AnyFriction | FrictionAtPorts,
     *,
     K: control.StateSpace,
     delay: float,
     found: Finding,
-    Fs: float,
+    Fs: float | np.ndarray,
     error_bound: float,
 ) -> str:
     """State what is proved in one sentence."""
     if found.verdict is FrictionVerdict.SETTLES:
         bound = f"{found.settling_error:.3g} {machine.units.position}"
-        most = f"of at most {Fs:g} {machine.units.force}"
+        forces = [f"{force:g} {machine.units.force}" for force in np.atleast_1d(Fs)]
+        if isinstance(friction, FrictionAtPorts):
+            forces = [f"{force} at {name}" for force, name in zip(forces, friction.names, strict=True)]
+        most = f"of at most {' and '.join(forces)}"
         scope = describe_scope(machine, friction, K=K, delay=delay)
         return f"Settles within {bound} of rest from every state {scope}, {most}."
     rest = (
@@ -710,7 +822,9 @@ def describe_claim(
     return f"{rest} {describe_scope(machine, friction, K=K, delay=delay)}."
 
 
-def describe_scope(machine: FrictionPlant, friction: AnyFriction, *, K: control.StateSpace, delay: float) -> str:
+def describe_scope(
+    machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts, *, K: control.StateSpace, delay: float
+) -> str:
     """State for which friction, machine and sampling time a claim holds."""
     dt = timebase(K)
     clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
@@ -736,6 +850,7 @@ def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str
     """
     G = getattr(nominal, "G", nominal)
     if isinstance(G, FrictionPlant):
+        require_one_port(G)
         return (G,), f"the machine that was given ({G.description})"
     G, approximated = without_pade(state_space("nominal", G))
     delay = approximated + float(getattr(nominal, "delay", 0.0))

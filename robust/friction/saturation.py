@@ -15,13 +15,14 @@ from robust.friction.classes import AnyFriction
 from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.exact.claim import Actuator, FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers
+from robust.friction.multipliers import filter_rates, hermitian_product, negative_multipliers
 from robust.friction.plant import (
     FrictionLoop,
     FrictionPlant,
     driven_states,
     friction_loop,
     loop_frequencies,
+    require_one_port,
     separate_delay,
 )
 from robust.friction.prove import (
@@ -225,8 +226,6 @@ def with_saturation(form: Dissipation, cut: LureLoop, *, share: float, sector: f
 # frequency. Nothing here is a proof.
 
 MIN_SHARE = 1e-9  # share of a row that has to be left
-NEGLIGIBLE_WEIGHT = 1e-12  # of the largest weight: what is left out
-MAX_ROUNDS = 60
 COUPLINGS = (0.7, 0.9, 0.97, 0.99)  # of f and w, of what a definite matrix allows: slack for what the sampler folds
 
 
@@ -281,46 +280,13 @@ def saturation_terms(
     return np.stack(columns, axis=1)
 
 
-def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return (W, 2, 2), the form Re(conj(x) y) of two linear forms (W, 2)."""
-    full = np.conj(x)[:, :, None] * y[:, None, :]
-    return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
-
-
 def saturation_multipliers(table: np.ndarray, n_rates: int) -> SaturationMultipliers | None:
     """Return few multipliers that make every matrix negative; None where none were found."""
     for coupling in COUPLINGS:
-        found = solve_multipliers(table, coupling)
+        found = negative_multipliers(table, coupling=coupling, least=MIN_SHARE)
         if found is not None:
             mu, sector, given = found[: n_rates + 1], float(found[n_rates + 1]), found[n_rates + 2 :]
             return SaturationMultipliers(mu=mu, sector=sector, given=given)
-    return None
-
-
-def solve_multipliers(table: np.ndarray, coupling: float) -> np.ndarray | None:
-    """Return the (C,) multipliers, with the terms that couple f and w enlarged by 1/coupling.
-
-    A matrix is negative where its form is, for every (f, w): a linear program over the (f, w) that were worst so far,
-    again and again until none is worse.
-    """
-    table = table.copy()
-    table[..., 0, 1] /= coupling
-    table[..., 1, 0] /= coupling
-    rows = [table[..., 0, 0].real, table[..., 1, 1].real]
-    for _ in range(MAX_ROUNDS):
-        theta, share = maxwell_slip_multipliers(np.concatenate(rows))
-        if not share > MIN_SHARE:
-            return None
-        theta[theta < NEGLIGIBLE_WEIGHT * theta.max()] = 0.0
-        both = np.einsum("wcij,c->wij", table, theta)
-        a, d, b = both[:, 0, 0].real, both[:, 1, 1].real, both[:, 0, 1]
-        if not max(a.max(), d.max()) < 0:
-            return None
-        worse = np.abs(b) >= np.sqrt(a * d)
-        if not worse.any():
-            return theta
-        worst = np.stack([1 / np.sqrt(-a), np.conj(b) / np.maximum(np.abs(b), 1e-300) / np.sqrt(-d)], axis=1)
-        rows.append(np.einsum("wi,wcij,wj->wc", worst.conj(), table, worst).real[worse])
     return None
 
 
@@ -554,6 +520,7 @@ def prove_saturated(
             f"limit must be above Fs, the largest friction force, got {limit:g} {unit} and Fs = {Fs:g} {unit}"
         )
     plain = prove_friction(machine, K, friction, delay=delay)
+    require_one_port(machine)
     machine, delay = separate_delay(machine, delay)
     if friction.kind not in ("Maxwell slip", "bristle"):
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.description}")
@@ -583,7 +550,7 @@ def prove_saturated(
     everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
     certificate, kick, share = plain.certificate, kick_linear, 0.0
     if reach is not None and reach.kick > kick_linear:
-        exact = build_claim(machine, K, delay=delay, friction=friction, numbers=reach.numbers, stored=reach.energy)
+        exact = build_claim(machine, K, delay=delay, friction=friction, numbers=(reach.numbers,), stored=reach.energy)
         certificate, kick, share = saturation_certificate(exact, reach, known), reach.kick, reach.share
     return SaturatedProof(
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,

@@ -21,7 +21,7 @@ from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
-from robust.friction.classes import AnyFriction, any_maxwell_slip
+from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim, read_friction_claim, write_friction_claim
 from robust.friction.exact.verify import verify_friction
 from robust.friction.levels import FrictionClass, require_si
@@ -234,7 +234,7 @@ class FrictionBasis:
     ------
     machines : tuple of FrictionPlant
         The linear part, with each damping that is to be proved.
-    friction : AnyFriction
+    friction : AnyFriction or FrictionAtPorts
         The class.
     description : str
         What was read from what, and how surely.
@@ -245,7 +245,7 @@ class FrictionBasis:
     """
 
     machines: tuple[FrictionPlant, ...]
-    friction: AnyFriction
+    friction: AnyFriction | FrictionAtPorts
     description: str
     sources: tuple[dict[str, object], ...]
     levels: FrictionClass | None = None
@@ -307,7 +307,7 @@ def class_from_files(
             )
         found = class_from_bla_files(blas, controller, nominal=nominal, stiffness=stiffness, stiction=stiction)
     friction = found.friction
-    if stiffness is not None:
+    if stiffness is not None and isinstance(friction, AnyFriction):
         friction = any_maxwell_slip(stiffness, friction.stiction, position_unit=friction.position_unit)
     return FrictionBasis(
         machines=found.machines,
@@ -506,10 +506,10 @@ def add_next_command(how: str) -> Iterator[None]:
 def prove_all(
     machines: Sequence[FrictionPlant],
     K: control.StateSpace,
-    friction: AnyFriction,
+    friction: AnyFriction | FrictionAtPorts,
     *,
     delay: float = 0.0,
-    Fs: float | None = None,
+    Fs: float | Sequence[float] | None = None,
     limits: bool = False,
 ) -> tuple[FrictionProof, ...]:
     """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
@@ -521,7 +521,7 @@ def prove_all(
 def describe_frequency_test(basis: FrictionBasis, K: control.StateSpace, delay: float) -> str:
     """Describe the frequency test of mass and stiffness of levels within two standard deviations; else empty."""
     found = basis.levels
-    if found is None:
+    if found is None or not isinstance(basis.friction, AnyFriction):
         return ""
     errors = {"mass": 2 * found.mass_std, "stiffness": 2 * found.stiffness_std}
     test = friction_frequency_test(found.machine, K, basis.friction, delay=delay, margin=True, **errors)

@@ -13,7 +13,7 @@ from robust._base.states import FrictionVerdict
 from robust.friction.balance import HALF_WIDTH, format_rounded
 from robust.friction.identification import FrictionFit, identify_friction
 from robust.friction.levels import FrictionClass
-from robust.friction.plant import FrictionPlant
+from robust.friction.plant import FrictionPlant, pad_states
 from robust.friction.prove import FrictionProof
 from robust.io.certificates import prove_all
 from robust.synthesis.drive.cascade import cascade
@@ -131,8 +131,8 @@ def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:
         machine,
         A=A,
         B_force=np.append(np.zeros(n), 1 / lag),
-        B_port=np.append(machine.B_port, 0.0),
-        C_measured=np.append(machine.C_measured, 0.0),
-        C_port=np.append(machine.C_port, 0.0),
+        B_port=pad_states(machine.B_port.T, n + 1).T,
+        C_measured=pad_states(machine.C_measured, n + 1),
+        C_port=pad_states(machine.C_port, n + 1),
         description=f"{machine.description}, behind a current loop of {1e3 * lag:g} ms",
     )

@@ -18,6 +18,7 @@ __all__ = [
     "SCHEMA",
     "Actuator",
     "FrictionClaim",
+    "PortClass",
     "Settling",
     "claim_from_dict",
     "claim_to_dict",
@@ -78,14 +79,36 @@ class Settling:
 
 
 @value
+class PortClass:
+    """The class of the friction at one port, and the weights of its filters.
+
+    Fields
+    ------
+    K0, stiction, bristle_time : float
+        Of the class [N/m], [-], [s].
+    free : float
+        Weight of the friction itself.
+    rates, weights : (J,) ndarray
+        Filters [rad/s], the first the reference, and their weights.
+    """
+
+    K0: float
+    stiction: float
+    bristle_time: float
+    free: float
+    rates: np.ndarray
+    weights: np.ndarray
+
+
+@value
 class FrictionClaim:
     """The loop u = -K y around p' = A p + B (u, -f), with friction f of a class, comes to rest or settles; and why.
 
     Fields
     ------
     machine : Matrices
-        Inputs: force of the actuator, force at the friction port [N]; outputs: measured position, displacement at the
-        port [m].
+        Inputs: force of the actuator, force at each friction port [N]; outputs: measured position, displacement at
+        each port [m].
     controller : Matrices
         Sampled, or continuous (dt = 0).
     delay : float
@@ -112,6 +135,8 @@ class FrictionClaim:
         None where it never saturates. Its filters are the last states of the loop, before those of the friction.
     settling : Settling or None
         None where the loop comes to rest; else what is claimed is a bound.
+    other_ports : tuple of PortClass
+        Where Maxwell slip acts at several ports, those after the first. The filters of V and P follow port by port.
     """
 
     machine: Matrices
@@ -132,18 +157,35 @@ class FrictionClaim:
     counts: np.ndarray
     actuator: Actuator | None = None
     settling: Settling | None = None
+    other_ports: tuple[PortClass, ...] = ()
+
+    @property
+    def ports(self) -> tuple[PortClass, ...]:
+        """The class at every port."""
+        own = {field.name: getattr(self, field.name) for field in fields(PortClass)}
+        return (PortClass(**own), *self.other_ports)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
-        if self.machine.D.shape != (2, 2) or self.controller.D.shape != (1, 1):
-            raise ValueError("machine must have two inputs and outputs and the controller one, got other shapes")
+        size = 2 + len(self.other_ports)
+        if self.machine.D.shape != (size, size) or self.controller.D.shape != (1, 1):
+            raise ValueError(
+                "machine must have an input and an output more than friction ports and the controller one, got other "
+                "shapes"
+            )
+        if self.other_ports and (self.kind != KINDS[0] or self.actuator is not None or self.settling is not None):
+            raise ValueError("other_ports must be empty but for Maxwell slip that comes to rest, got some")
         n = self.V.shape[0]
         if self.V.shape != (n, n) or self.P.ndim != 4 or self.P.shape[2:] != (n, n):
             raise ValueError(f"P must hold matrices of the size of V, got shapes {self.P.shape} and {self.V.shape}")
-        if self.rates.shape != self.weights.shape or self.rates.ndim != 1:
-            raise ValueError(f"weights must be one a rate, got {self.weights.shape} for {self.rates.shape}")
-        for name in ("rates", "weights", "free", "block", "bounds", "V", "P", "K0", "stiction", "delay"):
+        for port in self.ports:
+            if port.rates.shape != port.weights.shape or port.rates.ndim != 1:
+                raise ValueError(f"weights must be one a rate, got {port.weights.shape} for {port.rates.shape}")
+            for name in ("K0", "stiction", "bristle_time", "free", "rates", "weights"):
+                if not np.isfinite(getattr(port, name)).all():
+                    raise ValueError(f"{name} must be finite, got something else")
+        for name in ("block", "bounds", "V", "P", "delay"):
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} must be finite, got something else")
         if self.settling is not None:
@@ -158,11 +200,17 @@ class FrictionClaim:
 
 def claim_to_dict(claim: FrictionClaim) -> JsonObject:
     """Return the claim as plain numbers and strings."""
+
+    def plain(part: Actuator | Settling | PortClass) -> JsonObject:
+        return {own.name: np.asarray(getattr(part, own.name)).tolist() for own in fields(part)}
+
     found: JsonObject = {}
     for field in fields(claim):
         part = getattr(claim, field.name)
         if isinstance(part, (Actuator, Settling)):
-            found[field.name] = {own.name: np.asarray(getattr(part, own.name)).tolist() for own in fields(part)}
+            found[field.name] = plain(part)
+        elif field.name == "other_ports":
+            found[field.name] = [plain(port) for port in part]
         elif field.name in SYSTEMS:
             found[field.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
         else:
@@ -173,7 +221,7 @@ def claim_to_dict(claim: FrictionClaim) -> JsonObject:
 def claim_from_dict(given: object) -> FrictionClaim:
     """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
     names = {field.name for field in fields(FrictionClaim)}
-    if not isinstance(given, dict) or set(given) | {"actuator", "settling"} != names:
+    if not isinstance(given, dict) or set(given) | {"actuator", "settling", "other_ports"} != names:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
     try:
         parts: JsonObject = {}
@@ -191,6 +239,8 @@ def claim_from_dict(given: object) -> FrictionClaim:
                 parts[name] = Actuator(**own) if own else None
             elif name == "settling":
                 parts[name] = Settling(**{key: float(x) for key, x in part.items()}) if part else None
+            elif name == "other_ports":
+                parts[name] = tuple(port_from_dict(port) for port in part)
             elif name == "kind":
                 parts[name] = str(part)
             elif isinstance(part, list):
@@ -202,11 +252,25 @@ def claim_from_dict(given: object) -> FrictionClaim:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
+def port_from_dict(given: JsonObject) -> PortClass:
+    """Return the class at a port from plain numbers."""
+    numbers = {name: np.array(given[name], float) for name in (field.name for field in fields(PortClass))}
+    return PortClass(
+        K0=float(numbers["K0"]),
+        stiction=float(numbers["stiction"]),
+        bristle_time=float(numbers["bristle_time"]),
+        free=float(numbers["free"]),
+        rates=numbers["rates"],
+        weights=numbers["weights"],
+    )
+
+
 # ---- Proofs of a machine with friction as files that someone else can check: every number as given, and a digest.
 
 SCHEMA = "robust-friction-certificate"
-VERSION = 4
-READABLE_VERSIONS = (1, 2, 3, 4)  # the first without actuators, the second without settling, the third without sources
+VERSION = 5
+#: The first is without actuators, the second without settling, the third without sources, the fourth of one port.
+READABLE_VERSIONS = (1, 2, 3, 4, 5)
 
 
 def write_friction_claim(

@@ -31,7 +31,7 @@ Rows: TypeAlias = list[Sequence[fmpq | int]]
 
 @value(copy=False)
 class ExactLoop:
-    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at the port.
+    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at each port.
 
     Fields
     ------
@@ -84,12 +84,13 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
             spans, jumps = [part, T - part], [rows, late]
         else:
             rows[n] = forces[waiting]
-    velocity = [sum((C[1][i] * A[i][j] for i in range(n)), start=to_rational(0.0)) for j in range(n)]
+    ports, more = C[1:], [to_rational(0.0)] * (size - n)
+    velocity = [[sum((c[i] * A[i][j] for i in range(n)), start=to_rational(0.0)) for j in range(n)] for c in ports]
     return ExactLoop(
         F=fmpq_mat(F),
-        B=fmpq_mat([[-B[i][1]] for i in range(n)] + [[0]] * (size - n)),
-        x=fmpq_mat([list(C[1]) + [0] * (size - n)]),
-        v=fmpq_mat([velocity + [0] * (size - n)]),
+        B=fmpq_mat([[-b for b in B[i][1:]] for i in range(n)] + [[0] * len(ports)] * (size - n)),
+        x=fmpq_mat([list(c) + more for c in ports]),
+        v=fmpq_mat([row + more for row in velocity]),
         spans=spans,
         jumps=[fmpq_mat(jump) for jump in jumps],
     )
@@ -109,12 +110,12 @@ def identity(n: int) -> Rows:
 
 
 def equilibrium(loop: ExactLoop) -> fmpq_mat:
-    """Return the equilibrium under f = 1 exactly, or raise a ValueError where there is none."""
+    """Return the equilibrium under f = 1 at each port exactly, a column each, or raise a ValueError of none."""
     n = loop.F.nrows()
     rows, wanted = loop.F.tolist(), (-loop.B).tolist()
     unit = fmpq_mat(identity(n))
     for jump in loop.jumps:
-        rows, wanted = rows + (jump - unit).tolist(), wanted + [[fmpq(0)]] * n
+        rows, wanted = rows + (jump - unit).tolist(), wanted + [[fmpq(0)] * loop.B.ncols()] * n
     M, b = fmpq_mat(rows), fmpq_mat(wanted)
     try:
         there = (M.transpose() * M).solve(M.transpose() * b)

@@ -61,14 +61,16 @@ class ExactSupply:
 
 def check_weights(claim: FrictionClaim) -> str:
     """Return an empty string if the weights are admissible for the class of friction, else what is wrong with them."""
-    if min([claim.free, *claim.weights]) < 0 or min([1.0, *claim.rates]) <= 0:
-        return "a weight is negative, or a rate not positive"
-    if not (claim.K0 > 0 and claim.stiction >= 1):
-        return "K0 is not positive, or stiction below one"
+    for port in claim.ports:
+        if min([port.free, *port.weights]) < 0 or min([1.0, *port.rates]) <= 0:
+            return "a weight is negative, or a rate not positive"
+        if not (port.K0 > 0 and port.stiction >= 1):
+            return "K0 is not positive, or stiction below one"
+        late = any(to_rational(a) * to_rational(port.bristle_time) >= 1 for a in port.rates)
+        if claim.kind == "Maxwell slip" and (late or not port.rates.size):
+            return "a filter is faster than the bristles"
     if claim.kind == "Maxwell slip":
-        tau = to_rational(claim.bristle_time)
-        late = any(to_rational(a) * tau >= 1 for a in claim.rates)
-        return "a filter is faster than the bristles" if late or not claim.rates.size else check_actuator(claim)
+        return check_actuator(claim)
     M, rho = [[to_rational(x) for x in row] for row in claim.block], to_rational(claim.stiction)
     if M[2][2] > 0 or min(claim.bounds) < 0:
         return "the block is not concave in the slope, or a bound is negative"
@@ -167,45 +169,77 @@ def with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fm
 
 
 def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
-    """Return the supply of Maxwell-slip friction: states (y, e_j), input d = f - fh_1; theorems T1 and T2."""
-    a, mu, free = (
-        [to_rational(x) for x in claim.rates],
-        [to_rational(x) for x in claim.weights],
-        to_rational(claim.free),
-    )
+    """Return the supply of Maxwell-slip friction: states (y, e_j), inputs d = f - fh_1 a port; theorems T1 and T2."""
+    zero, ports, n = to_rational(0.0), claim.ports, loop.F.nrows()
     # at one itself the energy is not positive; certificates of version 0.1 say one and were made with 1.001
-    K0, rho = to_rational(claim.K0), to_rational(claim.stiction if claim.stiction > 1 else 1.001)
-    rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
-    size = n + len(a) - 1
-    A, jumps = with_force_filters(loop, a[1:])
-    B = [[b[0] - a[0] * r] for b, r in zip(loop.B.tolist(), rest, strict=True)] + [[aj - a[0]] for aj in a[1:]]
-    x, v = (row.tolist()[0] + [to_rational(0.0)] * (size - n) for row in (loop.x, loop.v))
-    total = sum(mu, start=to_rational(0.0))
-    s = free + (1 - 1 / rho) * total
-    lost = [m * aj / (rho * K0) for m, aj in zip(mu, a, strict=True)]
-    Q, N = zero_matrix(size, size), [[(free + total) / 2 * v[i] - s * a[0] / 2 * x[i]] for i in range(size)]
-    stored, h, F = zero_matrix(size + 2, size + 2), size, size + 1
-    for i in range(size):
-        stored[i][h] = stored[h][i] = -s / 2 * x[i]
-    x_e = sum(c * r for c, r in zip(x, rest, strict=False))
-    stored[h][h] = -s * x_e / 2 + total / (2 * rho * K0)
-    stored[F][F] = (free + total) / (2 * K0)
-    stored[h][F] = stored[F][h] = -total / (2 * rho * K0)
-    for j in range(1, len(a)):
-        e, held = n + j - 1, mu[j] / (2 * K0 * rho)
+    ratios = [to_rational(port.stiction if port.stiction > 1 else 1.001) for port in ports]
+    filters = [[to_rational(a) for a in port.rates] for port in ports]
+    rest = equilibrium(loop)
+    moved = (loop.x * rest).tolist()
+    scales = port_scales(claim, ratios, moved)
+    A, jumps = with_force_filters(loop, [a for own in filters for a in own[1:]])
+    size, P, first = len(A), len(ports), n
+    B, Q, N = zero_matrix(size, P), zero_matrix(size, size), zero_matrix(size, P)
+    R, stored = zero_matrix(P, P), zero_matrix(size + 2 * P, size + 2 * P)
+    shares = []  # s of each port
+    for p, (port, a, rho, scale) in enumerate(zip(ports, filters, ratios, scales, strict=True)):
+        mu, free, K0 = (
+            [scale * to_rational(x) for x in port.weights],
+            scale * to_rational(port.free),
+            to_rational(port.K0),
+        )
+        x, v = (rows.tolist()[p] + [zero] * (size - n) for rows in (loop.x, loop.v))
+        total = sum(mu, start=zero)
+        s = free + (1 - 1 / rho) * total
+        lost = [m * aj / (rho * K0) for m, aj in zip(mu, a, strict=True)]
+        h, F = size + 2 * p, size + 2 * p + 1
+        for i in range(n):
+            B[i][p] = loop.B[i, p] - a[0] * rest[i, p]
         for i in range(size):
-            Q[e][i] -= mu[j] / (2 * rho) * v[i]
-            Q[i][e] -= mu[j] / (2 * rho) * v[i]
-        Q[e][e] -= lost[j]
-        N[e][0] += lost[j]
-        stored[e][e] += held
-        for other, sign in ((h, 1), (F, -1)):
-            stored[e][other] += sign * held
-            stored[other][e] += sign * held
-    R = [[-sum(lost)]]
+            N[i][p] += (free + total) / 2 * v[i] - s * a[0] / 2 * x[i]
+            stored[i][h] = stored[h][i] = -s / 2 * x[i]
+        stored[h][h] = total / (2 * rho * K0)
+        stored[F][F] = (free + total) / (2 * K0)
+        stored[h][F] = stored[F][h] = -total / (2 * rho * K0)
+        for j in range(1, len(a)):
+            e, held = first + j - 1, mu[j] / (2 * K0 * rho)
+            B[e][p] = a[j] - a[0]
+            for i in range(size):
+                Q[e][i] -= mu[j] / (2 * rho) * v[i]
+                Q[i][e] -= mu[j] / (2 * rho) * v[i]
+            Q[e][e] -= lost[j]
+            N[e][p] += lost[j]
+            stored[e][e] += held
+            for other, sign in ((h, 1), (F, -1)):
+                stored[e][other] += sign * held
+                stored[other][e] += sign * held
+        R[p][p] = -sum(lost, start=zero)
+        first += len(a) - 1
+        shares.append(s)
+    for p in range(P):
+        for q in range(P):
+            if shares[p] * moved[p][q] != shares[q] * moved[q][p]:
+                raise ValueError("the rests of the ports are not those of an energy")
+            stored[size + 2 * p][size + 2 * q] -= shares[p] * moved[p][q] / 2
     return ExactSupply(
         A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
     )
+
+
+def port_scales(claim: FrictionClaim, ratios: list[fmpq], moved: list[list[fmpq]]) -> list[fmpq]:
+    """Return factors near one on the weights of each port that make s_p X_pq symmetric, where rounding alone does not.
+
+    moved : X, the displacement at port p at rest under f_q = 1. A claim may have any weights that are not negative.
+    """
+    scales = [to_rational(1.0)]
+    shares = [
+        to_rational(port.free) + (1 - 1 / rho) * sum(map(to_rational, port.weights), start=to_rational(0.0))
+        for port, rho in zip(claim.ports, ratios, strict=True)
+    ]
+    for p in range(1, len(shares)):
+        own, other = shares[p] * moved[p][0], shares[0] * moved[0][p]
+        scales.append(other / own if own != 0 and other / own > 0 else to_rational(1.0))
+    return scales
 
 
 def bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:

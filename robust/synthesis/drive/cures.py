@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from nlfrf._base.arguments import require_kind, require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
-from robust.friction.classes import AnyFriction
+from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_loop
+from robust.friction.ports import largest_forces
 from robust.friction.prove import prove_friction
 from robust.synthesis.drive.cascade import cascade
 from robust.synthesis.drive.settings import DriveSettings
@@ -61,9 +63,9 @@ class FrictionCure:
 def friction_cures(
     machine: FrictionPlant,
     settings: DriveSettings,
-    friction: AnyFriction,
+    friction: AnyFriction | FrictionAtPorts,
     *,
-    Fs: float,
+    Fs: float | Sequence[float],
     output_unit: str = "",
     compensation_error: float = 0.3,
 ) -> tuple[FrictionCure, ...]:
@@ -80,10 +82,10 @@ def friction_cures(
         In the units of the velocity loop (m or rad).
     settings : DriveSettings
         The drive as it is.
-    friction : AnyFriction
+    friction : AnyFriction or FrictionAtPorts
         The class.
-    Fs : float
-        Largest friction force [N] or [Nm].
+    Fs : float or sequence of float
+        Largest friction force [N] or [Nm]; of several friction ports one each.
     output_unit : str
         As of `cascade`: "N" or "Nm".
     compensation_error : float
@@ -112,7 +114,8 @@ def friction_cures(
     ('proved', 'no integral action (dead band or leak of the integrator)')
     """
     require_kind("settings", settings, DriveSettings)
-    Fs, q = require_positive("Fs", Fs), require_positive("compensation_error", compensation_error)
+    forces = largest_forces(machine, Fs)
+    q = require_positive("compensation_error", compensation_error)
     unit = settings.kp_unit
     changed = {
         f"kp {settings.kp:.4g} -> {STEP * settings.kp:.4g} {unit}": replace(settings, kp=STEP * settings.kp),
@@ -123,9 +126,9 @@ def friction_cures(
         changed["no integral action (dead band or leak of the integrator)"] = replace(settings, tn=np.inf)
     found = []
     for change, other in changed.items():
-        verdict, error, _ = judge(machine, other, friction, Fs=Fs, output_unit=output_unit)
+        verdict, error, _ = judge(machine, other, friction, forces=forces, output_unit=output_unit)
         found.append(FrictionCure(change=change, verdict=verdict, error=error, unit=machine.position_unit))
-    _, present, bound = judge(machine, settings, friction, Fs=Fs, output_unit=output_unit)
+    _, present, bound = judge(machine, settings, friction, forces=forces, output_unit=output_unit)
     found.append(
         FrictionCure(
             change=f"friction compensated to {100 * q:g} % of it, while that acts",
@@ -139,15 +142,21 @@ def friction_cures(
 
 
 def judge(
-    machine: FrictionPlant, settings: DriveSettings, friction: AnyFriction, *, Fs: float, output_unit: str
+    machine: FrictionPlant,
+    settings: DriveSettings,
+    friction: AnyFriction | FrictionAtPorts,
+    *,
+    forces: np.ndarray,
+    output_unit: str,
 ) -> tuple[FrictionVerdict, float, float]:
-    """Return the verdict, its error, and the bound of any friction up to Fs; infinite where there is none."""
+    """Return the verdict, its error, and the bound of any friction up to `forces` (P,); infinite of none."""
     K = cascade(settings, output_unit=output_unit)
-    proof = prove_friction(machine, K, friction, delay=settings.delay, Fs=Fs)
+    proof = prove_friction(machine, K, friction, delay=settings.delay, Fs=forces.tolist())
     bound = float(np.nan_to_num(proof.error_bound, nan=np.inf))
     if proof.verdict is FrictionVerdict.PROVED:
         loop = friction_loop(machine, K, settings.delay)
-        still, off = loop.rest()
-        return proof.verdict, Fs * float(abs(loop.x @ still) + np.abs(loop.x) @ off), bound
+        still, off = (part.reshape(-1, forces.size) for part in loop.rest())
+        moved = np.abs(loop.displacements @ still) + np.abs(loop.displacements) @ off
+        return proof.verdict, float((moved @ forces).max()), bound
     known = proof.settling_error if proof.verdict is FrictionVerdict.SETTLES else bound
     return proof.verdict, known, bound

@@ -1,0 +1,116 @@
+"""Friction at several places of a machine, as on motor and load: its classes, weights of their filters, a bound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from nlfrf._base.arguments import require_positive, short_form
+from robust.friction.classes import AnyFriction, FrictionAtPorts
+from robust.friction.dissipation import ROUNDED_UP
+from robust.friction.multipliers import negative_multipliers, port_terms
+from robust.friction.plant import FrictionLoop, FrictionPlant, steady_error_bound
+
+__all__ = ["bound_of_ports", "coupling_of_rests", "friction_of_ports", "largest_forces", "weights_of_ports"]
+
+#: Forces at two ports, over what a definite matrix allows: slack for what the sampler folds.
+COUPLINGS = (0.9, 0.99)
+MIN_SHARE = 1e-9  # share of a row that has to be left
+ONE_SIDED = 1e-9  # of the largest displacement at rest: what is smaller is none
+
+
+def friction_of_ports(
+    machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts | Sequence[AnyFriction]
+) -> AnyFriction | FrictionAtPorts:
+    """Return the class of one port, or of several together, or refuse another number of them."""
+    given = friction.ports if isinstance(friction, FrictionAtPorts) else friction
+    given = tuple(given) if isinstance(given, Sequence) else (given,)
+    for one in given:
+        if not isinstance(one, AnyFriction):
+            raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(one)}")
+    if len(given) != machine.n_ports:
+        raise ValueError(
+            f"friction must be a class for each friction port of the machine, {machine.n_ports}, got {len(given)}"
+        )
+    if machine.n_ports == 1:
+        return given[0]
+    names = machine.port_names or tuple(f"port {i + 1}" for i in range(machine.n_ports))
+    return FrictionAtPorts(ports=given, names=names)
+
+
+def largest_forces(machine: FrictionPlant, Fs: float | Sequence[float] | None) -> np.ndarray:
+    """Return the (P,) largest friction force of each port, nan where none was given, or refuse another number."""
+    if Fs is None:
+        return np.full(machine.n_ports, np.nan)
+    given = np.atleast_1d(np.asarray(Fs, dtype=object))
+    if given.shape != (machine.n_ports,):
+        raise ValueError(f"Fs must be a force for each friction port, {machine.n_ports}, got {given.size}")
+    return np.array([require_positive("Fs", force) for force in given])
+
+
+def coupling_of_rests(loop: FrictionLoop) -> tuple[str, bool]:
+    """Return why the rests of several ports are those of no energy, or whether it takes equal shares of the ports.
+
+    X_pq is the displacement at port p at rest under a friction of 1 N at port q: s_p X_pq has to be symmetric. With
+    integral action on the motor nothing of it is left but the stretch of each part beyond.
+    """
+    rest, offset = loop.rest()
+    X, unsure = loop.displacements @ rest, np.abs(loop.displacements) @ offset
+    coupled = np.abs(X) > np.maximum(10 * unsure, ONE_SIDED * np.abs(X).max())
+    np.fill_diagonal(coupled, False)
+    if not coupled.any():
+        return "", False
+    if np.all(np.abs(X - X.T) <= np.maximum(10 * (unsure + unsure.T), ONE_SIDED * np.abs(X).max())):
+        return "", True
+    return (
+        "where one port rests depends on the friction at another, and not the other way round, as with a position loop "
+        "on the encoder of the load: no stored energy is known for that"
+    ), False
+
+
+def weights_of_ports(
+    response: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: np.ndarray, rho: np.ndarray, balanced: bool
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return (P, 1 + J) weights of the filters at several ports and (W,) the dissipation; None of none.
+
+    balanced : whether s = mu_0 + (1 - 1/rho) sum_j mu_j has to be the same at all ports.
+    """
+    table = port_terms(response, omega, rates=rates, K0=K0, rho=rho)
+    n_ports, n = rho.size, 1 + rates.size
+    shares = np.hstack([np.ones((n_ports, 1)), np.repeat(1 - 1 / np.maximum(rho, ROUNDED_UP)[:, None], n - 1, axis=1)])
+    equal = None
+    if balanced:
+        equal = np.zeros((n_ports * n, n_ports - 1))
+        for port in range(1, n_ports):
+            equal[:n, port - 1], equal[port * n : (port + 1) * n, port - 1] = shares[0], -shares[port]
+    for coupling in COUPLINGS:
+        theta = negative_multipliers(table, coupling=coupling, least=MIN_SHARE, balanced=equal)
+        if theta is not None:
+            break
+    else:
+        return None
+    mu = theta.reshape(n_ports, n)
+    if not (mu[:, 1:] > 0).any(axis=1).all():
+        return None
+    if balanced:  # to rounding, and not to the tolerance of the program
+        held = (shares * mu).sum(axis=1)
+        mu[:, 0] += held.max() - held
+    both = np.einsum("wcij,c->wij", table, mu.ravel())
+    largest = np.abs(table * mu.ravel()[:, None, None]).max(axis=(1, 2, 3))
+    return mu, np.linalg.eigvalsh(both)[:, -1] / largest
+
+
+def bound_of_ports(loop: FrictionLoop, forces: np.ndarray) -> float:
+    """Return how far from rest any port stays in the end with any friction of at most these forces; nan of none."""
+    if not np.isfinite(forces).all() or not loop.growth() < 0:
+        return np.nan
+    bounds = [
+        sum(
+            force * steady_error_bound(replace(loop, B=column, x=x, v=v))
+            for force, column in zip(forces, loop.columns.T, strict=True)
+        )
+        for x, v in zip(loop.displacements, loop.velocities, strict=True)
+    ]
+    return max(bounds) if np.isfinite(bounds).all() else np.nan

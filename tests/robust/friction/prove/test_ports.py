@@ -1,0 +1,321 @@
+"""Friction at several places of a machine, as at motor and load: proofs, bounds, and what is refused."""
+
+import warnings
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+import nlfrf
+import robust
+from benchmarks.friction_ports import draw_case, draw_law, prove_case, run_case
+from robust.drive import DriveSettings, cascade
+from robust.friction.classes import any_bounded, any_bristle, any_maxwell_slip
+from robust.friction.dissipation import maxwell_slip_dissipation
+from robust.friction.multipliers import filter_rates, multiplier_terms, negative_multipliers, port_terms
+from robust.friction.plant import (
+    FrictionPlant,
+    destabilizing_stiffness,
+    friction_loop,
+    friction_plant,
+    loop_frequencies,
+    mobility,
+    two_mass_plant,
+)
+from robust.friction.prove import prove_friction
+from robust.friction.storage import certified_dissipation
+from robust.io.certificates import save_certificate, verify_certificate
+
+T = 1 / 4000
+#: The ball screw preset with twice its velocity gain, without the lag of its current.
+SCREW = two_mass_plant(232.9, 150.0, 80e6, 5e3)
+DRIVE = DriveSettings(fs=4000, kv=50, kp=2 * 280 * 342, kp_unit="N/(m/s)", tn=0.02, delay_periods=1)
+CLASSES = (any_maxwell_slip(25e6, 1.2), any_maxwell_slip(12.5e6, 1.3))
+
+
+def screw_proof(**changed):
+    given = {"machine": SCREW, "friction": CLASSES, "settings": DRIVE} | changed
+    settings = given.pop("settings")
+    K = cascade(settings, output_unit="N")
+    return prove_friction(given.pop("machine"), K, given.pop("friction"), delay=settings.delay, **given)
+
+
+@pytest.fixture(scope="module")
+def proof():
+    return screw_proof(Fs=(100, 60))
+
+
+def doubled(stiffness=80e3, damping=0.4):
+    """One mass of 1 kg whose friction is counted at two ports in the same place."""
+    one = friction_plant(1.0, stiffness, damping)
+    return replace(
+        one, B_port=np.column_stack([one.B_port] * 2), C_port=np.vstack([one.C_port] * 2), port_names=("one", "two")
+    )
+
+
+def PD(Kp=20e3, Kd=60.0):
+    return control.StateSpace([[0.0]], [[1.0]], [[-Kd / 1e-3]], [[Kp + Kd / 1e-3]], 1e-3)
+
+
+# ---- What is proved, and that it is verified.
+
+
+def test_motor_and_load_are_proved_and_verified(proof):
+    assert proof.verdict == "proved"
+    assert proof.certificate.verify().verified
+    assert "25000 kN/m at the motor and 12500 kN/m at the load" in proof.claim.replace("2.5e+04", "25000").replace(
+        "1.25e+04", "12500"
+    )
+    assert proof.counterexample is None
+    assert np.isnan(proof.kick_sure)
+    assert "1.2 times at the motor and 1.3 times at the load" in str(proof)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"K0": 60e6},
+        {"stiction": 6.0},
+        {"weights": np.zeros(1)},
+        {"free": -1.0},
+    ],
+)
+def test_another_class_at_the_second_port_is_not_verified(proof, change):
+    claim = proof.certificate.claim
+    (second,) = claim.other_ports
+    if "weights" in change:
+        change = {"weights": 0 * second.weights}
+    changed = replace(claim, other_ports=(replace(second, **change),))
+    assert not proof.certificate.again(changed).verified
+
+
+def test_files_keep_the_ports(proof, tmp_path):
+    path = tmp_path / "proof.json"
+    save_certificate(proof, path)
+    found = verify_certificate(path, model=SCREW, K=cascade(DRIVE, output_unit="N"))
+    assert found.verified
+    other = two_mass_plant(232.9, 151.0, 80e6, 5e3)
+    assert not verify_certificate(path, model=other, K=cascade(DRIVE, output_unit="N")).verified
+
+
+def test_two_ports_in_one_place_are_as_one():
+    """Half of K0 at each is in the class of all of it at one, and has the same springs and the same bound."""
+    K, K0 = PD(), 64e3
+    one = prove_friction(friction_plant(1.0, 80e3, 0.4), K, any_maxwell_slip(K0), Fs=1.0)
+    two = prove_friction(doubled(), K, [any_maxwell_slip(K0 / 2)] * 2, Fs=(0.3, 0.7))
+    assert one.verdict == two.verdict == "proved"
+    assert two.certificate.verify().verified
+    assert two.error_bound == pytest.approx(one.error_bound, rel=1e-9)
+
+
+def test_a_loop_that_a_spring_refutes_at_one_port_is_refuted_with_both_halves():
+    machine, K = friction_plant(1.0, 80e3, 0.4), PD(Kp=20e3, Kd=60.0)
+    loops = friction_loop(machine, K), friction_loop(doubled(), K)
+    single, double = (destabilizing_stiffness(loop, K0) for loop, K0 in zip(loops, (4e6, [2e6, 2e6]), strict=True))
+    assert single is not None
+    assert double is not None
+    assert np.sum(double[0]) == pytest.approx(single[0], rel=0.4)  # the worst of a coarse grid
+    assert abs(double[1]) > 1
+    found = prove_friction(doubled(), K, [any_maxwell_slip(2e6)] * 2)
+    assert found.verdict == "refuted"
+    assert "at one and a spring of" in found.reason
+
+
+def test_a_port_with_next_to_no_friction_changes_nothing():
+    alone = prove_friction(one_port(SCREW, 0), cascade(DRIVE, output_unit="N"), CLASSES[0], delay=DRIVE.delay)
+    with_little = screw_proof(friction=(CLASSES[0], any_maxwell_slip(100.0, 1.3)))
+    assert alone.verdict == with_little.verdict == "proved"
+
+
+def one_port(machine, port):
+    return replace(machine, B_port=machine.B_port[:, port], C_port=machine.C_port[port], port_names=())
+
+
+def test_the_bound_is_the_sum_over_the_ports_at_the_worst_of_them(proof):
+    K = cascade(DRIVE, output_unit="N")
+    bounds = [
+        sum(force * prove_at(column, row, K) for force, column in zip((100, 60), SCREW.B_port.T, strict=True))
+        for row in SCREW.C_port
+    ]
+    assert proof.error_bound == pytest.approx(max(bounds), rel=1e-9)
+
+
+def prove_at(column, row, K):
+    machine = replace(SCREW, B_port=column, C_port=row, port_names=())
+    return prove_friction(machine, K, any_bounded(1.0), delay=DRIVE.delay).error_bound
+
+
+# ---- The inequality: the stored energy falls along exact motions with elements at both ports.
+
+
+class Slider:
+    """A spring in series with a slider of constant force, at a port."""
+
+    def __init__(self, k, W, port):
+        self.k, self.W, self.port, self.force = k, W, port, 0.0
+
+
+def test_the_energy_falls_with_elements_at_both_ports():
+    """V of the certificate with the stored energy of each element, of known elements, along a fine simulation."""
+    K = cascade(DRIVE, output_unit="N")
+    loop = friction_loop(SCREW, K, DRIVE.delay)
+    omega, K0, rho = loop_frequencies(loop, 300), np.array([25e6, 12.5e6]), np.array([1.2, 1.3])
+    for rates in filter_rates(1.5 * SCREW.resonance, np.inf):
+        theta = negative_multipliers(
+            port_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho), coupling=0.9, least=1e-9
+        )
+        if theta is None:
+            continue
+        mu = theta.reshape(2, -1)
+        form = maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho)
+        reason, energy = certified_dissipation(form)
+        if not reason:
+            break
+    assert not reason
+    elements = [Slider(15e6, 40.0, 0), Slider(10e6, 60.0, 0), Slider(12.5e6, 60.0, 1)]
+    used = [np.append(True, own[2:] > 0) for own in mu]
+    a = [rates[chosen] for chosen in used]
+    weights = [own[1:][chosen] for own, chosen in zip(mu, used, strict=True)]
+    rest = loop.rest()[0]
+    rng = np.random.default_rng(3)
+    xi = 1e-6 * rng.standard_normal(loop.F.shape[0]) * np.where(np.arange(loop.F.shape[0]) < 4, 1, 0)
+    filters = [np.zeros((3, one.size)) for one in a]  # of each element, at the rates of its port
+    steps, values = 400, []
+    h = T / steps
+    flow = control.StateSpace(loop.F, loop.B, np.eye(loop.F.shape[0]), 0)
+    step = control.sample_system(flow, h, "zoh")
+    P = energy.P[0, 0]
+    for _ in range(60):
+        xi = loop.jumps[0] @ xi
+        values.append(
+            stored_energy(xi, filters, elements, a=a, weights=weights, mu=mu, rest=rest, loop=loop, energy=energy, P=P)
+        )
+        for _ in range(steps):
+            f = np.array([sum(one.force for one in elements if one.port == port) for port in (0, 1)])
+            xi = np.asarray(step.A) @ xi + np.asarray(step.B) @ f
+            v = loop.v @ xi
+            for i, one in enumerate(elements):
+                one.force = float(np.clip(one.force + one.k * v[one.port] * h, -one.W, one.W))
+                gh = filters[one.port][i]
+                filters[one.port][i] = one.force + (gh - one.force) * np.exp(-a[one.port] * h)
+    values = np.array(values)
+    assert np.all(values > 0)
+    assert np.all(np.diff(values) < 1e-6 * values[0])
+    assert values[-1] < 0.9 * values[0]
+
+
+def stored_energy(xi, filters, elements, *, a, weights, mu, rest, loop, energy, P):
+    """z'Pz - sum s_p (fh_p y_p) - 1/2 fh'S X fh + sum of the elements."""
+    fh = [np.sum(own, axis=0) for own in filters]
+    first = np.array([one[0] for one in fh])
+    y = xi - rest @ first
+    e = np.concatenate([one[1:] - one[0] for one in fh])
+    z = np.linalg.solve(energy.V, np.concatenate([y, e]))
+    rho = (1.2, 1.3)
+    s = np.array([mu[p, 0] + (1 - 1 / rho[p]) * mu[p, 1:].sum() for p in (0, 1)])
+    X = loop.x @ rest
+    total = z @ P @ z - s @ (first * (loop.x @ y)) - 0.5 * first @ (s[:, None] * X) @ first
+    for i, one in enumerate(elements):
+        p, f = one.port, one.force
+        gh = filters[p][i]
+        total += mu[p, 0] * f**2 / (2 * one.k)
+        total += weights[p] @ (f**2 / 2 - f * gh / rho[p] + gh**2 / (2 * rho[p])) / one.k
+    return total
+
+
+def test_rows_of_one_port_are_those_of_a_single_friction():
+    loop = friction_loop(friction_plant(1.0, 80e3, 0.4), PD())
+    omega = loop_frequencies(loop, 100)
+    response, rates = mobility(loop, omega), filter_rates(400.0, np.inf)[0]
+    table = port_terms(response[:, None, None], omega, rates=rates, K0=np.array([64e3]), rho=np.array([1.3]))
+    assert np.allclose(table[..., 0, 0], multiplier_terms(response, omega, rates=rates, K0=64e3, rho=1.3), rtol=1e-12)
+
+
+def test_multipliers_make_every_matrix_negative():
+    rng = np.random.default_rng(1)
+    half = rng.standard_normal((40, 5, 3, 3)) + 1j * rng.standard_normal((40, 5, 3, 3))
+    table = half + np.conj(np.swapaxes(half, 2, 3))
+    table[:, 4] = -8 * np.eye(3)
+    theta = negative_multipliers(table, coupling=1.0, least=1e-9)
+    assert np.linalg.eigvalsh(np.einsum("wcij,c->wij", table, theta))[:, -1].max() < 0
+    assert negative_multipliers(-table, coupling=1.0, least=1e-9) is None
+
+
+# ---- Where the machine rests.
+
+
+def test_without_integral_action_the_ports_share_the_weight_of_their_rests():
+    """A spring at the motor moves both masses: X is symmetric, and s is made equal."""
+    proof = screw_proof(settings=replace(DRIVE, tn=np.inf))
+    assert proof.verdict == "proved"
+    assert proof.certificate.verify().verified
+
+
+def test_a_load_encoder_is_not_decided_with_its_reason():
+    machine = two_mass_plant(232.9, 150.0, 80e6, 5e3, encoder="load")
+    soft = replace(DRIVE, kv=5, kp=20e3, tn=0.5, encoder="load")
+    light = (any_maxwell_slip(1e4, 1.2), any_maxwell_slip(1e4, 1.2))
+    proof = screw_proof(machine=machine, settings=soft, friction=light)
+    assert proof.verdict == "not decided"
+    assert "encoder of the load" in proof.reason
+
+
+# ---- Refusals.
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"friction": CLASSES[0]}, "friction must be a class for each friction port of the machine, 2, got 1"),
+        ({"friction": (*CLASSES, CLASSES[0])}, "2, got 3"),
+        ({"friction": (CLASSES[0], 64e3)}, "friction must be a class such as"),
+        ({"friction": (CLASSES[0], any_bristle(64e3))}, "any_maxwell_slip at each, got Maxwell slip, bristle"),
+        ({"friction": (CLASSES[0], any_bounded(1.0))}, "any_maxwell_slip at each, got Maxwell slip, bounded"),
+        ({"friction": (any_maxwell_slip(1e3, position_unit="rad"),) * 2}, "in the units of the machine, m, got rad"),
+        ({"Fs": 100.0}, "Fs must be a force for each friction port, 2, got 1"),
+        ({"Fs": (100.0, -1.0)}, "Fs must be"),
+        ({"limits": True}, "limits must be False with friction at several ports"),
+    ],
+)
+def test_refusals(given, message):
+    with pytest.raises(ValueError, match=message.replace("(", r"\(")):
+        screw_proof(**given)
+
+
+def test_what_knows_one_port_refuses_several():
+    K = cascade(DRIVE, output_unit="N")
+    for call in (
+        lambda: robust.prove_saturated(SCREW, K, CLASSES[0], Fs=1.0, limit=20.0),
+        lambda: robust.friction_frequency_test(SCREW, K, CLASSES[0], mass=1.0, stiffness=0.0),
+        lambda: robust.quasi_linear(nlfrf.paper_rig().friction, SCREW, K),
+        lambda: robust.design_proved(SCREW, CLASSES[0], dt=T),
+    ):
+        with pytest.raises(ValueError, match="port"):
+            call()
+
+
+def test_a_model_with_several_ports():
+    A, B = SCREW.A, np.column_stack([SCREW.B_force, SCREW.B_port])
+    C = np.vstack([SCREW.C_measured, SCREW.C_port])
+    machine = friction_plant(control.StateSpace(A, B, C, 0), port=True)
+    assert isinstance(machine, FrictionPlant)
+    assert machine.n_ports == 2
+    assert screw_proof(machine=machine).verdict == "proved"
+    with pytest.raises(ValueError, match="velocity at its friction port"):
+        friction_plant(control.StateSpace(A, B, np.vstack([C[:2], [0, 0, 0, 1]]), 0), port=True)
+
+
+# ---- The attack of benchmarks/friction_ports.py, a part of it.
+
+
+@pytest.mark.parametrize("number", [1, 4, 7])
+def test_what_is_proved_comes_to_rest_on_the_simulated_axis(number):
+    case, rng = draw_case(number), np.random.default_rng([number, 9])
+    proof = prove_case(case)
+    laws = tuple(draw_law(rng, one, Fs) for one, Fs in zip(case.friction, case.Fs, strict=True))
+    far, moves = run_case(case, laws, sum(case.Fs))
+    if proof.verdict == "proved":
+        assert not moves
+    if np.isfinite(proof.error_bound):
+        assert far < proof.error_bound
