@@ -50,8 +50,8 @@ class LevelState(Enum):
     STICKS = "sticks"
     BENDS = "bends"
     SLIDES = "slides"
-    TOO_SMALL = "too small to read: steps of the encoder"
-    LIMITED = "not read: at the limit of the force"
+    TOO_SMALL = "too small: encoder steps"
+    LIMITED = "at the limit of the force"
 
 
 @value
@@ -116,7 +116,10 @@ class AxisLevels:
             columns = "  ".join(f"{number:{width}.4g}" for number, width in zip(numbers, widths, strict=True))
             rows.append(f"{k + 1:5d}  {columns}  {state.value}")
         taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, TAKEN, strict=False))
-        return "\n".join([*rows, self.reason or f"take, as rms of the force set point: {taken}"])
+        if self.reason:
+            return "\n".join([*rows, self.reason])
+        rows.append("to ask for: a force of the designed spectrum that moves the axis as far as the measured one")
+        return "\n".join([*rows, f"take, as rms of the force set point: {taken}"])
 
 
 TAKEN = ("sticks", "bends", "slides")

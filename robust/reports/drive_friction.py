@@ -110,8 +110,9 @@ class DriveFriction:
                 f"It rests {rest}. Proved also at both ends of mass and viscous friction in the table (not between "
                 f"them){added}."
             ]
-        if self.largest is not None:
-            rows.append(f"The given force is {self.largest:.4g} {self.fit.units[0]}, as stated or the upper end of Fs.")
+        if self.largest is not None and self.assumed is not None:
+            force = f"{self.largest:.4g} {self.assumed.friction.units.force}"
+            rows.append(f"The given force is {force}, as stated or the upper end of Fs.")
         return rows
 
 

@@ -27,6 +27,7 @@ from robust.reports.drive_check import (
     read_experiments,
     read_trace,
 )
+from robust.reports.drive_friction import largest_added_delay
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -349,6 +350,42 @@ def test_a_delay_that_is_too_short_is_in_the_loop_all_the_same(folder):
     assert "the traces at rest show 0.5" in one_line(str(short))
     with pytest.raises(ValueError, match=r"delay and lag must be those of the traces, which show 0.5\d+ \+- \S+ ms"):
         check_drive(records[:3], late)
+
+
+@pytest.mark.filterwarnings("ignore:G stands out of its neighbours")
+def test_friction_that_was_read_before_serves_other_gains(folder):
+    settings = load_gains(folder / "gains.toml")
+    records = [read_trace(folder / f"{name}.npz", settings) for name in ("low", "mid", "slide")]
+    read = check_drive(records, settings)
+    again = check_drive(records[2:], settings, fit=read.friction.fit, Fs=2 * read.friction.largest)
+    assert str(again.friction.assumed) == str(read.friction.assumed)
+    assert again.friction.error_bound == pytest.approx(2 * read.friction.error_bound, rel=1e-9)
+    machines = {(one.machine.A[1, 1], one.machine.B_port[1]) for one in read.friction.proofs}
+    low, high = (1 / mass for mass in read.friction.fit.interval("mass"))
+    damping = read.friction.fit.interval("damping")[1]
+    for end in (low, high):
+        for c in (0.0, damping):
+            assert any(np.allclose(one, (-c * end, end), rtol=1e-9, atol=1e-12) for one in machines)
+    assert "It rests where friction holds it" in str(
+        check_drive(records, replace(settings, tn=np.inf), fit=again.friction.fit)
+    )
+    with pytest.raises(ValueError, match="fit must be of type FrictionFit, got 3"):
+        check_drive(records, settings, fit=3)
+    with pytest.raises(ValueError, match="fit must be in N and m as the traces, got Nm and rad"):
+        check_drive(records, settings, fit=replace(read.friction.fit, units=("Nm", "rad")))
+
+
+def test_a_proof_holds_with_the_added_delay_and_no_sixteenth_of_a_period_more(folder):
+    """The loop at the ends is proved with what the page names, and one of them is not with the next step."""
+    settings = load_gains(folder / "gains.toml")
+    plants = [robust.friction_plant(mass, 0.0) for mass in (11.9, 12.1)]
+    K, friction = cascade(settings, output_unit="N"), robust.any_maxwell_slip(2.5e6)
+    added = largest_added_delay(plants, K, friction, delay=settings.delay, period=settings.dt)
+    late = [settings.delay + added, settings.delay + added + settings.dt / 16]
+    held = [[robust.prove_friction(one, K, friction, delay=delay).verdict for one in plants] for delay in late]
+    assert 0 < added < 8 * settings.dt
+    assert held[0] == ["proved", "proved"]
+    assert set(held[1]) != {"proved"}
 
 
 @pytest.mark.filterwarnings("ignore:G stands out of its neighbours")
