@@ -50,7 +50,8 @@ class LevelState(Enum):
     STICKS = "sticks"
     BENDS = "bends"
     SLIDES = "slides"
-    UNREADABLE = "too small, or at its limit"
+    TOO_SMALL = "too small: encoder steps"
+    LIMITED = "at the limit of the force"
 
 
 @value
@@ -60,15 +61,18 @@ class AxisLevels:
     Fields
     ------
     rms : (3,) ndarray
-        Root mean square of the force set point to ask for, so that the axis sticks, bends and slides [N], [Nm] or in
-        the unit of the record: that of a multisine with the spectrum of the ramp that moves it as far. Empty where
-        there is a reason.
+        Root mean square of the force set point to ask for, so that the axis sticks, bends and slides: the entries of
+        `set_point_rms` for the three levels. Empty where there is a reason.
     records : tuple of Record
         The three levels as measured: the `source` of `design_experiment` for each.
     reason : str
         Why there are no three levels, and what to do; empty where there are.
     force_rms, position_rms : (L,) ndarray
-        Root mean square of force set point and position at every level, in the units of the record.
+        Root mean square of force set point and position on the excited lines of every level, in the units of the
+        record.
+    set_point_rms : (L,) ndarray
+        The rms to ask for at every level [N], [Nm] or in the unit of the record: that of a multisine with the spectrum
+        of the ramp that moves the axis as far. Below `force_rms` where the loop gave another spectrum to the force.
     stiffness : (L,) ndarray
         Equivalent stiffness on the lowest lines [N/m], [Nm/rad] or in the units of the record.
     states : tuple of LevelState
@@ -80,11 +84,11 @@ class AxisLevels:
     --------
     >>> levels = AxisLevels(
     ...     rms=np.zeros(0), records=(), reason="no level sticks", force_rms=np.ones(1), position_rms=np.ones(1),
-    ...     stiffness=np.ones(1), states=(LevelState.BENDS,), units=("N", "m"),
+    ...     set_point_rms=np.ones(1), stiffness=np.ones(1), states=(LevelState.BENDS,), units=("N", "m"),
     ... )
     >>> print(levels)
-    level  force N rms  position m rms  stiffness N/m
-        1            1               1              1  bends
+    level  to ask for N rms  measured N rms  position m rms  stiffness N/m
+        1                 1               1               1              1  bends
     no level sticks
 
     References
@@ -97,18 +101,25 @@ class AxisLevels:
     reason: str
     force_rms: np.ndarray
     position_rms: np.ndarray
+    set_point_rms: np.ndarray
     stiffness: np.ndarray
     states: tuple[LevelState, ...]
     units: tuple[str, str]
 
     def __str__(self) -> str:
         force, position = self.units
-        rows = [f"level  force {force} rms  position {position} rms  stiffness {force}/{position}"]
+        head = f"to ask for {force} rms  measured {force} rms  position {position} rms  stiffness {force}/{position}"
+        rows = [f"level  {head}"]
+        widths = [len(name) for name in head.split("  ")]
         for k, state in enumerate(self.states):
-            numbers = f"{self.force_rms[k]:11.4g} {self.position_rms[k]:15.4g} {self.stiffness[k]:14.4g}"
-            rows.append(f"{k + 1:5d}  {numbers}  {state.value}")
+            numbers = (self.set_point_rms[k], self.force_rms[k], self.position_rms[k], self.stiffness[k])
+            columns = "  ".join(f"{number:{width}.4g}" for number, width in zip(numbers, widths, strict=True))
+            rows.append(f"{k + 1:5d}  {columns}  {state.value}")
         taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, TAKEN, strict=False))
-        return "\n".join([*rows, self.reason or f"take, as rms of the force set point: {taken}"])
+        if self.reason:
+            return "\n".join([*rows, self.reason])
+        rows.append("to ask for: a force of the designed spectrum that moves the axis as far as the measured one")
+        return "\n".join([*rows, f"take, as rms of the force set point: {taken}"])
 
 
 TAKEN = ("sticks", "bends", "slides")
@@ -165,12 +176,14 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     states, reason = judge_levels(read, (records[0].u_unit or experiment.force_unit, experiment.position_unit))
     chosen = [] if reason else choose_levels(states, stiffness)
     shape = experiment.force_amplitude / np.sqrt(np.sum(experiment.force_amplitude**2) / 2)
+    set_point = np.array([level_of_spectrum(record, shape) for record in records])
     return AxisLevels(
-        rms=np.array([level_of_spectrum(records[k], shape) for k in chosen]),
+        rms=set_point[chosen],
         records=tuple(records[k] for k in chosen),
         reason=reason,
         force_rms=np.array([one.force for one in read]),
         position_rms=position,
+        set_point_rms=set_point,
         stiffness=stiffness,
         states=tuple(states),
         units=(records[0].u_unit or experiment.force_unit, records[0].y_unit or experiment.position_unit),
@@ -208,7 +221,7 @@ def read_level(record: Record) -> Level:
 
 def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelState], str]:
     """Return the state of each level, and why no three of them can be taken."""
-    states = [LevelState.UNREADABLE] * len(read)
+    states = [LevelState.LIMITED if one.limited else LevelState.TOO_SMALL for one in read]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
     if len(good) < 4:

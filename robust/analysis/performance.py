@@ -98,8 +98,9 @@ class ClassicalMargins:
         else:
             text += ", no gain above this one makes it unstable"
         if self.gain_reduction:
-            text += f", {20 * np.log10(self.gain_reduction):.2f} dB at {format_hertz(self.omega_reduction)}"
-        return text + (f", bandwidth {format_hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
+            lowest = f"{20 * np.log10(self.gain_reduction):.2f} dB at {format_hertz(self.omega_reduction)}"
+            text += f", lower gain margin {lowest}"
+        return text + (f", bandwidth of S {format_hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
 
 
 def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:

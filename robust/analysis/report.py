@@ -209,7 +209,8 @@ def proof_sentences(model: UncertaintyModel, loop: Loop, *, stable: bool, perfor
         missing.append("the performance demand for the whole set")
     if loop.dt and loop.aliases is None:
         missing.append("perturbations of the continuous plant between the samples: the set is one of sampled plants")
-    missing.append(f"anything about the plant outside the measured band beyond the assumption ({model.extrapolation})")
+    assumed = f"the assumption on the weight there ({model.extrapolation})"
+    missing.append(f"anything about the plant outside the measured band beyond {assumed}")
     text = "; ".join(missing)
     return proved, text[0].upper() + text[1:] + "."
 

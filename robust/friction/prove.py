@@ -417,8 +417,8 @@ class FrictionProof:
             )
         if np.isfinite(self.error_bound):
             lines.append(
-                "Whatever the friction, if never above the given force: at most "
-                f"{format_length(self.error_bound, self.units.position)} off."
+                "Whatever the friction, if never above the given force: in the end, at rest or hunting, at most "
+                f"{format_length(self.error_bound, self.units.position)} off, in proportion to the force."
             )
         if np.isfinite(self.kick_sure):
             lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} {self.units.velocity}.")

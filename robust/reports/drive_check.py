@@ -36,6 +36,7 @@ from robust.analysis.performance import StepResponse, classical_margins, measure
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.analysis.worst_plant import WorstCase, worst_case
+from robust.friction.identification import FrictionFit
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
@@ -74,6 +75,12 @@ LOW_LINES, HELD = 6, 0.5
 TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
 #: Orders of the weight that are tried.
 WEIGHT_ORDERS = (4, 6, 8)
+#: What the words of the page mean.
+LEGEND = """line: an excited frequency; rms: on the lines, in parentheses of the whole trace with its noise
+radius: how far the FRF on a line may be from the model, relative to it; weight: bound of that error
+at all frequencies, above the radius; rs: weight times |T|, all plants are stable if it is below 1
+S = 1/(1 + L), T = 1 - S, L the loop gain; bandwidth of S: where |S| reaches 0.71
+disk margin: change of gain and phase at once; lower gain margin: how far the gain may fall"""
 
 
 class RecordedGains(State):
@@ -181,7 +188,10 @@ class DriveCheck:
             )
             return f"PASSED: stable with every linear plant of the set at its confidence, |S| at most the limit{rest}"
         if self.doubts or not self.report.robustly_stable:
-            return f"NOT PASSED: {self.doubts[0].kind if self.doubts else self.report.reason}"
+            why = self.doubts[0].kind if self.doubts else self.report.reason
+            if self.report.robustly_stable:
+                why = f"{why}; the verdict below only says that no linear plant of the set is unstable"
+            return f"NOT PASSED: {why}"
         return "NOT PASSED: stable with every linear plant of the set, but " + (
             "not at rest with every friction of the class" if self.is_exact else "of an approximation of the drive"
         )
@@ -207,7 +217,10 @@ class DriveCheck:
             more = f"; the traces at rest show {shown} of both together{more}"
         if self.actual:
             return f"assumed: {timing} of the current loop, which a trace of the actual current does not show{more}"
-        return f"{timing} of the current loop taken off, what is wrong with them counts as misfit{more}"
+        return (
+            f"{timing} of the current loop taken off, and put back in the loop: the fit takes up an error of them, "
+            f"and the radius of the set what is left as misfit{more}"
+        )
 
     def __str__(self) -> str:
         position = self.settings.base_unit
@@ -218,7 +231,7 @@ class DriveCheck:
                 "is its mean over the phase; nothing is proved of the drive itself"
             )
         parts = {
-            "drive": str(self.settings),
+            "drive": f"{self.settings}\n{describe_parameters(self.settings)}",
             "traces": "\n".join([*self.traces, self.assumption]),
             f"linear loop, from {self.base} ({ratio_unit(position, self.unit)})": linear,
         }
@@ -237,7 +250,7 @@ class DriveCheck:
                 f"of any size, in parts of it, linear, without limits: {self.step}"
             )
         warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
-        parts = {"gains": "\n".join([*wrap(self.conclusion, SCREEN_WIDTH), *warned])} | parts
+        parts = {"gains": "\n".join([*wrap(self.conclusion, SCREEN_WIDTH), *warned])} | parts | {"words": LEGEND}
         return "\n\n".join(f"{title}\n{content}" for title, content in parts.items())
 
 
@@ -378,6 +391,7 @@ def check_drive(
     Fs: float | None = None,
     spring: bool = False,
     masses: int = 1,
+    fit: FrictionFit | None = None,
 ) -> DriveCheck:
     """Check the gains of a drive against traces of its axis, one a level.
 
@@ -407,11 +421,14 @@ def check_drive(
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
         2 to read the friction of a motor and a load, which takes minutes.
+    fit : FrictionFit, optional
+        What was read from these traces at rest before, as `friction.fit` of a check of other gains: reading it again
+        takes seconds. `spring` and `masses` are then those of the fit.
 
     Raises
     ------
     ValueError
-        Two encoders; traces that make no model; a delay that is longer than in the traces.
+        Two encoders; traces that make no model; a delay that is longer than in the traces; a fit in other units.
 
     References
     ----------
@@ -422,6 +439,10 @@ def check_drive(
     if settings.encoder == "both":
         raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
     unit, base = records[0].u_unit, settings.base_unit
+    if fit is not None:
+        require_kind("fit", fit, FrictionFit)
+        if fit.units != (unit, base):
+            raise ValueError(f"fit must be in {unit} and {base} as the traces, got {' and '.join(fit.units)}")
     settings = replace(settings, position_unit=base, load_unit=base, unit_factor=1.0, load_factor=1.0)
     K = cascade(settings, output_unit=unit)
     blas = [machine_frf(nlfrf.identify(record), settings, actual=actual) for record in records]
@@ -432,7 +453,9 @@ def check_drive(
     nominal = choose_fit(scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False))
     under = conditions or [Conditions()] * len(blas)
     at_rest = [record for record, one in zip(records, under, strict=True) if one.motion is not BaseMotion.MOVING]
-    friction = judge_friction(at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses)
+    friction = judge_friction(
+        at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses, fit=fit
+    )
     if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
         friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
     if not actual:
@@ -650,8 +673,8 @@ def doubt_of_margins(report: RobustnessReport, worst: WorstCase | None, peak: fl
         DoubtKind.THIN_MARGINS,
         f"thin margins: |S| reaches {largest:.3g} over the set, at {format_hertz(worst.omega[np.argmax(worst.gain)])}, "
         f"above {peak:g}, and the nominal phase margin is {phase:.1f} deg. Customary are |S| of at most 2 and a phase "
-        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). The axis rings, and a small change makes "
-        f"the loop unstable: {cure}",
+        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor, and "
+        f"a small change makes the loop unstable: {cure}",
     )
 
 
@@ -685,10 +708,30 @@ def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSe
     return measure_step(t, y[0], u=np.full(t.size, np.nan), final=final, cut=True)
 
 
+def describe_parameters(settings: DriveSettings) -> str:
+    """Say which of the settings are typed into the drive, and what an ampere is."""
+    typed = ["kv"] * bool(settings.kv) + ["kp"] + ["tn"] * bool(np.isfinite(settings.tn))
+    if settings.velocity_from == "observer":
+        typed.append("frequency of the observer")
+    elif settings.velocity_lag:
+        typed.append("low-pass of the velocity")
+    typed += ["filters"] * bool(settings.filters)
+    text = f"to be set in the drive: {', '.join(typed)}; the rest is the drive as it is"
+    if settings.output_unit == "A" and np.isfinite(settings.torque_constant):
+        text += ". A is rms or peak, the same in kp and in the force constant"
+    return text
+
+
 def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla) -> str:
-    """Level and band of a trace, a row."""
-    force, motion = np.sqrt(np.mean(record.u**2)), np.std(record.y)
+    """Level and band of a trace, a row: rms on the excited lines, and of all that was recorded."""
+    force, motion = (
+        np.sqrt(np.sum(np.abs(np.fft.rfft(signal.mean(axis=-2))[..., record.lines.excited]) ** 2) / 2)
+        * 2
+        / record.n_samples
+        for signal in (record.u[0], record.y[0])
+    )
+    all_force, all_motion = np.sqrt(np.mean(record.u**2)), np.std(record.y)
     return (
-        f"{name}: {force:.3g} {record.u_unit} rms, {motion:.3g} {record.y_unit} rms, noise included; "
-        f"{bla.f.size} lines from {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz"
+        f"{name}: {force:.3g} {record.u_unit} rms ({all_force:.3g}), {motion:.3g} {record.y_unit} rms "
+        f"({all_motion:.3g}); {bla.f.size} lines from {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz"
     )

@@ -1,20 +1,27 @@
-"""Friction in the loop of a drive: read from traces at rest, and the loop proved with it."""
+"""Friction in the loop of a drive: read from traces at rest, and the loop proved with it.
+
+The class of friction leaves the viscous part to the machine. A proof for one mass and one viscous friction says nothing
+of others, so it is repeated at the ends of both intervals, the viscous friction beginning at zero.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+import control
 import numpy as np
 
 import nlfrf
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
-from robust.friction.balance import HALF_WIDTH, format_rounded
+from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
+from robust.friction.classes import AnyFriction
 from robust.friction.identification import FrictionFit, identify_friction
-from robust.friction.levels import FrictionClass
-from robust.friction.plant import FrictionPlant, pad_states
-from robust.friction.prove import FrictionProof
+from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
+from robust.friction.plant import FrictionPlant, friction_plant, pad_states
+from robust.friction.prove import FrictionProof, prove_friction
+from robust.friction.units import format_length
 from robust.io.certificates import prove_all
 from robust.synthesis.drive.cascade import cascade
 from robust.synthesis.drive.cures import FrictionCure, friction_cures
@@ -24,6 +31,11 @@ __all__ = ["DriveFriction", "judge_friction"]
 
 #: Levels from which friction is read.
 FEWEST_LEVELS = 3
+#: Largest presliding stiffness of the proof, over the upper end of what was read: elements that slip below the lowest
+#: level are not seen.
+K0_MARGIN = 1.25
+#: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
+MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
 
 
 @value
@@ -37,13 +49,19 @@ class DriveFriction:
     assumed : FrictionClass or None
         Machine and class that the loop was proved with.
     proofs : tuple of FrictionProof
-        The verdicts.
+        The verdicts, the weakest first: with the mass that was read and no viscous friction, and where that is proved
+        at the ends of both intervals.
     cures : tuple of FrictionCure
         What a change of the drive does to a verdict that is not proved.
     note : str
         Why nothing was read, or nothing proved.
     largest : float or None
         Largest friction force [N] or [Nm] of the bounds: stated, or the upper end of what was read.
+    added_delay : float
+        Additional delay [s] with which all was proved too; with `ADDED_STEP` of a period more it was not, or not
+        tried. nan where the loop is not proved.
+    has_integral : bool
+        Whether the velocity loop has an integral part, so that the axis can rest at its set point only.
     """
 
     fit: FrictionFit | None = None
@@ -52,6 +70,8 @@ class DriveFriction:
     cures: tuple[FrictionCure, ...] = ()
     note: str = ""
     largest: float | None = None
+    added_delay: float = np.nan
+    has_integral: bool = False
 
     @property
     def proved(self) -> bool:
@@ -66,17 +86,89 @@ class DriveFriction:
         half = 1e3 * HALF_WIDTH * self.fit.stds["delay"]
         return f"{format_rounded(1e3 * self.fit.delay, half)} +- {half:.1g} ms"
 
+    @property
+    def error_bound(self) -> float:
+        """Where the axis is in the end, from its rest [m] or [rad], with any friction up to `largest`; nan: unknown."""
+        return max((proof.error_bound for proof in self.proofs), default=np.nan)
+
     def __str__(self) -> str:
-        rows = []
-        if self.fit is not None:
-            free = "" if self.fit.stds["stiffness"] else " of a machine without a spring to ground"
-            rows = [f"read from {len(self.fit.levels)} traces at rest{free}:", str(self.fit)]
+        if self.fit is None:
+            return f"not judged: {self.note}"
         if self.assumed is None:
-            return "\n".join([*rows, f"not judged: {self.note}"])
-        if self.largest is not None:
-            largest = f"{self.largest:.4g} {self.assumed.friction.units.force}"
-            rows.append(f"largest friction force for the bound below, the upper end of Fs or as given: {largest}")
-        return "\n".join([*rows, str(self.assumed), *map(str, self.proofs), *map(str, self.cures)])
+            return f"read from {len(self.fit.levels)} traces at rest:\n{self.fit}\nnot judged: {self.note}"
+        rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed), ASSUMPTION_NOTE]
+        rows.append(str(replace(self.proofs[0], error_bound=self.error_bound)))
+        return "\n".join([*rows, " ".join(self.describe_scope()), *map(str, self.cures)])
+
+    def describe_scope(self) -> list[str]:
+        """Say where a proved loop rests, for which other machines and delays it is proved, and the force of a bound."""
+        rows = []
+        if self.proved:
+            rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
+            added = f", and again with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
+            rows = [
+                f"It rests {rest}. Proved also at both ends of mass and viscous friction in the table (not between "
+                f"them){added}."
+            ]
+        if self.largest is not None and self.assumed is not None:
+            force = f"{self.largest:.4g} {self.assumed.friction.units.force}"
+            rows.append(f"The given force is {force}, as stated or the upper end of Fs.")
+        return rows
+
+
+def describe_reading(fit: FrictionFit) -> str:
+    """Say which trace gives which number, by how stiff its friction is over K0."""
+    free = "" if fit.stds["stiffness"] else ", of a machine without a spring to ground"
+    levels = sorted(fit.levels, key=lambda level: level.force)
+    stiff = ", ".join(
+        f"{level.force:.3g} {fit.units[0]} {100 * max(level.stiffness, 0.0) / fit.K0:.3g} %" for level in levels
+    )
+    return (
+        f"read from {len(levels)} traces at rest{free}; rms on the lines, and stiffness of the friction over K0: "
+        f"{stiff}. Near 100 % friction sticks and gives K0; near 0 % it slides and gives mass, viscous friction and "
+        "the forces; levels between give the transition."
+    )
+
+
+def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
+    """Return the table of what was read, what the proof assumes of it, and why."""
+    (low, high), damping = fit.interval("mass"), largest_damping(fit)
+    friction = assumed.friction
+    unlimited = ("any", "no limit in the class")
+    assumptions = {
+        "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
+        "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
+        "stiffness": (f"{assumed.stiffness_low / 1e3:.4g}", "lower end, the rest is in K0"),
+        "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{K0_MARGIN:g} times the upper end"),
+        "Fs": unlimited,
+        "coulomb": unlimited,
+        "stiction": (f"up to {friction.stiction:.3g}", "chosen, or the upper end"),
+        "delay": ("of the drive", "or as read, where more"),
+    }
+    rows = [f"{'':34}{'read (95 %)':20}{'assumed':19}why"]
+    for name, (label, unit, factor) in REPORTED.items():
+        half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
+        if not half or name not in assumptions:
+            continue
+        read = (
+            f"{format_rounded(factor * getattr(fit, name), half)} +- {half:.1g}" if np.isfinite(half) else "left open"
+        )
+        quantity = f"{label} [{unit_of(unit, fit.units)}]" if unit else label
+        rows.append(f"{quantity:34}{read:20}{assumptions[name][0]:19}{assumptions[name][1]}")
+    unexplained = 100 * max(level.unexplained for level in fit.levels)
+    seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
+    if fit.stds["stiffness"]:
+        seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
+    rows.append(
+        f"given Maxwell slip of {fit.element_stiffness.size} elements none of which {seen}; at most "
+        f"{unexplained:.2g} % of the force unexplained"
+    )
+    return [*rows, *(f"Open: {question}" for question in fit.questions)]
+
+
+def largest_damping(fit: FrictionFit) -> float:
+    """Return the upper end of the viscous friction [Ns/m]; zero where the levels leave it open."""
+    return max(0.0, fit.interval("damping")[1]) if np.isfinite(fit.stds["damping"]) else 0.0
 
 
 def judge_friction(
@@ -88,37 +180,100 @@ def judge_friction(
     Fs: float | None,
     spring: bool,
     masses: int,
+    fit: FrictionFit | None = None,
 ) -> DriveFriction:
     """Read the friction from traces at rest, and prove the loop with it; the other parameters as of `check_drive`.
 
     records : force in, position out, each at rest.
     actual : whether their input is the actual force, in which delay and lag of the settings do not show.
     """
-    if len(records) < FEWEST_LEVELS:
-        return DriveFriction(
-            note=f"it takes traces at rest at three levels or more, from sticking to sliding, got {len(records)}"
-        )
-    unit = records[0].u_unit
-    if unit == "A":
-        return DriveFriction(note="it takes a force, and the gains have no torque_constant")
+    if fit is None:
+        try:
+            fit = read_friction(records, spring=spring, masses=masses)
+        except ValueError as error:
+            return DriveFriction(note=str(error))
     try:
-        fit = identify_friction(records, free=not spring, masses=masses)
-    except ValueError as error:
-        return DriveFriction(note=str(error))
-    try:
-        assumed = fit.assumed_class(stiction=stiction)
+        assumed = fit.assumed_class(stiction=stiction, margin=K0_MARGIN)
     except ValueError as error:
         return DriveFriction(fit=fit, note=str(error))
     # the loop has delay and lag of the settings: the machine keeps what the traces show beyond them
     known = 0.0 if actual else settings.delay + settings.lag
-    machine = friction_behind_lag(replace(assumed.machine, delay=max(0.0, fit.delay - known)), settings.lag)
+    read, *ends = (
+        friction_behind_lag(replace(one, delay=max(0.0, fit.delay - known)), settings.lag)
+        for one in (assumed.machine, *machines_at_ends(fit, assumed))
+    )
     if Fs is None and np.isfinite(fit.stds["Fs"]):
         Fs = fit.interval("Fs")[1]
-    proofs = prove_all((machine,), cascade(settings, output_unit=unit), assumed.friction, delay=settings.delay, Fs=Fs)
+    unit = fit.units[0]
+    K, friction, late, added = cascade(settings, output_unit=unit), assumed.friction, settings.delay, np.nan
+    proofs = prove_all((read,), K, friction, delay=late, Fs=Fs)
+    if proofs[0].verdict is FrictionVerdict.PROVED:
+        proofs = prove_all((read, *ends), K, friction, delay=late, Fs=Fs)
     cures: tuple[FrictionCure, ...] = ()
-    if Fs is not None and proofs[0].verdict is not FrictionVerdict.PROVED:
-        cures = friction_cures(machine, settings, assumed.friction, Fs=Fs, output_unit=unit)
-    return DriveFriction(fit=fit, assumed=assumed, proofs=proofs, cures=cures, largest=Fs)
+    if proofs[0].verdict is FrictionVerdict.PROVED:
+        added = largest_added_delay((read, *ends), K, friction, delay=late, period=settings.dt)
+    elif Fs is not None:
+        weakest = replace(proofs[0].machine, delay=read.delay)  # a proof takes the delay out of its machine
+        cures = friction_cures(weakest, settings, friction, Fs=Fs, output_unit=unit)
+    return DriveFriction(
+        fit=fit,
+        assumed=assumed,
+        proofs=proofs,
+        cures=cures,
+        largest=Fs,
+        added_delay=added,
+        has_integral=bool(np.isfinite(settings.tn)),
+    )
+
+
+def read_friction(records: Sequence[nlfrf.Record], *, spring: bool, masses: int) -> FrictionFit:
+    """Read the friction from traces at rest; a ValueError says why it cannot be."""
+    if len(records) < FEWEST_LEVELS:
+        raise ValueError(
+            f"it takes traces at rest at three levels or more, from sticking to sliding, got {len(records)}"
+        )
+    if records[0].u_unit == "A":
+        raise ValueError("it takes a force, and the gains have no torque_constant")
+    return identify_friction(records, free=not spring, masses=masses)
+
+
+def machines_at_ends(fit: FrictionFit, assumed: FrictionClass) -> list[FrictionPlant]:
+    """Return the machine of the proof at the ends of the intervals of mass and viscous friction, from zero on."""
+    dampings = sorted({0.0, largest_damping(fit)})
+    unit = assumed.machine.position_unit
+    return [
+        friction_plant(mass, assumed.stiffness_low, damping, position_unit=unit)
+        for mass in fit.interval("mass")
+        if 0 < mass < np.inf
+        for damping in dampings
+    ]
+
+
+def largest_added_delay(
+    machines: Sequence[FrictionPlant],
+    K: control.StateSpace,
+    friction: AnyFriction,
+    *,
+    delay: float,
+    period: float,
+) -> float:
+    """Return the largest added delay [s] that was tried and with which every machine is proved, by bisection."""
+
+    def proves(steps: int) -> bool:
+        late = delay + steps * ADDED_STEP * period
+        return all(
+            prove_friction(machine, K, friction, delay=late).verdict is FrictionVerdict.PROVED for machine in machines
+        )
+
+    low, high = 0, round(1 / ADDED_STEP)
+    while high * ADDED_STEP <= MOST_ADDED_PERIODS and proves(high):
+        low, high = high, 2 * high
+    if high * ADDED_STEP > MOST_ADDED_PERIODS:
+        return low * ADDED_STEP * period
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if proves(middle) else (low, middle)
+    return low * ADDED_STEP * period
 
 
 def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:

@@ -6,6 +6,7 @@ import pytest
 from scipy.integrate import quad
 
 from robust import any_bounded, any_maxwell_slip, friction_plant, prove_friction, sampled
+from robust.drive import DriveSettings, cascade
 from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
 from robust.friction.plant import friction_loop, loop_frequencies, mobility
@@ -23,6 +24,14 @@ def closed_poles(K, delay):
     A = np.block([[G.A, G.B @ K.C], [-K.B @ G.C, K.A]])
     A[: G.nstates, : G.nstates] -= G.B @ K.D @ G.C
     return np.sort_complex(np.linalg.eigvals(A))
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.5, 20.0])
+def test_viscous_friction_of_a_free_mass_takes_no_proof_away(damping):
+    """Filters that were placed by its pole -c/m found no proof of a loop that is proved without that friction."""
+    drive = DriveSettings(fs=4000, kv=100, kp=7550, kp_unit="N/(m/s)", tn=0.01)
+    machine = friction_plant(12.0, 0.0, damping)
+    assert prove_friction(machine, cascade(drive), any_maxwell_slip(2.5e6), delay=0.5e-3).verdict == "proved"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3, 2e-3])

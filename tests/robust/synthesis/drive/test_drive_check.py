@@ -27,6 +27,7 @@ from robust.reports.drive_check import (
     read_experiments,
     read_trace,
 )
+from robust.reports.drive_friction import largest_added_delay
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -120,14 +121,20 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in page
     assert "behind a current loop of 0.3 ms, sampled at 4 kHz with 0.25 ms of delay" in page
     assert "of any size, in parts of it, linear, without limits: goes to 1, 10 to 90 % in" in page
-    assert 2000 < float(re.search(r"K0 = (\d+) kN/m, 1.25 times", page)[1]) < 3000  # the axis has 2000
-    read = {
-        name: (float(value), float(half)) for name, value, half in re.findall(r"^(.*) = (\S+) \+- (\S+)", page, re.M)
-    }
+    row = re.compile(r"^(\w[^\[\n]*?)(?: \[[^]]+\])? +(\S+) \+- (\S+) +(.+?)  ", re.M)
+    read = {name: (float(value), float(half), assumed) for name, value, half, assumed in row.findall(page)}
     axis = {"mass m": 12.0, "viscous friction c": 20.0, "presliding stiffness K0": 2000.0, "break-away force Fs": 20.0}
     for name, true in axis.items():
-        value, half = read[name]
+        value, half, _ = read[name]
         assert abs(value - true) < 2 * half < 0.2 * true, name  # twice the half-width: 4 standard deviations
+    K0, _, largest = read["presliding stiffness K0"]
+    assert float(largest.removeprefix("up to ")) == pytest.approx(1.25 * K0, rel=2e-3)
+    assert read["stiction over Coulomb friction"][2] == "up to 1.5"
+    proved = one_line(page)
+    assert "It rests at the set point, by the integral part. Proved also at both ends of mass" in proved
+    added = float(re.search(r"and again with (\S+) ms of additional delay", proved)[1])
+    margin = float(re.search(r"the nominal loop tolerates (\S+) ms of additional delay", proved)[1])
+    assert 0 < added < margin  # the class has the linear loop in it, without friction
     assert page.replace("wrote page.txt\n", "").strip() in (folder / "page.txt").read_text()
 
 
@@ -346,6 +353,42 @@ def test_a_delay_that_is_too_short_is_in_the_loop_all_the_same(folder):
 
 
 @pytest.mark.filterwarnings("ignore:G stands out of its neighbours")
+def test_friction_that_was_read_before_serves_other_gains(folder):
+    settings = load_gains(folder / "gains.toml")
+    records = [read_trace(folder / f"{name}.npz", settings) for name in ("low", "mid", "slide")]
+    read = check_drive(records, settings)
+    again = check_drive(records[2:], settings, fit=read.friction.fit, Fs=2 * read.friction.largest)
+    assert str(again.friction.assumed) == str(read.friction.assumed)
+    assert again.friction.error_bound == pytest.approx(2 * read.friction.error_bound, rel=1e-9)
+    machines = {(one.machine.A[1, 1], one.machine.B_port[1]) for one in read.friction.proofs}
+    low, high = (1 / mass for mass in read.friction.fit.interval("mass"))
+    damping = read.friction.fit.interval("damping")[1]
+    for end in (low, high):
+        for c in (0.0, damping):
+            assert any(np.allclose(one, (-c * end, end), rtol=1e-9, atol=1e-12) for one in machines)
+    assert "It rests where friction holds it" in str(
+        check_drive(records, replace(settings, tn=np.inf), fit=again.friction.fit)
+    )
+    with pytest.raises(ValueError, match="fit must be of type FrictionFit, got 3"):
+        check_drive(records, settings, fit=3)
+    with pytest.raises(ValueError, match="fit must be in N and m as the traces, got Nm and rad"):
+        check_drive(records, settings, fit=replace(read.friction.fit, units=("Nm", "rad")))
+
+
+def test_a_proof_holds_with_the_added_delay_and_no_sixteenth_of_a_period_more(folder):
+    """The loop at the ends is proved with what the page names, and one of them is not with the next step."""
+    settings = load_gains(folder / "gains.toml")
+    plants = [robust.friction_plant(mass, 0.0) for mass in (11.9, 12.1)]
+    K, friction = cascade(settings, output_unit="N"), robust.any_maxwell_slip(2.5e6)
+    added = largest_added_delay(plants, K, friction, delay=settings.delay, period=settings.dt)
+    late = [settings.delay + added, settings.delay + added + settings.dt / 16]
+    held = [[robust.prove_friction(one, K, friction, delay=delay).verdict for one in plants] for delay in late]
+    assert 0 < added < 8 * settings.dt
+    assert held[0] == ["proved", "proved"]
+    assert set(held[1]) != {"proved"}
+
+
+@pytest.mark.filterwarnings("ignore:G stands out of its neighbours")
 def test_a_proof_and_an_unstable_model_contradict_each_other(folder):
     """The linear model of a trace at rest has friction in it; what the levels say together is the machine."""
     settings = load_gains(folder / "gains.toml")
@@ -395,8 +438,7 @@ def one_line(page):
 def test_a_trace_in_motion_enters_by_its_design(run):
     code, page, warned = run("motion-trace.csv gains.toml --design motion.npz")
     assert (code, warned) == (0, "")
-    assert "motion-trace.csv forward: 63" in page
-    assert "motion-trace.csv backward: 63" in page
+    assert len(re.findall(r"motion-trace.csv (?:for|back)ward: 6\d\.?\d* N rms \(63", page)) == 2
     assert "linear loop, from motion-trace.csv" in page
     assert "STATISTICALLY ROBUST" in page
     assert "warning:" not in page
