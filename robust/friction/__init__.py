@@ -19,6 +19,7 @@ reading              the entry point: machine and class from BLAs or records at 
 saturation           a machine with friction whose actuator saturates
 settling             how far from rest friction with stiction can keep a loop
 storage              quadratic storage functions, and polynomials that keep their sign
+two_masses           machine and class of a motor and a load that were identified
 units                units of an axis that moves or turns
 """
 

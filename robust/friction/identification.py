@@ -57,6 +57,7 @@ from robust.friction.levels import (
 )
 from robust.friction.load import start_with_load
 from robust.friction.plant import FrictionPlant, friction_plant
+from robust.friction.two_masses import class_with_load
 from robust.friction.units import format_length, position_unit_of
 
 __all__ = ["FrictionFit", "Gap", "LevelBalance", "OpenQuestion", "identify_friction"]
@@ -275,8 +276,9 @@ class FrictionFit:
     @property
     def sliders(self) -> nlfrf.friction.VaryingSliders:
         """The friction at the motor as a law, for simulations and feedforward."""
+        stiction = (self.Fs - self.load_Fs) / (self.coulomb - self.load_coulomb)
         return nlfrf.friction.VaryingSliders(
-            stiffness=self.element_stiffness, strength=self.element_strength, stiction=self.stiction, vs=self.vs
+            stiffness=self.element_stiffness, strength=self.element_strength, stiction=stiction, vs=self.vs
         )
 
     def virgin_curve(self, z: Any) -> np.ndarray:
@@ -304,21 +306,16 @@ class FrictionFit:
         Raises
         ------
         ValueError
-            Levels that leave the machine or K0 open, with the first reason; two masses with friction on both.
+            Levels that leave the machine or K0 open, with the first reason.
         """
         for question in self.questions:
             known = question.kind is Gap.HIGHEST_LEVEL_STICKS and not self.stiffness and np.isfinite(self.stds["K0"])
             if question.kind is not Gap.STICTION and not known:
                 raise ValueError(f"fit must leave neither machine nor K0 open, got: {question.description}")
-        if self.load_mass:
-            force = self.units[0]
-            raise ValueError(
-                f"fit must have its friction at one place, got {self.Fs - self.load_Fs:.3g} {force} at the motor and "
-                f"{self.load_Fs:.3g} {force} at the load: prove_friction knows friction at one mass, and a proof would "
-                "leave out the other. Simulate the loop with `sliders` and `load_sliders`, or bound its error"
-            )
         if require_real("margin", margin) < 1:
             raise ValueError(f"margin must be at least 1, got {margin:g}")
+        if self.load_mass:
+            return class_with_load(self, stiction=stiction, margin=margin)
         low = max(0.0, self.interval("stiffness")[0])
         stiction = max(stiction, self.interval("stiction")[1]) if np.isfinite(self.stds["stiction"]) else stiction
         position_unit = position_unit_of(self.units[1])

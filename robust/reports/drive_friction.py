@@ -16,11 +16,12 @@ import nlfrf
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
-from robust.friction.classes import AnyFriction
+from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.identification import FrictionFit, identify_friction
 from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states
 from robust.friction.prove import FrictionProof, prove_friction
+from robust.friction.two_masses import interval_at_port, machines_with_load
 from robust.friction.units import format_length
 from robust.io.certificates import prove_all
 from robust.synthesis.drive.cascade import cascade
@@ -55,8 +56,9 @@ class DriveFriction:
         What a change of the drive does to a verdict that is not proved.
     note : str
         Why nothing was read, or nothing proved.
-    largest : float or None
-        Largest friction force [N] or [Nm] of the bounds: stated, or the upper end of what was read.
+    largest : float, tuple of float or None
+        Largest friction force [N] or [Nm] of the bounds: stated, or the upper end of what was read; of motor and load
+        one each.
     added_delay : float
         Additional delay [s] with which all was proved too; with `ADDED_STEP` of a period more it was not, or not
         tried. nan where the loop is not proved.
@@ -69,7 +71,7 @@ class DriveFriction:
     proofs: tuple[FrictionProof, ...] = ()
     cures: tuple[FrictionCure, ...] = ()
     note: str = ""
-    largest: float | None = None
+    largest: float | tuple[float, ...] | None = None
     added_delay: float = np.nan
     has_integral: bool = False
 
@@ -89,7 +91,8 @@ class DriveFriction:
     @property
     def error_bound(self) -> float:
         """Where the axis is in the end, from its rest [m] or [rad], with any friction up to `largest`; nan: unknown."""
-        return max((proof.error_bound for proof in self.proofs), default=np.nan)
+        bounds = [proof.error_bound for proof in self.proofs if np.isfinite(proof.error_bound)]
+        return max(bounds, default=np.nan)
 
     def __str__(self) -> str:
         if self.fit is None:
@@ -106,12 +109,14 @@ class DriveFriction:
         if self.proved:
             rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
             added = f", and again with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
+            ends = "mass" if isinstance(self.largest, float | None) else "motor, load and the spring between them"
             rows = [
-                f"It rests {rest}. Proved also at both ends of mass and viscous friction in the table (not between "
-                f"them){added}."
+                f"It rests {rest}. Proved also at both ends of {ends} and of viscous friction in the table (not "
+                f"between them){added}."
             ]
         if self.largest is not None and self.assumed is not None:
-            force = f"{self.largest:.4g} {self.assumed.friction.units.force}"
+            unit = self.assumed.friction.units.force
+            force = " and ".join(f"{own:.4g} {unit}" for own in np.atleast_1d(self.largest))
             rows.append(f"The given force is {force}, as stated or the upper end of Fs.")
         return rows
 
@@ -135,16 +140,20 @@ def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
     (low, high), damping = fit.interval("mass"), largest_damping(fit)
     friction = assumed.friction
     unlimited = ("any", "no limit in the class")
-    assumptions = {
-        "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
-        "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
-        "stiffness": (f"{assumed.stiffness_low / 1e3:.4g}", "lower end, the rest is in K0"),
-        "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{K0_MARGIN:g} times the upper end"),
-        "Fs": unlimited,
-        "coulomb": unlimited,
-        "stiction": (f"up to {friction.stiction:.3g}", "chosen, or the upper end"),
-        "delay": ("of the drive", "or as read, where more"),
-    }
+    assumptions = (
+        assumptions_with_load(fit, friction)
+        if isinstance(friction, FrictionAtPorts)
+        else {
+            "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
+            "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
+            "stiffness": (f"{assumed.stiffness_low / 1e3:.4g}", "lower end, the rest is in K0"),
+            "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{K0_MARGIN:g} times the upper end"),
+            "Fs": unlimited,
+            "coulomb": unlimited,
+            "stiction": (f"up to {friction.stiction:.3g}", "chosen, or the upper end"),
+            "delay": ("of the drive", "or as read, where more"),
+        }
+    )
     rows = [f"{'':34}{'read (95 %)':20}{'assumed':19}why"]
     for name, (label, unit, factor) in REPORTED.items():
         half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
@@ -164,6 +173,34 @@ def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
         f"{unexplained:.2g} % of the force unexplained"
     )
     return [*rows, *(f"Open: {question}" for question in fit.questions)]
+
+
+def assumptions_with_load(fit: FrictionFit, friction: FrictionAtPorts) -> dict[str, tuple[str, str]]:
+    """Return what the proof assumes of each number of motor and load, and why."""
+    unlimited, damping = ("any", "no limit in the class"), largest_damping(fit)
+    stiffest = [f"{one.K0 / 1e3:.4g}" for one in friction.ports]
+    ratios = [f"{one.stiction:.3g}" for one in friction.ports]
+
+    def ends(name: str, port: str = "") -> str:
+        low, high = interval_at_port(fit, name, port) if port else fit.interval(name)
+        return " and ".join(f"{REPORTED[name][2] * end:.5g}" for end in (low, high))
+
+    return {
+        "mass": (ends("mass", "motor"), "of the motor, both ends"),
+        "damping": (f"0 and {damping:.4g}" if damping else "0", "none; the upper end at either" if damping else ""),
+        "stiffness": (f"{max(0.0, fit.interval('stiffness')[0]) / 1e3:.4g}", "lower end, the rest is in K0"),
+        "K0": (f"up to {stiffest[0]}", f"of the motor, {K0_MARGIN:g} times the upper end"),
+        "Fs": unlimited,
+        "coulomb": unlimited,
+        "stiction": (f"up to {' and '.join(ratios)}", "chosen, or the upper end"),
+        "delay": ("of the drive", "or as read, where more"),
+        "load_mass": (ends("mass", "load"), "both ends"),
+        "coupling": (ends("coupling"), "both ends"),
+        "coupling_damping": (f"{max(0.0, fit.interval('coupling_damping')[0]):.4g}", "lower end"),
+        "load_K0": (f"up to {stiffest[1]}", f"{K0_MARGIN:g} times the upper end"),
+        "load_Fs": unlimited,
+        "load_coulomb": unlimited,
+    }
 
 
 def largest_damping(fit: FrictionFit) -> float:
@@ -196,34 +233,49 @@ def judge_friction(
         assumed = fit.assumed_class(stiction=stiction, margin=K0_MARGIN)
     except ValueError as error:
         return DriveFriction(fit=fit, note=str(error))
+    if fit.load_mass and settings.encoder != "motor":
+        return DriveFriction(
+            fit=fit, note="motor and load are read from the encoder of the motor, and it is at the load"
+        )
     # the loop has delay and lag of the settings: the machine keeps what the traces show beyond them
     known = 0.0 if actual else settings.delay + settings.lag
     read, *ends = (
         friction_behind_lag(replace(one, delay=max(0.0, fit.delay - known)), settings.lag)
         for one in (assumed.machine, *machines_at_ends(fit, assumed))
     )
+    largest: float | tuple[float, ...] | None = Fs
     if Fs is None and np.isfinite(fit.stds["Fs"]):
-        Fs = fit.interval("Fs")[1]
+        largest = largest_forces_read(fit)
     unit = fit.units[0]
     K, friction, late, added = cascade(settings, output_unit=unit), assumed.friction, settings.delay, np.nan
-    proofs = prove_all((read,), K, friction, delay=late, Fs=Fs)
+    proofs = prove_all((read,), K, friction, delay=late, Fs=largest)
     if proofs[0].verdict is FrictionVerdict.PROVED:
-        proofs = prove_all((read, *ends), K, friction, delay=late, Fs=Fs)
+        # with friction at two places the bound takes longer than the proof
+        at_ends = None if isinstance(friction, FrictionAtPorts) else largest
+        proofs = (*proofs, *prove_all(ends, K, friction, delay=late, Fs=at_ends))
+        proofs = tuple(sorted(proofs, key=lambda proof: proof.verdict is FrictionVerdict.PROVED))
     cures: tuple[FrictionCure, ...] = ()
     if proofs[0].verdict is FrictionVerdict.PROVED:
         added = largest_added_delay((read, *ends), K, friction, delay=late, period=settings.dt)
-    elif Fs is not None:
+    elif largest is not None:
         weakest = replace(proofs[0].machine, delay=read.delay)  # a proof takes the delay out of its machine
-        cures = friction_cures(weakest, settings, friction, Fs=Fs, output_unit=unit)
+        cures = friction_cures(weakest, settings, friction, Fs=largest, output_unit=unit)
     return DriveFriction(
         fit=fit,
         assumed=assumed,
         proofs=proofs,
         cures=cures,
-        largest=Fs,
+        largest=largest,
         added_delay=added,
         has_integral=bool(np.isfinite(settings.tn)),
     )
+
+
+def largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:
+    """Return the upper end of the break-away force; of motor and load one each."""
+    if not fit.load_mass:
+        return fit.interval("Fs")[1]
+    return tuple(interval_at_port(fit, "Fs", port)[1] for port in ("motor", "load"))
 
 
 def read_friction(records: Sequence[nlfrf.Record], *, spring: bool, masses: int) -> FrictionFit:
@@ -239,6 +291,8 @@ def read_friction(records: Sequence[nlfrf.Record], *, spring: bool, masses: int)
 
 def machines_at_ends(fit: FrictionFit, assumed: FrictionClass) -> list[FrictionPlant]:
     """Return the machine of the proof at the ends of the intervals of mass and viscous friction, from zero on."""
+    if fit.load_mass:
+        return machines_with_load(fit)[1:]
     dampings = sorted({0.0, largest_damping(fit)})
     unit = assumed.machine.position_unit
     return [
@@ -252,7 +306,7 @@ def machines_at_ends(fit: FrictionFit, assumed: FrictionClass) -> list[FrictionP
 def largest_added_delay(
     machines: Sequence[FrictionPlant],
     K: control.StateSpace,
-    friction: AnyFriction,
+    friction: AnyFriction | FrictionAtPorts,
     *,
     delay: float,
     period: float,
