@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_nonnegative, require_positive, require_real
 from nlfrf._base.values import value
-from robust.friction.units import MechanicalUnits, mechanical_units
+from robust.friction.units import MechanicalUnits, format_plain, mechanical_units
 
 __all__ = ["AnyFriction", "FrictionAtPorts", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
 
@@ -144,7 +144,9 @@ class FrictionAtPorts:
     def description(self) -> str:
         """Which laws these are."""
         places = list(zip(self.ports, self.names, strict=True))
-        stiffest = " and ".join(f"{port.K0 / 1e3:.4g} {self.units.stiffness} at {name}" for port, name in places)
+        stiffest = " and ".join(
+            f"{format_plain(port.K0 / 1e3)} {self.units.stiffness} at {name}" for port, name in places
+        )
         if len({port.stiction for port in self.ports}) == 1:
             ratio = f"{self.ports[0].stiction:.4g} times"
         else:

@@ -12,7 +12,7 @@ from scipy.linalg import eig, expm, solve_discrete_lyapunov
 from nlfrf._base.arguments import require_choice, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.types import Controller, LinearSystem
-from robust.friction.units import MechanicalUnits, mechanical_units
+from robust.friction.units import MechanicalUnits, format_plain, mechanical_units
 from robust.lti.lti import balance_matrix, timebase
 from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import without_pade
@@ -266,8 +266,8 @@ def two_mass_plant(
         C_measured=places[("motor", "load").index(require_choice("encoder", encoder, ("motor", "load")))],
         C_port=places,
         description=(
-            f"motor {motor:.4g} {units.mass} and load {load:.4g} {units.mass} with {k / 1e3:.4g} {units.stiffness} and "
-            f"{c:.3g} {units.damping} between them"
+            f"motor {motor:.4g} {units.mass} and load {load:.4g} {units.mass} with "
+            f"{format_plain(k / 1e3)} {units.stiffness} and {format_plain(c)} {units.damping} between them"
             + (f", {ground / 1e3:.4g} {units.stiffness} to ground" if ground else "")
             + "".join(f", c = {own:.3g} {units.damping} at the {place}" for place, own in viscous.items() if own)
             + f", encoder on the {encoder}"

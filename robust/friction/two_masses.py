@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -11,13 +11,11 @@ from robust.friction.balance import HALF_WIDTH
 from robust.friction.classes import FrictionAtPorts, any_maxwell_slip
 from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, two_mass_plant
-from robust.friction.units import format_length, position_unit_of
-
-if TYPE_CHECKING:
-    from robust.friction.identification import FrictionFit
+from robust.friction.units import format_length, format_plain, position_unit_of
 
 __all__ = ["class_with_load", "interval_at_port", "machines_with_load"]
 
+FrictionFit: TypeAlias = Any  # of robust.friction.identification, which takes the class from here
 PORTS = ("motor", "load")
 
 
@@ -105,11 +103,12 @@ def describe_load_class(fit: FrictionFit, machine: FrictionPlant, friction: Fric
     """Say what was identified, what is assumed, and what the levels cannot show."""
     highest, lowest = fit.levels[0], fit.levels[-1]
     ratios = " and ".join(f"{one.stiction:.3g}" for one in friction.ports)
+    stiffest = " and ".join(format_plain(one.K0 / 1e3) for one in friction.ports)
     return (
         f"Assumed, identified from {len(fit.levels)} records of {lowest.force:.3g} to {highest.force:.3g} "
         f"{fit.units[0]} rms, by the balance of forces along the measured motion: {machine.description}, "
         f"{1e3 * machine.delay:.3g} ms of delay (its lag taken for delay); c = 0; K0 at motor and load "
-        f"{' and '.join(f'{one.K0 / 1e3:.4g}' for one in friction.ports)} {friction.units.stiffness}, {margin:g} times "
+        f"{stiffest} {friction.units.stiffness}, {margin:g} times "
         f"the upper ends, given that no element slips below {format_length(fit.seen_from, fit.units[1])}; stiction "
         f"{ratios}; at most {100 * max(level.unexplained for level in fit.levels):.2g} % of the force unexplained. "
         f"{ASSUMPTION_NOTE}"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from nlfrf._base.values import value
 
-__all__ = ["MechanicalUnits", "format_length", "mechanical_units", "position_unit_of"]
+__all__ = ["MechanicalUnits", "format_length", "format_plain", "mechanical_units", "position_unit_of"]
 
 
 @value
@@ -42,6 +44,15 @@ def mechanical_units(position_unit: str) -> MechanicalUnits:
     if position_unit not in UNITS:
         raise ValueError(f'position_unit must be "m" or "rad", got {position_unit!r}')
     return UNITS[position_unit]
+
+
+def format_plain(number: float) -> str:
+    """Return a number with four digits and without an exponent.
+
+    >>> format_plain(25086.7), format_plain(2.0)
+    ('25090', '2')
+    """
+    return str(np.format_float_positional(float(f"{number:.4g}"), trim="-"))
 
 
 def format_length(length: float, unit: str) -> str:

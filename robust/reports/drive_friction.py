@@ -22,7 +22,7 @@ from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states
 from robust.friction.prove import FrictionProof, prove_friction
 from robust.friction.two_masses import interval_at_port, machines_with_load
-from robust.friction.units import format_length
+from robust.friction.units import format_length, format_plain
 from robust.io.certificates import prove_all
 from robust.synthesis.drive.cascade import cascade
 from robust.synthesis.drive.cures import FrictionCure, friction_cures
@@ -108,6 +108,9 @@ class DriveFriction:
         rows = []
         if self.proved:
             rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
+            if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
+                stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
+                rest = f"with the motor {rest}, and the load within {stretch} of it"
             added = f", and again with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
             ends = "mass" if isinstance(self.largest, float | None) else "motor, load and the spring between them"
             rows = [
@@ -154,7 +157,7 @@ def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
             "delay": ("of the drive", "or as read, where more"),
         }
     )
-    rows = [f"{'':34}{'read (95 %)':20}{'assumed':19}why"]
+    table = [("", "read (95 %)", "assumed", "why")]
     for name, (label, unit, factor) in REPORTED.items():
         half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
         if not half or name not in assumptions:
@@ -163,7 +166,9 @@ def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
             f"{format_rounded(factor * getattr(fit, name), half)} +- {half:.1g}" if np.isfinite(half) else "left open"
         )
         quantity = f"{label} [{unit_of(unit, fit.units)}]" if unit else label
-        rows.append(f"{quantity:34}{read:20}{assumptions[name][0]:19}{assumptions[name][1]}")
+        table.append((quantity, read, *assumptions[name]))
+    widths = [max(map(len, column)) + 2 for column in list(zip(*table, strict=True))[:3]]
+    rows = ["".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)) + row[3] for row in table]
     unexplained = 100 * max(level.unexplained for level in fit.levels)
     seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
     if fit.stds["stiffness"]:
@@ -177,8 +182,8 @@ def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
 
 def assumptions_with_load(fit: FrictionFit, friction: FrictionAtPorts) -> dict[str, tuple[str, str]]:
     """Return what the proof assumes of each number of motor and load, and why."""
-    unlimited, damping = ("any", "no limit in the class"), largest_damping(fit)
-    stiffest = [f"{one.K0 / 1e3:.4g}" for one in friction.ports]
+    unlimited, damping = ("any", "no limit"), largest_damping(fit)
+    stiffest = [format_plain(one.K0 / 1e3) for one in friction.ports]
     ratios = [f"{one.stiction:.3g}" for one in friction.ports]
 
     def ends(name: str, port: str = "") -> str:
@@ -186,18 +191,18 @@ def assumptions_with_load(fit: FrictionFit, friction: FrictionAtPorts) -> dict[s
         return " and ".join(f"{REPORTED[name][2] * end:.5g}" for end in (low, high))
 
     return {
-        "mass": (ends("mass", "motor"), "of the motor, both ends"),
-        "damping": (f"0 and {damping:.4g}" if damping else "0", "none; the upper end at either" if damping else ""),
-        "stiffness": (f"{max(0.0, fit.interval('stiffness')[0]) / 1e3:.4g}", "lower end, the rest is in K0"),
-        "K0": (f"up to {stiffest[0]}", f"of the motor, {K0_MARGIN:g} times the upper end"),
+        "mass": (ends("mass", "motor"), "motor, both ends"),
+        "damping": (f"0 and {damping:.4g}" if damping else "0", "none; upper end" if damping else ""),
+        "stiffness": (f"{max(0.0, fit.interval('stiffness')[0]) / 1e3:.4g}", "lower end"),
+        "K0": (f"up to {stiffest[0]}", f"motor, {K0_MARGIN:g} x upper"),
         "Fs": unlimited,
         "coulomb": unlimited,
-        "stiction": (f"up to {' and '.join(ratios)}", "chosen, or the upper end"),
-        "delay": ("of the drive", "or as read, where more"),
+        "stiction": (f"up to {' and '.join(ratios)}", "chosen, or read"),
+        "delay": ("of the drive", "as read, if more"),
         "load_mass": (ends("mass", "load"), "both ends"),
         "coupling": (ends("coupling"), "both ends"),
         "coupling_damping": (f"{max(0.0, fit.interval('coupling_damping')[0]):.4g}", "lower end"),
-        "load_K0": (f"up to {stiffest[1]}", f"{K0_MARGIN:g} times the upper end"),
+        "load_K0": (f"up to {stiffest[1]}", f"load, {K0_MARGIN:g} x upper"),
         "load_Fs": unlimited,
         "load_coulomb": unlimited,
     }
