@@ -116,10 +116,13 @@ def samples_of(case: PortCase) -> int:
     return int(np.clip(TIME_CONSTANTS / -np.log(slowest), 2000, LONGEST))
 
 
-def run_case(case: PortCase, laws: tuple[VaryingSliders, ...], push: float) -> tuple[float, bool]:
-    """[m] largest displacement of either mass in the last third of a run after a push [N], and whether it moves."""
-    n = samples_of(case)
-    force, end = np.zeros(n), n // 10
+def run_case(case: PortCase, laws: tuple[VaryingSliders, ...], push: float, *, longer: int = 1) -> tuple[float, bool]:
+    """[m] largest displacement of either mass in the last third of a run after a push [N], and whether it moves.
+
+    One that moves is run again for four times as long: a slider that is held just below its limit may let go once more.
+    """
+    n, end = longer * samples_of(case), samples_of(case) // 10
+    force = np.zeros(n)
     force[:end] = push * np.linspace(0, 1, end)
     axis = replace(case.axis, motor_friction=laws[0], load_friction=laws[1])
     with warnings.catch_warnings():
@@ -127,8 +130,11 @@ def run_case(case: PortCase, laws: tuple[VaryingSliders, ...], push: float) -> t
         trace = nlfrf.run_servo(axis, force=force, oversampling=8)
     third, tenth = trace.x[:, -n // 3 :], trace.x[:, -n // 10 :]
     smallest = MOVING * min(Fs / one.K0 for Fs, one in zip(case.Fs, case.friction, strict=True))
-    moves = np.ptp(tenth, axis=1) > np.maximum(0.5 * np.ptp(third, axis=1), smallest)
-    return float(np.abs(third).max()), bool(moves.any() or trace.diverged)
+    swings = np.ptp(tenth, axis=1) > np.maximum(0.5 * np.ptp(third, axis=1), smallest)
+    moves = bool(swings.any() or trace.diverged)
+    if moves and longer == 1:
+        return run_case(case, laws, push, longer=4)
+    return float(np.abs(third).max()), moves
 
 
 def main() -> None:

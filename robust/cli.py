@@ -321,6 +321,7 @@ def prove(
         Path | None, typer.Option(help="With BLAs: model of one level, for a flexible machine or one with a delay.")
     ] = None,
     free: Annotated[bool, typer.Option("--free", help="With records: there is no spring to ground.")] = False,
+    masses: Annotated[int, typer.Option(help="2: with records, a motor and a load; takes minutes.")] = 1,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Delay = None,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
@@ -352,7 +353,14 @@ def prove(
     named |= {"n_discard": discard or None, "resample": resample or None}
     load = {name: option for name, option in named.items() if option is not None}
     basis = certificates.class_from_files(
-        machine, controller, nominal=nominal, stiffness=stiffness, stiction=stiction, free=free, load=load
+        machine,
+        controller,
+        nominal=nominal,
+        stiffness=stiffness,
+        stiction=stiction,
+        free=free,
+        masses=masses,
+        load=load,
     )
     with spinner("proving"):
         proofs = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force, limits=limits)

@@ -3,7 +3,7 @@
 aliases          a set of continuous plants as a sampler sees it: every alias of a frequency at once
 bounds           the region that |L| must avoid, whatever its phase
 curves           S, T and the measures of robust stability (rs) and performance (rp) over frequency, for the whole set
-disk             disk margins: gain and phase at once, in all channels at once
+disk             disk margins: gain, phase or less of both, in all channels at once
 family           loops around random plants of the set
 gap              the distance between plants (nu-gap), and the margin of a loop for it
 loop             plant, controller, hold, delay on one time base: stable or not, its peaks, with another plant

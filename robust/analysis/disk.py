@@ -1,4 +1,4 @@
-"""Disk margins: how much gain and phase, at once and in all channels at once, a loop can bear.
+"""Disk margins: how much gain, or phase, or less of both, in all channels at once, a loop can bear.
 
 Of a loop of several channels each alone, the others closed as they are, says the least: all at once may bear a
 hundredth of it. Inputs and outputs of the plant are the channels of one loop,

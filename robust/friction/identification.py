@@ -344,7 +344,8 @@ class FrictionFit:
             elements += f" at the motor and {self.load_sliders.stiffness.size} at the load,"
         last = (
             f"95 % intervals, given Maxwell slip of {elements} none of which slips below "
-            f"{format_length(self.seen_from, self.units[1])}"
+            f"{format_length(self.seen_from, self.units[1])}; at most "
+            f"{100 * max(level.unexplained for level in self.levels):.2g} % of the force unexplained"
         )
         return "\n".join([*format_numbers(self), last, *(f"Open: {question}" for question in self.questions)])
 

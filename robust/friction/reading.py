@@ -20,11 +20,12 @@ def friction_class(
     stiction: float = 1.5,
     margin: float = 1.25,
     free: bool = False,
+    masses: int = 1,
 ) -> FrictionClass:
     """Read machine and presliding stiffness at three levels or more, from BLAs or records, for `prove_friction`.
 
     **Records** are read by `identify_friction`, and the class is its `assumed_class`. The delay is in it, and the
-    class uses the ends of intervals of 95 %. The axis is one rigid mass in the band.
+    class uses the ends of intervals of 95 %. The axis is one rigid mass in the band, or a motor and a load.
 
     **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines, the last term an element
     that slips. The machine gets the least k that the highest level allows within three standard deviations, less what k
@@ -52,6 +53,8 @@ def friction_class(
         Times the presliding stiffness that was read.
     free : bool
         Whether there is no spring to ground. With records alone: BLAs always leave a spring open.
+    masses : int
+        2 for a motor and a load with friction on both, the encoder on the motor; takes minutes. With records alone.
 
     Returns
     -------
@@ -95,10 +98,12 @@ def friction_class(
     if not records:
         if free:
             raise ValueError("free must be left out with BLAs, which leave a spring to ground open, got True")
+        if masses != 1:
+            raise ValueError(f"masses must be 1 with BLAs, which take a nominal for a flexible machine, got {masses}")
         return class_from_blas(measured, nominal=nominal, stiction=stiction, margin=margin)
     if nominal is not None:
         raise ValueError(
-            "nominal must be left out with Records, which are read as one mass, got one: give the BLAs, "
+            "nominal must be left out with Records, which are read as one mass or two, got one: give the BLAs, "
             "nlfrf.identify(record) of each"
         )
-    return identify_friction(records, free=free).assumed_class(stiction=stiction, margin=margin)
+    return identify_friction(records, free=free, masses=masses).assumed_class(stiction=stiction, margin=margin)

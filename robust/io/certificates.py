@@ -259,6 +259,7 @@ def class_from_files(
     stiffness: float | None = None,
     stiction: float = 1.5,
     free: bool = False,
+    masses: int = 1,
     load: LoadOptions | None = None,
 ) -> FrictionBasis:
     """Return machines and friction class of one model and a stiffness [N/m], or of BLAs or records at several levels.
@@ -297,17 +298,26 @@ def class_from_files(
         )
     if records:
         found = class_from_records(
-            records, controller, nominal=nominal, stiffness=stiffness, stiction=stiction, free=free, load=load
+            records,
+            controller,
+            nominal=nominal,
+            stiffness=stiffness,
+            stiction=stiction,
+            free=free,
+            masses=masses,
+            load=load,
         )
     else:
-        if given := [f"--{LOAD_OPTIONS[name]}" for name in load] + ["--free"] * free:
+        if given := [f"--{LOAD_OPTIONS[name]}" for name in load] + ["--free"] * free + ["--masses"] * (masses != 1):
             raise ValueError(
                 f"machine must be records for {' and '.join(given)}, got BLAs; "
                 + next_command_hint(prove_command(list(blas), controller, nominal=nominal, stiffness=stiffness))
             )
         found = class_from_bla_files(blas, controller, nominal=nominal, stiffness=stiffness, stiction=stiction)
     friction = found.friction
-    if stiffness is not None and isinstance(friction, AnyFriction):
+    if stiffness is not None:
+        if not isinstance(friction, AnyFriction):
+            raise ValueError(f"stiffness must be left out with two masses, which have one each, got {stiffness:g}")
         friction = any_maxwell_slip(stiffness, friction.stiction, position_unit=friction.position_unit)
     return FrictionBasis(
         machines=found.machines,
@@ -338,6 +348,7 @@ def class_from_records(
     stiffness: float | None,
     stiction: float,
     free: bool,
+    masses: int,
     load: LoadOptions,
 ) -> FrictionClass:
     """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
@@ -357,9 +368,9 @@ def class_from_records(
             + next_command_hint(*identified, around)
         )
     with add_next_command(
-        "for a machine that is flexible, around a nominal " + next_command_hint(*identified, fit, around)
+        "for a machine that is flexible, --masses 2, or around a nominal " + next_command_hint(*identified, fit, around)
     ):
-        return friction_class(list(records.values()), stiction=stiction, free=free)
+        return friction_class(list(records.values()), stiction=stiction, free=free, masses=masses)
 
 
 def class_from_bla_files(

@@ -80,7 +80,7 @@ LEGEND = """line: an excited frequency; rms: on the lines, in parentheses of the
 radius: how far the FRF on a line may be from the model, relative to it; weight: bound of that error
 at all frequencies, above the radius; rs: weight times |T|, all plants are stable if it is below 1
 S = 1/(1 + L), T = 1 - S, L the loop gain; bandwidth of S: where |S| reaches 0.71
-disk margin: change of gain and phase at once; lower gain margin: how far the gain may fall"""
+disk margin: change of gain, of phase, or less of both; lower gain margin: how far the gain may fall"""
 
 
 class RecordedGains(State):

@@ -35,6 +35,11 @@ FEWEST_LEVELS = 3
 #: Largest presliding stiffness of the proof, over the upper end of what was read: elements that slip below the lowest
 #: level are not seen.
 K0_MARGIN = 1.25
+#: What no interval of a reading holds.
+FORCE_NOTE = (
+    "Mass, stiffness and forces are as good as what scales the trace to {unit}, such as the force constant: an error "
+    "of that is in no interval."
+)
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
 MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
 
@@ -62,6 +67,8 @@ class DriveFriction:
     added_delay : float
         Additional delay [s] with which all was proved too; with `ADDED_STEP` of a period more it was not, or not
         tried. nan where the loop is not proved.
+    known_delay : float
+        Delay with lag [s] that the settings have in front of the traces.
     has_integral : bool
         Whether the velocity loop has an integral part, so that the axis can rest at its set point only.
     """
@@ -73,6 +80,7 @@ class DriveFriction:
     note: str = ""
     largest: float | tuple[float, ...] | None = None
     added_delay: float = np.nan
+    known_delay: float = 0.0
     has_integral: bool = False
 
     @property
@@ -99,7 +107,8 @@ class DriveFriction:
             return f"not judged: {self.note}"
         if self.assumed is None:
             return f"read from {len(self.fit.levels)} traces at rest:\n{self.fit}\nnot judged: {self.note}"
-        rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed), ASSUMPTION_NOTE]
+        rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
+        rows += [FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
         rows.append(str(replace(self.proofs[0], error_bound=self.error_bound)))
         return "\n".join([*rows, " ".join(self.describe_scope()), *map(str, self.cures)])
 
@@ -111,11 +120,11 @@ class DriveFriction:
             if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
                 stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
                 rest = f"with the motor {rest}, and the load within {stretch} of it"
-            added = f", and again with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
+            added = f", and with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
             ends = "mass" if isinstance(self.largest, float | None) else "motor, load and the spring between them"
             rows = [
-                f"It rests {rest}. Proved also at both ends of {ends} and of viscous friction in the table (not "
-                f"between them){added}."
+                f"It rests {rest}. Proved also at both ends of {ends} and of viscous friction in the table"
+                f"{added} (at these values, not between them)."
             ]
         if self.largest is not None and self.assumed is not None:
             unit = self.assumed.friction.units.force
@@ -138,25 +147,10 @@ def describe_reading(fit: FrictionFit) -> str:
     )
 
 
-def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
-    """Return the table of what was read, what the proof assumes of it, and why."""
-    (low, high), damping = fit.interval("mass"), largest_damping(fit)
-    friction = assumed.friction
-    unlimited = ("any", "no limit in the class")
-    assumptions = (
-        assumptions_with_load(fit, friction)
-        if isinstance(friction, FrictionAtPorts)
-        else {
-            "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
-            "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
-            "stiffness": (f"{assumed.stiffness_low / 1e3:.4g}", "lower end, the rest is in K0"),
-            "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{K0_MARGIN:g} times the upper end"),
-            "Fs": unlimited,
-            "coulomb": unlimited,
-            "stiction": (f"up to {friction.stiction:.3g}", "chosen, or the upper end"),
-            "delay": ("of the drive", "or as read, where more"),
-        }
-    )
+def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass, known_delay: float) -> list[str]:
+    """Return the table of what was read, what the proof assumes of it, and why; `known_delay` [s] is the drive's."""
+    delay = f"{1e3 * max(known_delay, fit.delay):.4g}", "drive" if known_delay >= fit.delay else "as read"
+    assumptions = (assumptions_with_load if fit.load_mass else assumptions_of_mass)(fit, assumed) | {"delay": delay}
     table = [("", "read (95 %)", "assumed", "why")]
     for name, (label, unit, factor) in REPORTED.items():
         half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
@@ -180,9 +174,29 @@ def tabulate_assumptions(fit: FrictionFit, assumed: FrictionClass) -> list[str]:
     return [*rows, *(f"Open: {question}" for question in fit.questions)]
 
 
-def assumptions_with_load(fit: FrictionFit, friction: FrictionAtPorts) -> dict[str, tuple[str, str]]:
+#: Of a force that the class does not limit.
+UNLIMITED = "any", "no limit in class"
+
+
+def assumptions_of_mass(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
+    """Return what the proof assumes of each number of one mass, and why."""
+    (low, high), damping, friction = fit.interval("mass"), largest_damping(fit), assumed.friction
+    assert isinstance(friction, AnyFriction)
+    return {
+        "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
+        "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
+        "stiffness": (f"{assumed.stiffness_low / 1e3:.4g}", "lower end, the rest is in K0"),
+        "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{K0_MARGIN:g} times the upper end"),
+        "Fs": UNLIMITED,
+        "coulomb": UNLIMITED,
+        "stiction": (f"up to {friction.stiction:.3g}", "chosen, or the upper end"),
+    }
+
+
+def assumptions_with_load(fit: FrictionFit, assumed: FrictionClass) -> dict[str, tuple[str, str]]:
     """Return what the proof assumes of each number of motor and load, and why."""
-    unlimited, damping = ("any", "no limit"), largest_damping(fit)
+    friction, damping = assumed.friction, largest_damping(fit)
+    assert isinstance(friction, FrictionAtPorts)
     stiffest = [format_plain(one.K0 / 1e3) for one in friction.ports]
     ratios = [f"{one.stiction:.3g}" for one in friction.ports]
 
@@ -195,16 +209,15 @@ def assumptions_with_load(fit: FrictionFit, friction: FrictionAtPorts) -> dict[s
         "damping": (f"0 and {damping:.4g}" if damping else "0", "none; upper end" if damping else ""),
         "stiffness": (f"{max(0.0, fit.interval('stiffness')[0]) / 1e3:.4g}", "lower end"),
         "K0": (f"up to {stiffest[0]}", f"motor, {K0_MARGIN:g} x upper"),
-        "Fs": unlimited,
-        "coulomb": unlimited,
+        "Fs": UNLIMITED,
+        "coulomb": UNLIMITED,
         "stiction": (f"up to {' and '.join(ratios)}", "chosen, or read"),
-        "delay": ("of the drive", "as read, if more"),
         "load_mass": (ends("mass", "load"), "both ends"),
         "coupling": (ends("coupling"), "both ends"),
         "coupling_damping": (f"{max(0.0, fit.interval('coupling_damping')[0]):.4g}", "lower end"),
         "load_K0": (f"up to {stiffest[1]}", f"load, {K0_MARGIN:g} x upper"),
-        "load_Fs": unlimited,
-        "load_coulomb": unlimited,
+        "load_Fs": UNLIMITED,
+        "load_coulomb": UNLIMITED,
     }
 
 
@@ -271,6 +284,7 @@ def judge_friction(
         proofs=proofs,
         cures=cures,
         largest=largest,
+        known_delay=known,
         added_delay=added,
         has_integral=bool(np.isfinite(settings.tn)),
     )

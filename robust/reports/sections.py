@@ -54,7 +54,7 @@ def describe_margins(report: RobustnessReport) -> str:
         parts.append(report.margins.least())
     if report.nominally_stable and np.isfinite(report.disk_margin):
         gain, phase = 20 * np.log10(report.gain_margin), np.degrees(report.phase_margin)
-        parts.append(f"the nominal loop bears {gain:.1f} dB of gain and {phase:.0f} deg of phase at once")
+        parts.append(f"the nominal loop bears {gain:.1f} dB of gain, or {phase:.0f} deg of phase, or less of both")
     return "; ".join(parts)
 
 

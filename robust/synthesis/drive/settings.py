@@ -197,7 +197,7 @@ class DriveSettings:
     def __str__(self) -> str:
         period = 1e3 / self.fs
         reset = "no integral part" if np.isinf(self.tn) else f"tn = {1e3 * self.tn:.6g} ms"
-        smoothed = f" behind a low-pass of {1e3 * self.velocity_lag:.6g} ms" if self.velocity_lag else ""
+        smoothed = f" behind a first-order low-pass of {1e3 * self.velocity_lag:.6g} ms" if self.velocity_lag else ""
         velocity = (
             f"an observer of {self.observer_frequency:g} Hz"
             if self.velocity_from == "observer"

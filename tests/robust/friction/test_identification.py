@@ -18,7 +18,9 @@ from benchmarks.read_machine import (
     truth_of,
 )
 from nlfrf.friction import VaryingSliders, element_forces
+from robust.drive import DriveSettings, cascade
 from robust.friction.balance import LOAD, Candidate, Motion, Terms, element_spectra, reaction_of_load, with_branches
+from robust.reports.drive_friction import judge_friction
 
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 
@@ -193,9 +195,41 @@ def test_a_load_is_moved_through_its_coupling(belt):
     assert belt.virgin_curve(1.0) == pytest.approx(belt.Fs)
 
 
-def test_friction_at_two_masses_makes_no_class(belt):
-    with pytest.raises(ValueError, match=r"fit must have its friction at one place, got .* at the motor and"):
-        belt.assumed_class()
+def test_friction_at_two_masses_makes_a_class_at_each(belt):
+    axis, found = nlfrf.servo_axis("belt"), belt.assumed_class(stiction=1.3)
+    for one, law in zip(found.friction.ports, (axis.motor_friction, axis.load_friction), strict=True):
+        assert law.stiffness.sum() < one.K0 < 1.3 * law.stiffness.sum()
+        assert law.stiction < one.stiction < 1.1 * max(1.3, law.stiction)
+    assert found.machine.n_ports == 2
+    assert 1 / found.machine.B_port[2:].diagonal() == pytest.approx([axis.motor_inertia, axis.load_inertia], rel=2e-3)
+    assert belt.sliders.stiction == pytest.approx(axis.motor_friction.stiction, rel=0.03)
+    # an axis that a position loop alone holds comes to rest with every friction of the class
+    held = DriveSettings(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", delay_periods=1)
+    proof = robust.prove_friction(found.machine, cascade(held, output_unit="N"), found.friction, delay=held.delay)
+    assert proof.verdict == "proved"
+    assert proof.certificate.verify().verified
+    with pytest.raises(ValueError, match="machine must have one friction port, got 2"):
+        robust.design_proved(found, dt=1 / 4000)
+
+
+def test_drive_check_judges_friction_at_motor_and_load(belt):
+    axis = nlfrf.servo_axis("belt")
+    settings = DriveSettings(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", lag=5e-4, delay_periods=1)
+    given = {"actual": False, "stiction": 1.5, "Fs": None, "spring": False, "masses": 2, "fit": belt}
+    found = judge_friction([], settings, **given)
+    assert found.proved
+    assert len(found.largest) == 2
+    assert np.all(np.array(found.largest) > (20, 30))
+    assert np.allclose(found.largest, (20, 30), rtol=0.08)
+    text = str(found)
+    assert "(not between them)" in text
+    assert max(map(len, text.splitlines())) <= 100
+    integral = judge_friction([], replace(settings, tn=0.03), **given)
+    assert integral.proofs[0].verdict == "settles"
+    assert "proved" in str(integral.cures[0])
+    at_load = judge_friction([], replace(settings, encoder="load"), **given)
+    assert at_load.assumed is None
+    assert "encoder of the motor" in at_load.note
 
 
 def test_the_reaction_of_a_load_without_friction_is_linear():

@@ -1,6 +1,5 @@
 """Friction at several places of a machine, as at motor and load: proofs, bounds, and what is refused."""
 
-import warnings
 from dataclasses import replace
 
 import control
