@@ -698,7 +698,7 @@ class RobustnessReport:
         """Return the disk margin of one loop."""
         return (
             f"{self.disk_margin:.3f} at {format_hertz(self.omega_disk)}: "
-            f"gain +-{20 * np.log10(self.gain_margin):.2f} dB, or phase +-{np.degrees(self.phase_margin):.1f} deg, or "
+            f"gain {20 * np.log10(self.gain_margin):.2f} dB, or phase {np.degrees(self.phase_margin):.1f} deg, or "
             "less of both"
         )
 

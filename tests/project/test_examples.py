@@ -157,7 +157,8 @@ PRINTED = {
         r"\|S\| at most 1\.[78]\d* over the set",
         r"proved: Comes to rest from every state",
         r"in motion, after the friction doubled ---\nvalidation: 0 of",
-        r"Fs: 19\.\d+ to \S+ N, 39\.\d+ to",
+        r"at rest, after the friction doubled ---\nmass m = 1[12]\.",
+        r"break-away force Fs = 39\.\d+ \+- ",
         r"\n2[12]\.\d um off with the force read before, 4[34]\.\d um with that read later",
     ],
 }

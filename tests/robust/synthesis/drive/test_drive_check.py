@@ -132,7 +132,7 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     assert read["stiction over Coulomb friction"][2] == "up to 1.5"
     proved = one_line(page)
     assert "It rests at the set point, by the integral part. Proved also at both ends of mass" in proved
-    added = float(re.search(r"and again with (\S+) ms of additional delay", proved)[1])
+    added = float(re.search(r"and with (\S+) ms of additional delay", proved)[1])
     margin = float(re.search(r"the nominal loop tolerates (\S+) ms of additional delay", proved)[1])
     assert 0 < added < margin  # the class has the linear loop in it, without friction
     assert page.replace("wrote page.txt\n", "").strip() in (folder / "page.txt").read_text()
