@@ -172,8 +172,9 @@ def main() -> None:
             if moves and verdict == "proved":
                 print(f"  {number} proved and MOVES", flush=True)
             if verdict in ("proved", "settles") and np.isfinite(proof.error_bound):
-                outside += far > proof.error_bound
-                reached.append(far / proof.error_bound)
+                bound = proof.settling_error if verdict == "settles" else proof.error_bound
+                outside += far > bound
+                reached.append(far / bound)
             if verdict == "refuted":
                 break
     for verdict, count in sorted(verdicts.items()):
@@ -181,8 +182,8 @@ def main() -> None:
     for verdict in sorted(runs):
         print(f"{verdict}: {moved[verdict]} of {runs[verdict]} runs still move at the end")
     print(
-        f"{unverified} proofs not verified over the rationals; {outside} of {len(reached)} runs outside the bound of "
-        f"any friction, of which they reach {max(reached, default=np.nan):.2g} at most; CPU of a proof: median "
+        f"{unverified} proofs not verified over the rationals; {outside} of {len(reached)} runs outside their bound, "
+        f"of which they reach {max(reached, default=np.nan):.2g} at most; CPU of a proof: median "
         f"{np.median(times):.2g} s"
     )
 

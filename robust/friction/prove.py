@@ -507,7 +507,14 @@ def prove_friction(
         found = certified_verdict(machine, K, delay=delay, loop=loop, friction=friction, limits=limits)
         if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(Fs):
             found = settling_verdict(
-                machine, K, delay=delay, loop=loop, friction=friction, Fs=Fs, error_bound=error_bound, undecided=found
+                machine,
+                K,
+                delay=delay,
+                loop=loop,
+                friction=friction,
+                forces=forces,
+                error_bound=error_bound,
+                undecided=found,
             )
     elif friction.kind == "bounded":
         found = bounded_verdict(loop, error_bound)
@@ -552,8 +559,17 @@ def prove_at_ports(
         found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, friction))
     else:
         found = certified_verdict(machine, K, delay=delay, loop=loop, friction=friction, limits=False)
-        if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(error_bound):
-            found = replace(found, verdict=FrictionVerdict.SETTLES, settling_error=error_bound)
+        if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(forces).all():
+            found = settling_verdict(
+                machine,
+                K,
+                delay=delay,
+                loop=loop,
+                friction=friction,
+                forces=forces,
+                error_bound=error_bound,
+                undecided=found,
+            )
     return FrictionProof(
         machine=machine,
         friction=friction,
@@ -668,30 +684,40 @@ def settling_verdict(
     *,
     delay: float,
     loop: FrictionLoop,
-    friction: AnyFriction,
-    Fs: float,
+    friction: AnyFriction | FrictionAtPorts,
+    forces: np.ndarray,
     error_bound: float,
     undecided: Finding,
 ) -> Finding:
-    """Return the finding where the position has a bound: over the rationals, else that of any friction up to Fs."""
+    """Return the finding where the position has a bound: over the rationals, else that of any friction up to `forces`.
+
+    forces : (P,) the largest friction force at each port.
+    """
     any_friction = undecided
     if np.isfinite(error_bound):
         any_friction = replace(undecided, verdict=FrictionVerdict.SETTLES, settling_error=error_bound)
     if friction.kind != "Maxwell slip" or friction.bristle_time or not loop.growth() < 0:
         return any_friction
+    stiffest, ratios = np.atleast_1d(friction.K0), np.atleast_1d(friction.stiction)
+    rests = np.array([largest_rest(Fs, ratio) for Fs, ratio in zip(forces, ratios, strict=True)])
+    most = rests.max()
     try:
-        proposed = settling_numbers(loop, friction.K0, reference_rate(machine, loop))
-        still, off = loop.rest()
+        shares = rests / most if most else np.ones(rests.size)
+        proposed = settling_numbers(loop, stiffest, reference_rate(machine, loop), shares)
+        still, off = (part.reshape(-1, forces.size) for part in loop.rest())
     except (np.linalg.LinAlgError, ValueError, FloatingPointError):
         return any_friction
-    held = float(abs(loop.x @ still) + np.abs(loop.x) @ off) * (1 + 1 / friction.stiction) / 2 * Fs
+    moved = np.abs(loop.displacements @ still) + np.abs(loop.displacements) @ off
+    held = moved @ ((1 + 1 / ratios) / 2 * forces)
     for one in proposed:
         # a bound of zero is no claim, and a rest of zero with a stiction of one
-        error = max((one.reach * largest_rest(Fs, friction.stiction) + held) * SETTLING_ROUNDED_UP, 1e-300)
-        numbers = Multipliers(rates=one.rates, weights=one.weights, free=0.0)
+        error = max(float((one.reach * most + held).max()) * SETTLING_ROUNDED_UP, 1e-300)
+        numbers = tuple(Multipliers(rates=one.rates, weights=own, free=0.0) for own in one.weights)
+        own_settling = Settling(
+            decay=one.decay, Fs=float(forces[0]), error=error, other_Fs=forces[1:], rest_weights=one.rest_weights
+        )
         exact = replace(
-            build_claim(machine, K, delay=delay, friction=friction, numbers=(numbers,), stored=one),
-            settling=Settling(decay=one.decay, Fs=Fs, error=error),
+            build_claim(machine, K, delay=delay, friction=friction, numbers=numbers, stored=one), settling=own_settling
         )
         if verify_friction(exact).verified:
             certificate = Certificate(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import field, fields
 
 import numpy as np
 
@@ -70,12 +70,18 @@ class Settling:
     Fs : float
         Largest force of the friction [N].
     error : float
-        Bound of the displacement at the port in the end [m].
+        Bound of the displacement at every port in the end [m].
+    other_Fs : (P - 1,) ndarray
+        Largest force at the ports after the first [N].
+    rest_weights : (P,) ndarray
+        w_p in V' + 2 lambda V <= sum w_p r_p^2, the rests over the largest of them.
     """
 
     decay: float
     Fs: float
     error: float
+    other_Fs: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    rest_weights: np.ndarray = field(default_factory=lambda: np.ones(1))
 
 
 @value
@@ -162,7 +168,7 @@ class FrictionClaim:
     @property
     def ports(self) -> tuple[PortClass, ...]:
         """The class at every port."""
-        own = {field.name: getattr(self, field.name) for field in fields(PortClass)}
+        own = {one.name: getattr(self, one.name) for one in fields(PortClass)}
         return (PortClass(**own), *self.other_ports)
 
     def __post_init__(self) -> None:
@@ -174,8 +180,8 @@ class FrictionClaim:
                 "machine must have an input and an output more than friction ports and the controller one, got other "
                 "shapes"
             )
-        if self.other_ports and (self.kind != KINDS[0] or self.actuator is not None or self.settling is not None):
-            raise ValueError("other_ports must be empty but for Maxwell slip that comes to rest, got some")
+        if self.other_ports and (self.kind != KINDS[0] or self.actuator is not None):
+            raise ValueError("other_ports must be empty but for Maxwell slip without an actuator, got some")
         n = self.V.shape[0]
         if self.V.shape != (n, n) or self.P.ndim != 4 or self.P.shape[2:] != (n, n):
             raise ValueError(f"P must hold matrices of the size of V, got shapes {self.P.shape} and {self.V.shape}")
@@ -189,11 +195,13 @@ class FrictionClaim:
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} must be finite, got something else")
         if self.settling is not None:
-            own = [getattr(self.settling, field.name) for field in fields(Settling)]
+            own = np.concatenate([np.ravel(getattr(self.settling, one.name)) for one in fields(Settling)])
             if not np.isfinite(own).all() or self.actuator is not None:
                 raise ValueError("settling must have finite numbers and no actuator, got something else")
+            if (self.settling.other_Fs.size + 1, self.settling.rest_weights.size) != (len(self.ports),) * 2:
+                raise ValueError("settling must have a force and a weight for each port, got another number")
         if self.actuator is not None:
-            numbers = [np.ravel(getattr(self.actuator, field.name)) for field in fields(Actuator)]
+            numbers = [np.ravel(getattr(self.actuator, one.name)) for one in fields(Actuator)]
             if not np.isfinite(np.concatenate(numbers)).all() or len(numbers[-1]) != len(numbers[-2]):
                 raise ValueError("actuator must have finite numbers and a weight for each filter, got something else")
 
@@ -205,22 +213,22 @@ def claim_to_dict(claim: FrictionClaim) -> JsonObject:
         return {own.name: np.asarray(getattr(part, own.name)).tolist() for own in fields(part)}
 
     found: JsonObject = {}
-    for field in fields(claim):
-        part = getattr(claim, field.name)
+    for entry in fields(claim):
+        part = getattr(claim, entry.name)
         if isinstance(part, (Actuator, Settling)):
-            found[field.name] = plain(part)
-        elif field.name == "other_ports":
-            found[field.name] = [plain(port) for port in part]
-        elif field.name in SYSTEMS:
-            found[field.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
+            found[entry.name] = plain(part)
+        elif entry.name == "other_ports":
+            found[entry.name] = [plain(port) for port in part]
+        elif entry.name in SYSTEMS:
+            found[entry.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
         else:
-            found[field.name] = part.tolist() if isinstance(part, np.ndarray) else part
+            found[entry.name] = part.tolist() if isinstance(part, np.ndarray) else part
     return found
 
 
 def claim_from_dict(given: object) -> FrictionClaim:
     """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
-    names = {field.name for field in fields(FrictionClaim)}
+    names = {one.name for one in fields(FrictionClaim)}
     if not isinstance(given, dict) or set(given) | {"actuator", "settling", "other_ports"} != names:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
     try:
@@ -238,7 +246,8 @@ def claim_from_dict(given: object) -> FrictionClaim:
                 }
                 parts[name] = Actuator(**own) if own else None
             elif name == "settling":
-                parts[name] = Settling(**{key: float(x) for key, x in part.items()}) if part else None
+                rows = {key: np.array(x, float) if isinstance(x, list) else float(x) for key, x in (part or {}).items()}
+                parts[name] = Settling(**rows) if rows else None  # type: ignore[arg-type]
             elif name == "other_ports":
                 parts[name] = tuple(port_from_dict(port) for port in part)
             elif name == "kind":
@@ -254,7 +263,7 @@ def claim_from_dict(given: object) -> FrictionClaim:
 
 def port_from_dict(given: JsonObject) -> PortClass:
     """Return the class at a port from plain numbers."""
-    numbers = {name: np.array(given[name], float) for name in (field.name for field in fields(PortClass))}
+    numbers = {name: np.array(given[name], float) for name in (one.name for one in fields(PortClass))}
     return PortClass(
         K0=float(numbers["K0"]),
         stiction=float(numbers["stiction"]),

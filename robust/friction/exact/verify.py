@@ -92,40 +92,62 @@ def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
 def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: fmpq) -> ExactSupply:
     """Return the supply of friction without stiction and a rest: states (y, e_j), inputs d = g - gh_1 and r; T7.
 
-    The decay is in the flow, A + decay I, and in the losses of the filters; stored: a form in (y, e_j, d).
+    The decay is in the flow, A + decay I, and in the losses of the filters; stored: a form in (y, e_j, d). With several
+    ports all d come before all r, and each r is the rest there over the largest of all.
     """
-    a, mu = [to_rational(x) for x in claim.rates], [to_rational(x) for x in claim.weights]
-    K0, zero = to_rational(claim.K0), to_rational(0.0)
-    rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
-    size = n + len(a) - 1
-    A, jumps = with_force_filters(loop, a[1:])
+    own, ports, zero = claim.settling, claim.ports, to_rational(0.0)
+    assert own is not None
+    filters = [[to_rational(x) for x in port.rates] for port in ports]
+    rests = largest_rests(claim)
+    most = max(rests)
+    rest, n, P = equilibrium(loop), loop.F.nrows(), len(ports)
+    A, jumps = with_force_filters(loop, [aj for a in filters for aj in a[1:]])
+    size, first = len(A), n
     for i in range(size):
         A[i][i] += decay
-    B = [[b[0] - a[0] * r, b[0]] for b, r in zip(loop.B.tolist(), rest, strict=True)]
-    B += [[aj - a[0], zero] for aj in a[1:]]
-    v = loop.v.tolist()[0] + [zero] * (size - n)
-    total = sum(mu, start=zero)
-    lost = [m * (aj - decay) / K0 for m, aj in zip(mu, a, strict=True)]
-    Q, N, stored = (
-        zero_matrix(size, size),
-        [[total / 2 * v[i], zero] for i in range(size)],
-        zero_matrix(size + 1, size + 1),
-    )
-    stored[size][size] = total / (2 * K0)
-    for j in range(1, len(a)):
-        e, held = n + j - 1, mu[j] / (2 * K0)
+    B, Q, N = zero_matrix(size, 2 * P), zero_matrix(size, size), zero_matrix(size, 2 * P)
+    stored, R = zero_matrix(size + P, size + P), zero_matrix(2 * P, 2 * P)
+    for p, (port, a) in enumerate(zip(ports, filters, strict=True)):
+        mu, K0, d = [to_rational(x) for x in port.weights], to_rational(port.K0), size + p
+        share = rests[p] / most if most else to_rational(1.0)
+        v = loop.v.tolist()[p] + [zero] * (size - n)
+        total = sum(mu, start=zero)
+        lost = [m * (aj - decay) / K0 for m, aj in zip(mu, a, strict=True)]
+        for i in range(n):
+            B[i][p], B[i][P + p] = loop.B[i, p] - a[0] * rest[i, p], share * loop.B[i, p]
         for i in range(size):
-            Q[e][i] -= mu[j] / 2 * v[i]
-            Q[i][e] -= mu[j] / 2 * v[i]
-        Q[e][e] -= lost[j]
-        N[e][0] += lost[j]
-        stored[e][e] += held
-        stored[e][size] -= held
-        stored[size][e] -= held
-    R = [[-sum(lost, start=zero), zero], [zero, to_rational(-1.0)]]
+            N[i][p] += total / 2 * v[i]
+        stored[d][d] = total / (2 * K0)
+        for j in range(1, len(a)):
+            e, held = first + j - 1, mu[j] / (2 * K0)
+            B[e][p] = a[j] - a[0]
+            for i in range(size):
+                Q[e][i] -= mu[j] / 2 * v[i]
+                Q[i][e] -= mu[j] / 2 * v[i]
+            Q[e][e] -= lost[j]
+            N[e][p] += lost[j]
+            stored[e][e] += held
+            stored[e][d] -= held
+            stored[d][e] -= held
+        R[p][p], R[P + p][P + p] = -sum(lost, start=zero), -to_rational(float(own.rest_weights[p]))
+        first += len(a) - 1
     return ExactSupply(
         A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
     )
+
+
+def largest_rests(claim: FrictionClaim) -> list[fmpq]:
+    """Return how far the friction at each port is from the one of the same elements with constant sliders."""
+    return [
+        (1 - 1 / to_rational(port.stiction)) * Fs / 2
+        for port, Fs in zip(claim.ports, largest_forces(claim), strict=True)
+    ]
+
+
+def largest_forces(claim: FrictionClaim) -> list[fmpq]:
+    """Return the largest friction force at each port."""
+    assert claim.settling is not None
+    return [to_rational(claim.settling.Fs), *(to_rational(float(force)) for force in claim.settling.other_Fs)]
 
 
 def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
@@ -339,33 +361,45 @@ def check_decay(claim: FrictionClaim) -> str:
     """Return an empty string if rate of decay and class are those of T7, else what is wrong with them."""
     own = claim.settling
     assert own is not None
-    if claim.kind != "Maxwell slip" or claim.bristle_time or claim.free:
+    if claim.kind != "Maxwell slip" or any(port.bristle_time or port.free for port in claim.ports):
         return "only for Maxwell slip without a damper, and without a weight of the friction itself"
-    if not (own.decay > 0 and own.Fs > 0):
+    if not (own.decay > 0 and min(largest_forces(claim)) > 0):
         return "decay or Fs is not positive"
-    slow = any(weight > 0 and rate < own.decay for rate, weight in zip(claim.rates, claim.weights, strict=True))
+    shares = [to_rational(float(share)) for share in own.rest_weights]
+    if min(shares) < 0 or sum(shares, start=to_rational(0.0)) > 1:
+        return "the weights of the rests are negative, or more than one together"
+    slow = any(
+        weight > 0 and rate < own.decay
+        for port in claim.ports
+        for rate, weight in zip(port.rates, port.weights, strict=True)
+    )
     return "a filter is slower than the decay" if slow else ""
 
 
 def settles_within(claim: FrictionClaim, loop: ExactLoop, energies: list[fmpq_mat]) -> bool:
-    """Return whether the displacement at the port is within the bound where V is at most its value in the end.
+    """Return whether the displacement at every port is within the bound where V is at most its value in the end.
 
-    |x| <= |x_y| + |x_e| |gh_1|: the sliders without stiction hold (1 + 1/rho)/2 of Fs at most.
+    |x| <= |x_y| + sum |x_e| |gh_1|: the sliders without stiction hold (1 + 1/rho)/2 of Fs at most.
     """
     own = claim.settling
     assert own is not None
-    Fs, rho, decay = to_rational(own.Fs), to_rational(claim.stiction), to_rational(own.decay)
-    x, size = loop.x.tolist()[0], claim.V.shape[0]
-    x_e = sum((a * row[0] for a, row in zip(x, equilibrium(loop).tolist(), strict=True)), start=to_rational(0.0))
-    left = to_rational(own.error) - abs(x_e) * (1 + 1 / rho) / 2 * Fs
-    if left <= 0:
-        return False
-    rest = (1 - 1 / rho) * Fs / 2
-    wide = [*x, *[to_rational(0.0)] * (size - len(x))]
-    read = (to_rational_matrix(claim.V).transpose() * fmpq_mat([[a] for a in wide])).tolist()
-    row = fmpq_mat([*read, [to_rational(0.0)]])
-    reached = [(row.transpose() * energy.solve(row)).tolist()[0][0] for energy in energies]
-    return bool(max(reached) * rest * rest <= 2 * decay * left * left)
+    decay, most, size = to_rational(own.decay), max(largest_rests(claim)), claim.V.shape[0]
+    held = [
+        (1 + 1 / to_rational(port.stiction)) / 2 * Fs
+        for port, Fs in zip(claim.ports, largest_forces(claim), strict=True)
+    ]
+    at_rest = (loop.x * equilibrium(loop)).tolist()
+    turned, zero = to_rational_matrix(claim.V).transpose(), to_rational(0.0)
+    for x, moved in zip(loop.x.tolist(), at_rest, strict=True):
+        left = to_rational(own.error) - sum((abs(a) * f for a, f in zip(moved, held, strict=True)), start=zero)
+        if left <= 0:
+            return False
+        read = (turned * fmpq_mat([[a] for a in [*x, *[zero] * (size - len(x))]])).tolist()
+        row = fmpq_mat(read + [[zero]] * len(held))
+        reached = [(row.transpose() * energy.solve(row)).tolist()[0][0] for energy in energies]
+        if not max(reached) * most * most <= 2 * decay * left * left:
+            return False
+    return True
 
 
 def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:

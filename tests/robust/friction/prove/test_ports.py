@@ -241,6 +241,30 @@ def test_multipliers_make_every_matrix_negative():
     assert negative_multipliers(-table, coupling=1.0, least=1e-9) is None
 
 
+def test_friction_with_stiction_at_both_settles_within_a_bound_that_is_verified(tmp_path):
+    """Half of the bound of any friction on this axis; a spring of the class beside any rest is below it."""
+    soft = replace(DRIVE, kp=DRIVE.kp / 2)
+    given = {"settings": soft, "friction": (any_maxwell_slip(25e6, 1.5), any_maxwell_slip(12.5e6, 1.5))}
+    found = screw_proof(**given, Fs=(100, 60))
+    assert found.verdict == "settles"
+    assert found.settling_error < 0.6 * found.error_bound
+    assert found.certificate.verify().verified
+    assert "of at most 100 N at the motor and 60 N at the load" in found.claim
+    save_certificate(found, tmp_path / "settles.json")
+    assert verify_certificate(tmp_path / "settles.json", model=SCREW, K=cascade(soft, output_unit="N")).verified
+    claim = found.certificate.claim
+    own = claim.settling
+    for changed in (
+        replace(own, error=0.99 * own.error),
+        replace(own, other_Fs=1.05 * own.other_Fs),
+        replace(own, rest_weights=0.9 * own.rest_weights),
+        replace(own, rest_weights=1.01 * own.rest_weights),
+    ):
+        assert not found.certificate.again(replace(claim, settling=changed)).verified
+    with pytest.raises(ValueError, match="a force and a weight for each port"):
+        replace(claim, settling=replace(own, other_Fs=np.zeros(0)))
+
+
 # ---- Where the machine rests.
 
 

@@ -121,7 +121,7 @@ def test_without_integral_action_the_rest_is_in_the_bound():
         delay=0.0,
         loop=loop,
         friction=any_maxwell_slip(1e5, 2.0),
-        Fs=FS,
+        forces=np.array([FS]),
         error_bound=np.nan,
         undecided=open_still,
     )
