@@ -568,7 +568,7 @@ def check_gains(
     if experiments:
         if extra := [name for name, one in cut.items() if one]:
             raise ValueError(f"--{OPTIONS[extra[0]]} must be left out for an experiment on a drive: its design says it")
-        signals |= {"u": input or "force set point", "y": output or "position"}
+        signals |= {"u": input or "force set point", "y": output or "position", "n_levels": 3 if masses == 1 else 6}
         records, names, conditions = drive_check.read_experiments(traces, experiments, **signals)
     else:
         signals |= cut | {"u": input or "u", "y": output or "y", "design": design[0] if design else None}

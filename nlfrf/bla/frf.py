@@ -48,6 +48,9 @@ MIN_STEP_PAIRS = 4  # pairs of equal steps that can tell phases apart
 OUTLIER_OVER_LEVEL, OUTLIER_OVER_SCATTER, OUTLIER_CANDIDATE = 25.0, 60.0, 5.0
 #: A free mass bends as 1/omega^2 below its third line, which no parabola follows; omega^2 G is smooth there.
 INTEGRATORS = (0, 1, 2)
+#: Second line over the first, above which the first is not judged by its neighbours: from there it is extrapolated, and
+#: the corner of a viscous friction below it turns G by more than they say (the belt preset in motion: 1.5 and 4.5 Hz).
+MAX_FIRST_RATIO = 1.5
 MAINS_FREQUENCIES = 50.0, 60.0  # Hz
 OUTPUT_ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
 MAX_CHANCE_SIGMAS = 3.0  # standard deviations of chance up to which phases agree by it
@@ -241,6 +244,8 @@ def warn_of_outlier_lines(
         deviation_power = np.mean(squared_modulus(deviation / slope) / gamma, axis=0)
         found = np.where(deviation_power > spread * by_chance, deviation_power, 0.0)
         outlier_power = np.minimum(outlier_power, found)
+    if f[1] > MAX_FIRST_RATIO * f[0]:
+        outlier_power[0] = 0.0
     out = np.flatnonzero(outlier_power)
     if not out.size:
         return outlier_power

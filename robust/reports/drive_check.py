@@ -29,6 +29,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import value
+from nlfrf.axis.levels import LevelState
 from robust._base.states import State, Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
@@ -281,6 +282,7 @@ def read_experiments(
     settings: DriveSettings,
     *,
     actual: bool = False,
+    n_levels: int = 3,
     **load: Any,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
     """Read the traces of experiments on a running drive, in the units of its velocity loop.
@@ -293,12 +295,14 @@ def read_experiments(
         One for all traces, or that of each trace, in their order.
     settings, actual
         As for `read_trace`.
+    n_levels : int
+        Levels to take of a pre-test, from sticking to sliding; motor and load need more than three.
     load : as for `nlfrf.axis.load_trace`.
 
     Returns
     -------
     records : list of nlfrf.Record
-        Each direction of a base motion, the three levels of a pre-test, or the one at rest.
+        Each direction of a base motion, the levels of a pre-test, or the one at rest.
     names : list of str
         What each is called.
     conditions : list of Conditions
@@ -325,12 +329,23 @@ def read_experiments(
             levels = nlfrf.axis.find_levels(found, design)
             if levels.reason:
                 raise ValueError(f"design of a pre-test must show three levels, got {paths[0].name}: {levels.reason}")
-            found, labels = levels.records, ("sticks", "bends", "slides")
+            taken = choose_levels(levels, found, n_levels)
+            found, labels = tuple(found[k] for k in taken), tuple(levels.states[k].value for k in taken)
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
         conditions += [Conditions(gains=compare_gains(design, settings), motion=motion)] * len(found)
     return records, names, conditions
+
+
+def choose_levels(levels: nlfrf.axis.AxisLevels, records: Sequence[nlfrf.Record], count: int) -> list[int]:
+    """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
+    named = [k for k, record in enumerate(records) if any(record is one for one in levels.records)]
+    readable = (LevelState.STICKS, LevelState.BENDS, LevelState.SLIDES)
+    top = max(k for k, state in enumerate(levels.states) if state in readable)
+    if count <= len(named) or top - named[0] + 1 < count:
+        return named
+    return np.unique(np.round(np.linspace(named[0], top, count)).astype(int)).tolist()
 
 
 def compare_gains(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> RecordedGains:

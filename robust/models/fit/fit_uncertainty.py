@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.models.fit.rational import stack_real_imaginary
 
-__all__ = ["FitUncertainty", "estimate_uncertainty", "format_roots", "probability_of_cost"]
+__all__ = ["FitUncertainty", "estimate_uncertainty", "expected_ratio", "format_roots", "probability_of_cost"]
 
 #: Standard deviation over the root of the cost that stands for all larger ones: its square is a number.
 HUGE = 1e150
@@ -159,6 +159,18 @@ def roots_in_model_plane(roots: np.ndarray, dt: float) -> np.ndarray:
     return (1 + roots * dt / 2) / (1 - roots * dt / 2) if dt else roots
 
 
+def expected_ratio(dof: np.ndarray, n_outputs: int = 1) -> np.ndarray:
+    """Return the mean of |residual|^2 / var on each line, whose variance is read from `dof` windows.
+
+    It is infinite at one window and less: of fewer than two beyond the outputs it is that of two.
+
+    >>> [round(float(mean), 3) for mean in expected_ratio(np.array([0.9, 3.0, 11.0]))]
+    [1.5, 1.5, 1.1]
+    """
+    enough = np.maximum(dof, n_outputs + 2.0)
+    return np.asarray(enough / (enough - n_outputs))
+
+
 def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> float:
     """Return the probability that scatter alone leaves a cost as large; nan where no variance was given.
 
@@ -170,13 +182,13 @@ def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> floa
         return float("nan")
     from scipy.special import gammaincc
 
-    d = np.maximum(dof, 3.0)
+    d, ratio = np.maximum(dof, 3.0), expected_ratio(dof)
     left = 1 - n_parameters / (2 * d.size)
     if left <= 0:
         return float("nan")
-    mean = float(np.sum(d / (d - 1))) * left
-    own = float(np.sum((d / (d - 1)) ** 2))
-    shared = float(np.sum(np.where(dof > 1e6, 0.0, (d / (d - 1)) ** 2 * np.minimum(d, d.size) / np.maximum(d - 2, 1))))
+    mean = float(np.sum(ratio)) * left
+    own = float(np.sum(ratio**2))
+    shared = float(np.sum(np.where(dof > 1e6, 0.0, ratio**2 * np.minimum(d, d.size) / np.maximum(d - 2, 1))))
     variance = (own + shared) * left
     return float(gammaincc(mean**2 / variance, mean / variance * cost))
 

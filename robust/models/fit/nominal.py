@@ -18,7 +18,13 @@ from robust._base.warnings import DesignWarning
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
 from robust.lti.realisation import from_roots, order_roots
 from robust.lti.sampling import delay_samples, discretize, hold_correction
-from robust.models.fit.fit_uncertainty import FitUncertainty, estimate_uncertainty, format_roots, probability_of_cost
+from robust.models.fit.fit_uncertainty import (
+    FitUncertainty,
+    estimate_uncertainty,
+    expected_ratio,
+    format_roots,
+    probability_of_cost,
+)
 from robust.models.fit.rational import (
     Roots,
     fit_numerator,
@@ -192,8 +198,8 @@ def fit_matrix(
     response = np.moveaxis(model.response(sought.points), 0, 2) * np.exp(-1j * omega * tau[:, None])
     residual = measured - response
     weighted = left @ np.moveaxis(residual, 2, 0) @ right
-    L = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
-    expected = frm.n_outputs * frm.n_inputs * np.sum(L / np.maximum(L - frm.n_outputs, np.finfo(float).tiny))
+    dof = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
+    expected = frm.n_outputs * frm.n_inputs * np.sum(expected_ratio(dof, frm.n_outputs))
     G = with_names(model.state_space(), frm.inputs, frm.outputs)
     return NominalFit(
         G=discretize(G, dt) if dt else G,
@@ -586,7 +592,7 @@ def fit_nominal(
     residual = lines.G - model
     cost = float(np.sum(np.abs(residual) ** 2 / lines.var))
     left = max(lines.omega.size - n_parameters / 2, 0.5)
-    expected = float(np.sum(lines.dof / np.maximum(lines.dof - 1, np.finfo(float).tiny)) * (left / lines.omega.size))
+    expected = float(np.sum(expected_ratio(lines.dof)) * (left / lines.omega.size))
     free = isinstance(delay, str) and not dt
     scale = np.fmax(cost, expected) / left
     s = s_plane_points(lines.omega, dt)
