@@ -13,17 +13,26 @@ With --attack: random machines with Maxwell slip, free or on a spring, half of t
 that is proved for the class that `robust.friction_class` read from the records is false. --levels: rms of the force
 over the break-away force, in the place of levels that stick, bend and slide.
 
+With --sets: three levels of the linear motor under its drive, played and traced as files, for each of the drives,
+bands, discarded periods and levels of `SETS`. A set is right where m, K0 and Fs are within 1 %, refused where one of
+them is left open, and else wrong without a flag.
+
 python -m benchmarks.read_machine [--runs 20] [--presets linear-motor,belt] [--at rest,motion] [--quiet]
 python -m benchmarks.read_machine --attack 40 [--levels 0.04,0.12,0.6]
+python -m benchmarks.read_machine --sets 1
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 import warnings
 from collections import defaultdict
 from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,17 +40,23 @@ import numpy as np
 import nlfrf
 import robust
 from benchmarks.read_class import FAMILIES, GOOD, Case, draw_case, draw_loops, prove_read
+from nlfrf.axis import design_experiment, load_trace, play_experiment
 
 __all__ = [
     "AT_REST",
     "IN_MOTION",
+    "SETS",
     "TWO_MASSES",
     "Counts",
+    "LevelSet",
+    "Outcome",
     "Plan",
     "attack",
     "attack_case",
+    "judge_set",
     "measure_at_rest",
     "measure_in_motion",
+    "measure_set",
     "pulls_of",
     "records_of",
     "truth_of",
@@ -123,7 +138,7 @@ def measure_at_rest(axis: nlfrf.ServoAxis, plan: Plan, seed: int) -> list[nlfrf.
             played(axis, plan, rms, np.random.default_rng([seed, i])),
             n_periods=4,
             n_discard=2,
-            oversampling=8,
+            oversampling=16,
         )
         for i, rms in enumerate(plan.rms)
     ]
@@ -156,6 +171,11 @@ def pulls_of(fit: Any, truth: dict[str, float]) -> dict[str, tuple[float, bool]]
     return found
 
 
+def format_pulls(pulls: dict[str, tuple[float, bool]]) -> str:
+    """A row of errors, those outside their interval marked."""
+    return ", ".join(f"{name} {100 * off:+.2f} %{'' if held else ' OUT'}" for name, (off, held) in pulls.items())
+
+
 def records_of(case: Case, number: int, levels: tuple[float, ...] | None = None) -> list[nlfrf.Record]:
     """Records of a random machine, its delay and noise in the position; levels stick, bend and slide if not given.
 
@@ -166,7 +186,7 @@ def records_of(case: Case, number: int, levels: tuple[float, ...] | None = None)
     for i, pair in enumerate(GOOD if levels is None else levels):
         rms = strength * (10 ** rng.uniform(*np.log10(pair)) if levels is None else levels[i])
         ms = nlfrf.multisine("special-odd", fs=2048, n_samples=4096, f_min=1.0, f_max=200.0, rms=rms, rng=rng)
-        record = nlfrf.simulate(case.rig, ms, n_periods=3, n_discard=3, oversampling=16)
+        record = nlfrf.simulate(case.rig, ms, n_periods=3, n_discard=3, oversampling=64)
         turn = np.exp(-2j * np.pi * np.fft.rfftfreq(4096, 1 / 2048) * case.delay)
         y = np.fft.irfft(turn * np.fft.rfft(record.y), n=4096)
         records.append(replace(record, y=y + case.noise * y.std() * rng.standard_normal(y.shape)))
@@ -235,6 +255,88 @@ def attack(n_machines: int, n_loops: int = 12, levels: tuple[float, ...] | None 
     )
 
 
+@dataclass(frozen=True)
+class LevelSet:
+    """Three levels of the linear motor at rest: under which drive, to which frequency, after how many periods."""
+
+    soft: bool
+    f_max: float
+    n_discard: int
+    rms: tuple[float, float, float]
+
+
+SETS = tuple(
+    LevelSet(*choice)
+    for choice in product((False, True), (100.0, 400.0), (1, 6), ((0.3, 4.0, 60.0), (0.3, 4.0, 120.0)))
+)
+#: Error of m, K0 or Fs above which a set that is read is wrong.
+RIGHT = 0.01
+
+
+class Outcome(Enum):
+    """What became of a set of levels."""
+
+    RIGHT = "right"
+    REFUSED = "refused"
+    WRONG = "wrong without a flag"
+
+
+def measure_set(one: LevelSet, seed: int) -> list[nlfrf.Record]:
+    """Records of the three levels, played as files under the drive of the preset or a soft one."""
+    axis = nlfrf.servo_axis("linear motor")
+    if one.soft:
+        axis = replace(axis, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
+    records = []
+    with tempfile.TemporaryDirectory() as folder:
+        table, trace = Path(folder) / "play.csv", Path(folder) / "trace.csv"
+        for rms in one.rms:
+            experiment = design_experiment(
+                axis,
+                n_samples=4000,
+                f_min=5.0,
+                f_max=one.f_max,
+                rms=rms,
+                n_periods=3,
+                n_discard=one.n_discard,
+                rng=seed,
+            )
+            nlfrf.save(experiment, table)
+            play_experiment(axis, table, trace)
+            records += load_trace(trace, experiment)
+    return records
+
+
+def judge_set(fit: Any, truth: dict[str, float]) -> Outcome:
+    """Whether m, K0 and Fs were read right, or left open."""
+    pulls = pulls_of(fit, {name: truth[name] for name in ("mass", "K0", "Fs")})
+    if any(abs(off) > RIGHT for off, _ in pulls.values()):
+        return Outcome.WRONG
+    return Outcome.RIGHT if len(pulls) == 3 else Outcome.REFUSED
+
+
+def read_sets(n_seeds: int, first: int = 0) -> None:
+    """Read all sets with other phases each time."""
+    truth = truth_of(nlfrf.servo_axis("linear motor"))
+    counts = dict.fromkeys(Outcome, 0)
+    tables: dict[str, list[tuple[float, bool]]] = defaultdict(list)
+    for seed, one in product(range(first, first + n_seeds), SETS):
+        fit = robust.identify_friction(measure_set(one, seed), free=True)
+        outcome, pulls = judge_set(fit, truth), pulls_of(fit, truth)
+        counts[outcome] += 1
+        for name, pull in pulls.items():
+            tables[name].append(pull)
+        drive, levels = "soft" if one.soft else "stiff", ", ".join(f"{rms:g}" for rms in one.rms)
+        print(
+            f"{drive} drive, to {one.f_max:g} Hz, {one.n_discard} discarded, {levels} N, phases {seed}: "
+            f"{outcome.value}; {format_pulls(pulls) or fit.questions[0]}",
+            flush=True,
+        )
+    print(", ".join(f"{outcome.value} {count}" for outcome, count in counts.items()))
+    for name, table in tables.items():
+        largest = max(abs(off) for off, _ in table)
+        print(f"{name}: largest error {100 * largest:.2f} %, {np.mean([held for _, held in table]):.0%} hold")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=20)
@@ -245,10 +347,14 @@ def main() -> None:
     parser.add_argument("--quiet", action="store_true", help="the tables only")
     parser.add_argument("--attack", type=int, default=0, help="random machines to attack instead")
     parser.add_argument("--levels", default="", help="of the attack")
+    parser.add_argument("--sets", type=int, default=0, help="phases of the sets of levels to read instead")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     if args.attack:
         attack(args.attack, levels=tuple(map(float, args.levels.split(","))) if args.levels else None)
+        return
+    if args.sets:
+        read_sets(args.sets, args.first)
         return
     places = args.at.split(",")
     pooled: list[bool] = []
@@ -270,10 +376,7 @@ def main() -> None:
             for where, fit in fits.items():
                 pulls = pulls_of(fit, truth_of(axis, args.masses if where == "rest" else 1))
                 if not args.quiet:
-                    row = ", ".join(
-                        f"{k} {100 * off:+.2f} %{'' if held else ' OUT'}" for k, (off, held) in pulls.items()
-                    )
-                    print(f"{name} {seed} in {where}: {row}", flush=True)
+                    print(f"{name} {seed} in {where}: {format_pulls(pulls)}", flush=True)
                 for key, pull in pulls.items():
                     tables[where, key].append(pull)
         seconds = (time.process_time() - begin) / args.runs

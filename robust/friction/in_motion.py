@@ -18,7 +18,6 @@ from robust.friction.balance import (
     Candidate,
     Motion,
     Terms,
-    covariance_of,
     derived_numbers,
     deviations,
     extend,
@@ -209,9 +208,8 @@ def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:
         if not candidate.terms.lag:  # which stands for a mode above the band, too: only one of them can be told
             candidate = extend([motion], stds, candidate=candidate, span=(1e-9, 1.0)) or candidate
     candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
-    covariance = covariance_of([motion], reweight([motion], candidate), candidate)
-    x = pack(candidate)
-    found, spread = derived_numbers(x, candidate), deviations(x, candidate, covariance)
+    found = derived_numbers(pack(candidate), candidate)
+    spread = deviations([motion], reweight([motion], candidate), candidate)
     lag = candidate.numbers.get("lag_squared", 0.0)
     # a lag in the place of a mode turns the phase a little, which is read as damping
     errors = {

@@ -319,7 +319,7 @@ def commit_part(
             keep, gain = work[END + 2, i], work[END + 3, i]
             commit_elements(law, grids[i], stacks[i], d, Step(x0, v0, (0.0, 0.0, 0.0), span), x1, v1, keep, gain)
         elif form == kernel_data.SLIDERS:
-            commit_sliders(law, grids[i], stacks[i], x1 - x0, x1, v1, span)
+            commit_sliders(law, grids[i], stacks[i], x1 - x0, x1, v0, v1, span)
         else:
             if law.form != kernel_data.ORIGINAL and law.curve.kind == kernel_data.SPRING:
                 slope, states[i, Z] = law.curve.K0, work[END + 2, i]

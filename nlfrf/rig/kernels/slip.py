@@ -331,7 +331,26 @@ def sliders_force(law: Law, grid: Array, stack: Array, move: float, x: float, v:
 
 
 @compiled
-def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v: float, h: float) -> None:
+def give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v0: float, v: float) -> float:
+    """Return the force of an element that gives way within a step, and whose velocity goes from v0 to v.
+
+    It drops at the velocity at which it gives way. One that sticks again, as it does where the motion slows down,
+    remembers how far: with the velocity at the end of the step, the force jumps where a strength moves over a step.
+    """
+    d = 1.0 if stack[ELEMENT_FORCE, i] + grid[0, i] * move > 0.0 else -1.0
+    held, stretch = d * stack[ELEMENT_FORCE, i], d * grid[0, i] * move
+    most = slider_force(law, grid, stack, i, d, x, v)
+    part = min(max(0.0, (most - held) / stretch), 1.0) if stretch > 0.0 else 1.0
+    stack[SLIP, i] = d
+    after = min(most, slider_force(law, grid, stack, i, d, x, v0 + part * (v - v0))) + (1.0 - part) * stretch
+    least = slider_force(law, grid, stack, i, d, x, v)
+    if after < least:
+        stack[SLIP, i], stack[REST, i] = 0.0, 0.0
+    return d * min(after, least)
+
+
+@compiled
+def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v0: float, v: float, h: float) -> None:
     """Commit the elements at the end of a step: which slip now, and how long the others have rested."""
     for i in range(grid.shape[1]):
         stuck = stack[ELEMENT_FORCE, i] + grid[0, i] * move
@@ -343,21 +362,21 @@ def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v
                 stack[REST, i] = 0.0
             stack[SLIP, i] = 0.0
             stack[REST, i] += h
-        else:
-            stack[SLIP, i] = 1.0 if stuck > 0.0 else -1.0
-            # once it gives way it slips at what it slips at, which is no more than what it held
+        elif stack[SLIP, i] * stuck > 0.0:
+            # it slips at what it slips at, which is no more than what it held
             most = slider_force(law, grid, stack, i, stack[SLIP, i], x, v)
             force = stack[SLIP, i] * min(abs(force), most)
+        else:
+            force = give_way(law, grid, stack, i, move, x, v0, v)
         stack[ELEMENT_FORCE, i] = force
 
 
 @compiled
 def follow_sliders(law: Law, grid: Array, stack: Array, x: Array, v: Array, h: float, out: Array) -> None:
     """Force of each element along a prescribed motion x (n,), v (n,), from rest at x[0]; out (E, n)."""
-    last = x[0]
     for j in range(x.size):
-        commit_sliders(law, grid, stack, x[j] - last, x[j], v[j], h)
-        last = x[j]
+        last = max(0, j - 1)
+        commit_sliders(law, grid, stack, x[j] - x[last], x[j], v[last], v[j], h)
         for i in range(grid.shape[1]):
             out[i, j] = stack[ELEMENT_FORCE, i]
 
@@ -390,7 +409,7 @@ def advance_sliders(
             a4 = w * (u3 - k * x4 - c * v4 - sliders_force(law, grid, stack, x4 - x, x4, v4))
             x1 = x + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
             v1 = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-        commit_sliders(law, grid, stack, x1 - x, x1, v1, h)
+        commit_sliders(law, grid, stack, x1 - x, x1, v, v1, h)
         x, v = x1, v1
     state[X], state[V] = x, v
     state[F] = sliders_force(law, grid, stack, 0.0, x, v)

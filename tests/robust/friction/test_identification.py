@@ -11,15 +11,31 @@ import robust
 from benchmarks.read_machine import (
     AT_REST,
     IN_MOTION,
+    SETS,
     TWO_MASSES,
+    LevelSet,
+    Outcome,
+    judge_set,
     measure_at_rest,
     measure_in_motion,
+    measure_set,
     pulls_of,
     truth_of,
 )
 from nlfrf.friction import VaryingSliders, element_forces
 from robust.drive import DriveSettings, cascade
-from robust.friction.balance import LOAD, Candidate, Motion, Terms, element_spectra, reaction_of_load, with_branches
+from robust.friction.balance import (
+    LOAD,
+    Candidate,
+    Motion,
+    Terms,
+    covariances_of,
+    element_spectra,
+    reaction_of_load,
+    residual_of,
+    slopes_of,
+    with_branches,
+)
 from robust.reports.drive_friction import judge_friction
 
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
@@ -61,6 +77,20 @@ def test_a_sliding_element_holds_what_stribeck_leaves():
     force = element_forces(law, x, np.full(100, 0.3), fs=1.0)[0]
     assert force.max() <= 2.0
     assert np.isclose(force[-1], 2.0 * (1 / 1.6 + (1 - 1 / 1.6) * np.exp(-0.36)))
+
+
+def test_an_element_drops_at_the_velocity_at_which_it_gives_way():
+    """Along x = sin t it gives way at x = W, drops to what the slider slips at there, and sticks as the motion slows.
+
+    W is passed between two samples: from the velocity of the later one the force at the turn was up to 4 % of W off.
+    """
+    t = np.linspace(0, np.pi / 2, 61)
+    W, rho, vs = np.linspace(0.93, 0.96, 200), 1.5, 0.5
+    law = VaryingSliders(stiffness=np.ones(W.size), strength=W, stiction=rho, vs=vs)
+    force = element_forces(law, np.sin(t), np.cos(t), fs=1 / t[1])[:, -1]
+    speed = np.sqrt(1 - W**2)
+    expected = W * (1 / rho + (1 - 1 / rho) * np.exp(-((speed / vs) ** 2))) + 1 - W
+    assert force == pytest.approx(expected, abs=1e-3)
 
 
 def test_what_is_no_motion_is_refused():
@@ -260,6 +290,40 @@ def test_the_reaction_of_a_load_without_friction_is_linear():
     assert np.abs(reaction_of_load(level, load)[0] - expected).max() < 1e-3 * np.abs(expected).max()
 
 
+def test_the_jackknife_leaves_out_one_block_after_the_other():
+    """Against fits without each block, a line that all of the damping hangs on among them; noise against its own."""
+    rng, shape = np.random.default_rng(1), (1, 40)
+    omega = 2 * np.pi * np.arange(1.0, 41.0)
+    Y = 1e-3 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+    Y[:, 3] *= 30
+    noise = 0.05 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
+    level = Motion(
+        omega=omega,
+        U=-(omega**2) * Y + 1j * omega * Y + noise,
+        Y=Y,
+        noise=np.zeros(shape),
+        excited=np.ones(40, dtype=bool),
+        x=np.zeros((1, 100)),
+        v=np.zeros((1, 100)),
+        fs=100.0,
+        lines=np.arange(1, 41),
+    )
+    none, numbers = np.zeros(0), {"mass": 1.0, "damping": 1.0, "delay": 0.0}
+    machine = Candidate(terms=Terms(spring=False), numbers=numbers, stiffness=none, breakaway=none)
+    stds = [np.ones(shape)]
+    for _ in range(5):  # to a force that this machine fits best
+        slopes, left = slopes_of(level, machine)[0], residual_of(level, machine)[0]
+        table, target = (np.concatenate([one.real, one.imag]) for one in (slopes, left))
+        level = replace(level, U=level.U - slopes @ np.linalg.lstsq(table, target, rcond=None)[0])
+    jackknife, alike = covariances_of([level], stds, machine)
+    moved = []
+    for block in np.array_split(np.arange(40), 5):
+        kept = np.setdiff1d(np.arange(80), np.append(block, block + 40))
+        moved.append(np.linalg.lstsq(table[kept], target[kept], rcond=None)[0])
+    assert jackknife == pytest.approx(4 / 5 * np.transpose(moved) @ np.array(moved), rel=1e-6)
+    assert alike == pytest.approx(np.linalg.inv(table.T @ table) * (np.abs(left) ** 2).sum() / (80 - 3), rel=1e-6)
+
+
 def test_an_element_with_stiction_has_two_forces_along_one_motion():
     """It swings by 0.95 D: it never slips from the middle, and slips at both ends once it has dropped to W/rho."""
     n = 1000
@@ -344,3 +408,13 @@ def test_what_makes_no_fit_is_refused():
         robust.identify_sliding(records, (0.1, 0.0, 0.2))
     with pytest.raises(ValueError, match="records must be a list of Records"):
         robust.identify_sliding([], ())
+
+
+def test_levels_under_a_soft_drive_are_read():
+    """One of the sets of `benchmarks.read_machine --sets`, played and traced as files."""
+    chosen = LevelSet(soft=True, f_max=100.0, n_discard=1, rms=(0.3, 4.0, 60.0))
+    assert chosen in SETS
+    fit, truth = robust.identify_friction(measure_set(chosen, 1), free=True), truth_of(nlfrf.servo_axis("linear motor"))
+    assert judge_set(fit, truth) is Outcome.RIGHT
+    assert judge_set(replace(fit, Fs=1.02 * truth["Fs"]), truth) is Outcome.WRONG
+    assert judge_set(replace(fit, stds=fit.stds | {"Fs": np.inf}), truth) is Outcome.REFUSED
