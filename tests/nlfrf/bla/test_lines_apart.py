@@ -79,6 +79,18 @@ def test_plants_drawn_by_chance():
     assert found[0.2, 50.0][:, 0].mean() >= 0.8
 
 
+def test_the_first_line_above_the_corner_of_a_viscous_friction_is_no_outlier():
+    """Of the belt preset in motion: lines 3, 9, 11, 17, ... of 1/(s (s + c/m)), with its corner at a quarter of them."""
+    lines = np.sort(np.concatenate([np.arange(3, 601, 8), np.arange(9, 601, 8)]))
+    where, rng = index_lines(LineGrid(excited=lines)), np.random.default_rng(3)
+    G, level = scattered(1 / (1j * lines * (1j * lines + 0.75)), 1, rng, sigma=1e-7)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fitted = fit_locally(G, np.ones(G.shape), index=where).G
+        found = warn_of_outlier_lines(G, fitted, level=level, index=where, f=lines * 0.5, gamma=np.ones((1, 1)))
+    assert not found.any()
+
+
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_free_mass_stands_out_at_no_line_and_a_disturbed_line_of_it_does(order):
     """On lines 3, 9, 11, 17, ... its first one was 190 times its scatter from what the others say."""

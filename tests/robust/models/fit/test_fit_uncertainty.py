@@ -1,12 +1,15 @@
 """Standard deviations of poles, zeros, gain and delay, and the probability of a cost, held against Monte Carlo."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
 from matplotlib.path import Path
 
+import nlfrf
 import robust
-from robust.models.fit.fit_uncertainty import estimate_uncertainty
+from robust.models.fit.fit_uncertainty import estimate_uncertainty, expected_ratio
 from robust.models.fit.orders import describe_doubtful_poles
 from robust.plot.loops import confidence_ellipse
 from tests.support.printed import unwrapped
@@ -161,3 +164,13 @@ def test_a_root_far_outside_the_band_is_unknown_and_overflows_nothing(far):
     assert np.isfinite(found.std_poles).all()
     assert found.std_poles[1] > min(far, 1e148)
     assert found.std_poles[0] == pytest.approx(alone.std_poles[0], rel=0.5)
+
+
+def test_a_variance_of_one_window_does_not_make_every_order_as_good():
+    """The mean of |residual|^2 / var is infinite there: two masses were taken for one, with 1e-299 times the scatter."""
+    ms = nlfrf.multisine("special-odd", fs=1024, n_samples=2048, f_min=2, f_max=200, rms=1.0, rng=1)
+    bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=3, n_discard=2))
+    few = replace(bla, dof=np.where(np.arange(bla.f.size) == 0, 0.9, bla.dof))
+    fit = robust.fit_nominal(few, n_poles=3)
+    assert 0.1 < fit.cost / fit.expected_cost < 10
+    assert expected_ratio(np.array([0.9])) == expected_ratio(np.array([3.0])) == 1.5

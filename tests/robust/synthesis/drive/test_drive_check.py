@@ -538,6 +538,14 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     assert names == [f"ramp-trace.csv {state}" for state in ("sticks", "bends", "slides")]
     assert conditions == [(RecordedGains.SAME, BaseMotion.AT_REST)] * 3
     assert np.all(np.diff([np.std(one.u) for one in records]) > 0)
+    more, states, _ = read_experiments([folder / "ramp-trace.csv"], [ramp], settings, n_levels=6)
+    assert len(more) == 6
+    assert states[0].endswith("sticks")
+    assert states[-1].endswith("slides")
+    forces = [np.std(one.u) for one in more]
+    assert np.all(np.diff(forces) > 0)
+    assert forces[0] == np.std(records[0].u)
+    assert forces[-1] >= np.std(records[-1].u)
     low = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=2, n_levels=4, rng=1)
     nlfrf.save(low, folder / "few.csv")
     nlfrf.axis.play_experiment(axis, folder / "few.csv", folder / "few-trace.csv")
