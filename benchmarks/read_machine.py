@@ -301,7 +301,7 @@ def measure_set(one: LevelSet, seed: int) -> list[nlfrf.Record]:
                 rng=seed,
             )
             nlfrf.save(experiment, table)
-            play_experiment(axis, table, trace)
+            play_experiment(axis, table, trace, oversampling=16)
             records += load_trace(trace, experiment)
     return records
 
@@ -328,7 +328,7 @@ def read_sets(n_seeds: int, first: int = 0) -> None:
         drive, levels = "soft" if one.soft else "stiff", ", ".join(f"{rms:g}" for rms in one.rms)
         print(
             f"{drive} drive, to {one.f_max:g} Hz, {one.n_discard} discarded, {levels} N, phases {seed}: "
-            f"{outcome.value}; {format_pulls(pulls) or fit.questions[0]}",
+            f"{outcome.value}; {format_pulls(pulls) or fit.questions[0].kind.name.lower()}",
             flush=True,
         )
     print(", ".join(f"{outcome.value} {count}" for outcome, count in counts.items()))

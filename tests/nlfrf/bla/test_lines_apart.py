@@ -80,7 +80,7 @@ def test_plants_drawn_by_chance():
 
 
 def test_the_first_line_above_the_corner_of_a_viscous_friction_is_no_outlier():
-    """Of the belt preset in motion: lines 3, 9, 11, 17, ... of 1/(s (s + c/m)), with its corner at a quarter of them."""
+    """Of the belt preset in motion: lines 3, 9, 11, 17, ... of 1/(s (s + c/m)), corner at a quarter of the first."""
     lines = np.sort(np.concatenate([np.arange(3, 601, 8), np.arange(9, 601, 8)]))
     where, rng = index_lines(LineGrid(excited=lines)), np.random.default_rng(3)
     G, level = scattered(1 / (1j * lines * (1j * lines + 0.75)), 1, rng, sigma=1e-7)

@@ -167,7 +167,7 @@ def test_a_root_far_outside_the_band_is_unknown_and_overflows_nothing(far):
 
 
 def test_a_variance_of_one_window_does_not_make_every_order_as_good():
-    """The mean of |residual|^2 / var is infinite there: two masses were taken for one, with 1e-299 times the scatter."""
+    """The mean of |residual|^2 / var is infinite there: two masses were taken for one."""
     ms = nlfrf.multisine("special-odd", fs=1024, n_samples=2048, f_min=2, f_max=200, rms=1.0, rng=1)
     bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=3, n_discard=2))
     few = replace(bla, dof=np.where(np.arange(bla.f.size) == 0, 0.9, bla.dof))
