@@ -29,7 +29,6 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import value
-from nlfrf.axis.levels import LevelState
 from robust._base.states import State, Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
@@ -341,7 +340,8 @@ def read_experiments(
 def choose_levels(levels: nlfrf.axis.AxisLevels, records: Sequence[nlfrf.Record], count: int) -> list[int]:
     """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
     named = [k for k, record in enumerate(records) if any(record is one for one in levels.records)]
-    readable = (LevelState.STICKS, LevelState.BENDS, LevelState.SLIDES)
+    states = nlfrf.axis.LevelState
+    readable = (states.STICKS, states.BENDS, states.SLIDES)
     top = max(k for k, state in enumerate(levels.states) if state in readable)
     if count <= len(named) or top - named[0] + 1 < count:
         return named

@@ -291,7 +291,7 @@ def test_the_reaction_of_a_load_without_friction_is_linear():
 
 
 def test_the_jackknife_leaves_out_one_block_after_the_other():
-    """Against fits without each block, a line that all of the damping hangs on among them; noise against its own."""
+    """Against fits without each block, one of which holds most of what is known; and noise against least squares."""
     rng, shape = np.random.default_rng(1), (1, 40)
     omega = 2 * np.pi * np.arange(1.0, 41.0)
     Y = 1e-3 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
