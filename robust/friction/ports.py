@@ -18,7 +18,6 @@ __all__ = ["bound_of_ports", "coupling_of_rests", "friction_of_ports", "largest_
 #: Forces at two ports, over what a definite matrix allows: slack for what the sampler folds.
 COUPLINGS = (0.9, 0.99)
 MIN_SHARE = 1e-9  # share of a row that has to be left
-ONE_SIDED = 1e-9  # of the largest displacement at rest: what is smaller is none
 
 
 def friction_of_ports(
@@ -58,11 +57,11 @@ def coupling_of_rests(loop: FrictionLoop) -> tuple[str, bool]:
     """
     rest, offset = loop.rest()
     X, unsure = loop.displacements @ rest, np.abs(loop.displacements) @ offset
-    coupled = np.abs(X) > np.maximum(10 * unsure, ONE_SIDED * np.abs(X).max())
+    coupled = np.abs(X) > 10 * unsure
     np.fill_diagonal(coupled, False)
     if not coupled.any():
         return "", False
-    if np.all(np.abs(X - X.T) <= np.maximum(10 * (unsure + unsure.T), ONE_SIDED * np.abs(X).max())):
+    if np.all(np.abs(X - X.T) <= 10 * (unsure + unsure.T)):
         return "", True
     return (
         "where one port rests depends on the friction at another, and not the other way round, as with a position loop "
