@@ -117,11 +117,12 @@ class DriveFriction:
         rows = []
         if self.proved:
             rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
+            two = self.fit is not None and self.fit.load_mass > 0
             if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
                 stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
                 rest = f"with the motor {rest}, and the load within {stretch} of it"
             added = f", and with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
-            ends = "mass" if isinstance(self.largest, float | None) else "motor, load and the spring between them"
+            ends = "motor, load and the spring between them" if two else "mass"
             rows = [
                 f"It rests {rest}. Proved also at both ends of {ends} and of viscous friction in the table"
                 f"{added} (at these values, not between them)."
