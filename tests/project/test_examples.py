@@ -159,7 +159,7 @@ PRINTED = {
         r"in motion, after the friction doubled ---\nvalidation: 0 of",
         r"at rest, after the friction doubled ---\nmass m = 1[12]\.",
         r"break-away force Fs = 39\.\d+ \+- ",
-        r"\n2[12]\.\d um off with the force read before, 4[34]\.\d um with that read later",
+        r"\n2[12](\.\d)? um off with the force read before, 4[34](\.\d)? um with that read later",
     ],
 }
 
