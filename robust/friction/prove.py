@@ -37,7 +37,6 @@ from robust.friction.plant import (
     mobility,
     require_one_port,
     separate_delay,
-    steady_error_bound,
 )
 from robust.friction.ports import (
     bound_of_ports,
@@ -490,43 +489,40 @@ def prove_friction(
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
     forces = largest_forces(machine, Fs)
-    if isinstance(given, FrictionAtPorts):
-        return prove_at_ports(machine, K, given, delay=delay, loop=loop, forces=forces)
-    friction, Fs = given, float(forces[0])
-    if friction.kind == "bounded":
-        if np.isfinite(Fs) and Fs != friction.Fs:
+    if given.kind == "bounded" and isinstance(given, AnyFriction):
+        if np.isfinite(forces[0]) and forces[0] != given.Fs:
             raise ValueError(
-                f"Fs must be that of the class, {friction.Fs:g} {friction.units.force}, or left out, got {Fs:g}"
+                f"Fs must be that of the class, {given.Fs:g} {given.units.force}, or left out, got {forces[0]:g}"
             )
-        Fs = friction.Fs
-    spring = destabilizing_stiffness(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
-    kick_sure, error_bound = bounds_of_bounded(machine, loop, Fs)
+        forces = np.array([given.Fs])
+    spring = destabilizing_stiffness(loop, np.nan_to_num(given.K0), given.damper)
+    kick_sure, error_bound = bounds_of_bounded(machine, loop, forces)
     if spring is not None:
-        found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, friction))
-    elif friction.kind in ("Maxwell slip", "bristle"):
-        found = certified_verdict(machine, K, delay=delay, loop=loop, friction=friction, limits=limits)
-        if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(Fs):
+        found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, given))
+    elif given.kind in ("Maxwell slip", "bristle"):
+        found = certified_verdict(machine, K, delay=delay, loop=loop, friction=given, limits=limits)
+        if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(forces).all():
             found = settling_verdict(
                 machine,
                 K,
                 delay=delay,
                 loop=loop,
-                friction=friction,
+                friction=given,
                 forces=forces,
                 error_bound=error_bound,
                 undecided=found,
             )
-    elif friction.kind == "bounded":
+    elif given.kind == "bounded":
         found = bounded_verdict(loop, error_bound)
     else:
         verdict, reason = passive_verdict(machine, K, delay=delay, loop=loop)
         found = Finding(verdict=verdict, reason=reason)
     return FrictionProof(
         machine=machine,
-        friction=friction,
+        friction=given,
         counterexample=spring,
-        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind]),
-        claim=describe_claim(machine, friction, K=K, delay=delay, found=found, Fs=Fs, error_bound=error_bound)
+        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[given.kind]),
+        claim=describe_claim(machine, given, K=K, delay=delay, found=found, forces=forces, error_bound=error_bound)
         if found.verdict in CLAIMED
         else "",
         kick_sure=kick_sure,
@@ -535,55 +531,6 @@ def prove_friction(
         reason=found.reason,
         K0_max=found.K0_max,
         stiction_max=found.stiction_max,
-        settling_error=found.settling_error,
-        certificate=found.certificate,
-        multipliers=found.multipliers,
-        omega=found.omega,
-        form=found.form,
-    )
-
-
-def prove_at_ports(
-    machine: FrictionPlant,
-    K: control.StateSpace,
-    friction: FrictionAtPorts,
-    *,
-    delay: float,
-    loop: FrictionLoop,
-    forces: np.ndarray,
-) -> FrictionProof:
-    """Return the proof of a loop with friction at several ports; `forces` (P,) are the largest, or nan."""
-    spring = destabilizing_stiffness(loop, friction.K0)
-    error_bound = bound_of_ports(loop, forces)
-    if spring is not None:
-        found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, friction))
-    else:
-        found = certified_verdict(machine, K, delay=delay, loop=loop, friction=friction, limits=False)
-        if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(forces).all():
-            found = settling_verdict(
-                machine,
-                K,
-                delay=delay,
-                loop=loop,
-                friction=friction,
-                forces=forces,
-                error_bound=error_bound,
-                undecided=found,
-            )
-    return FrictionProof(
-        machine=machine,
-        friction=friction,
-        counterexample=spring,
-        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind]),
-        claim=describe_claim(machine, friction, K=K, delay=delay, found=found, Fs=forces, error_bound=error_bound)
-        if found.verdict in CLAIMED
-        else "",
-        kick_sure=np.nan,
-        error_bound=error_bound,
-        verdict=found.verdict,
-        reason=found.reason,
-        K0_max=np.nan,
-        stiction_max=np.nan,
         settling_error=found.settling_error,
         certificate=found.certificate,
         multipliers=found.multipliers,
@@ -615,16 +562,16 @@ class Finding:
     form: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-def bounds_of_bounded(machine: FrictionPlant, loop: FrictionLoop, Fs: float) -> tuple[float, float]:
-    """Return the divergence velocity and the steady error bound, nan where there is none."""
-    stable, kick = loop.growth() < 0, np.nan
-    if np.isfinite(Fs) and not stable and machine.velocity @ machine.B_port > 0:
+def bounds_of_bounded(machine: FrictionPlant, loop: FrictionLoop, forces: np.ndarray) -> tuple[float, float]:
+    """Return the divergence velocity, of one port, and the steady error bound; nan where there is none."""
+    kick = np.nan
+    unstable = not loop.growth() < 0
+    if machine.n_ports == 1 and np.isfinite(forces[0]) and unstable and machine.velocity @ machine.B_port > 0:
         hit = np.zeros(loop.F.shape[0])
         hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
-        least = divergence_velocity(loop, hit, Fs)
+        least = divergence_velocity(loop, hit, float(forces[0]))
         kick = least if np.isfinite(least) else np.nan
-    bound = Fs * steady_error_bound(loop) if np.isfinite(Fs) and stable else np.nan
-    return kick, bound if np.isfinite(bound) else np.nan
+    return kick, bound_of_ports(loop, forces)
 
 
 def bounded_verdict(loop: FrictionLoop, error_bound: float) -> Finding:
@@ -828,16 +775,16 @@ def describe_claim(
     K: control.StateSpace,
     delay: float,
     found: Finding,
-    Fs: float | np.ndarray,
+    forces: np.ndarray,
     error_bound: float,
 ) -> str:
     """State what is proved in one sentence."""
     if found.verdict is FrictionVerdict.SETTLES:
         bound = f"{found.settling_error:.3g} {machine.units.position}"
-        forces = [f"{force:g} {machine.units.force}" for force in np.atleast_1d(Fs)]
+        largest = [f"{force:g} {machine.units.force}" for force in forces]
         if isinstance(friction, FrictionAtPorts):
-            forces = [f"{force} at {name}" for force, name in zip(forces, friction.names, strict=True)]
-        most = f"of at most {' and '.join(forces)}"
+            largest = [f"{force} at {name}" for force, name in zip(largest, friction.names, strict=True)]
+        most = f"of at most {' and '.join(largest)}"
         scope = describe_scope(machine, friction, K=K, delay=delay)
         return f"Settles within {bound} of rest from every state {scope}, {most}."
     rest = (
