@@ -50,7 +50,7 @@ def several_channels():
         ms = nlfrf.multisine(fs=n_samples, n_samples=n_samples, f_min=1, f_max=4 * n_lines, n_inputs=6, rng=rng)
         u = np.repeat(ms.u[:, :, None], n_periods, axis=2)
         y = np.tensordot(rng.standard_normal((6, 6)), u + 0.05 * u**3, axes=(1, 0))
-        record = nlfrf.MultiRecord(u=u, y=y + 0.01 * rng.standard_normal(y.shape), fs=n_samples, lines=ms.lines)
+        record = nlfrf.Record(u=u, y=y + 0.01 * rng.standard_normal(y.shape), fs=n_samples, lines=ms.lines)
         times = in_turn(
             {"ours": lambda record=record: nlfrf.identify(record), "bare": lambda r=record: bare_rfft(r)}, 5
         )

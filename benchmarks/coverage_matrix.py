@@ -79,7 +79,7 @@ def drive(r, noise, cubic, lugre, on, kp, kd, u_out, y_out, substeps):
 
 
 def stage_records(ms, *, friction=False, linear=False, gains=(0.0, 0.0), snrs=SNRS, rng=None, n_discard=3):
-    """`MultiRecord`s of one run of the stage, one for each snr [dB]; by reference where there are gains."""
+    """`Record`s of one run of the stage, one for each snr [dB]; by reference where there are gains."""
     rng = np.random.default_rng(rng)
     M, total = ms.n_experiments, (PERIODS + n_discard) * N
     r = np.tile(ms.u, (1, 1, PERIODS + n_discard))
@@ -99,7 +99,7 @@ def stage_records(ms, *, friction=False, linear=False, gains=(0.0, 0.0), snrs=SN
 
     def record(u, y):
         signals = {"u": cut(u), "r": cut(r)} if closed else {"u": cut(r)}
-        return nlfrf.MultiRecord(**signals, y=cut(y), fs=FS, lines=ms.lines)
+        return nlfrf.Record(**signals, y=cut(y), fs=FS, lines=ms.lines)
 
     u, quiet = run(np.zeros((2, M, total)))
     noise = quiet[..., n_discard * N :].std(axis=2)[..., None] * rng.standard_normal(quiet.shape)
@@ -113,7 +113,7 @@ def stage_records(ms, *, friction=False, linear=False, gains=(0.0, 0.0), snrs=SN
 
 
 def static_record(ms, snr=np.inf, rng=None):
-    """A `MultiRecord` of static polynomials of two or three inputs."""
+    """A `Record` of static polynomials of two or three inputs."""
     rng = np.random.default_rng(rng)
     u = np.repeat(ms.u[:, :, None], PERIODS, axis=2)
     a, b, c = u[0], u[1], u[-1]
@@ -123,7 +123,7 @@ def static_record(ms, snr=np.inf, rng=None):
         if np.isinf(snr)
         else 10 ** (-snr / 20) * rng.standard_normal(y.shape) * y.std(axis=(1, 2, 3))[:, None, None, None]
     )
-    return nlfrf.MultiRecord(u=u, y=y + noise, fs=ms.fs, lines=ms.lines)
+    return nlfrf.Record(u=u, y=y + noise, fs=ms.fs, lines=ms.lines)
 
 
 def tally(frms, quiet, resonances):
@@ -167,7 +167,7 @@ MACHINES = {
 }
 
 
-def groups() -> Iterator[tuple[str, Callable[[int], Iterator[nlfrf.MultiRecord]]]]:
+def groups() -> Iterator[tuple[str, Callable[[int], Iterator[nlfrf.Record]]]]:
     """Name of each group of rows, and what makes the records of run e, one for each level of noise."""
 
     def stage(kind, R, rms, friction, design="orthogonal", **more):

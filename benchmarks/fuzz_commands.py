@@ -81,7 +81,7 @@ def made():
         nlfrf.save_record(record, f"rec.{suffix}")
         nlfrf.save_record(multi, f"multi.{suffix}")
     nlfrf.save_bla(bla, "bla.npz")
-    nlfrf.save_frm(frm, "frm.npz")
+    nlfrf.save_bla(frm, "frm.npz")
     robust.save_model(model, "model.json")
     robust.save_model(matrix, "matrix.json")
     for name, K in (("K", control.tf([1e3], [1e-3, -1e-3], 1e-3)), ("Kc", Kc), ("K2", K2)):

@@ -115,7 +115,7 @@ def set_of(number, n_inputs, size=0.0, kind="special-odd", cubic=0.02, noise=0.0
     y = y + noise * scale * rng.standard_normal(y.shape)
     for m in range(n_inputs):
         y[1, m] += scale[1, 0] * hum(size, HUM[0], rng).reshape(P, N)
-    return ms, nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=ms.lines)
+    return ms, nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines)
 
 
 def several(n):

@@ -37,7 +37,7 @@ def records():
     y_loop = np.einsum("ji,imps->jmps", G, u_loop) + noise
     grid = nlfrf.LineGrid(excited=ms.lines.excited)
     signals = {"known": (r, y, None), "noisy": (noisy, y, None), "loop": (u_loop, y_loop, r)}
-    return {name: nlfrf.MultiRecord(u=u, y=y, r=r, fs=512, lines=grid) for name, (u, y, r) in signals.items()}
+    return {name: nlfrf.Record(u=u, y=y, r=r, fs=512, lines=grid) for name, (u, y, r) in signals.items()}
 
 
 def theirs(x):

@@ -16,7 +16,7 @@ import numpy as np
 
 import robust
 from robust.models.sets.forms import MATRIX_FORMS
-from robust.models.sets.model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
 
 
 def random_system(rng, n, n_out, n_in, dt, gain):
@@ -51,7 +51,7 @@ def random_case(seed):
         K = random_system(rng, int(rng.integers(0, 3)), n, n, dt, 10 ** rng.uniform(-1.5, 0.5))
         left = () if form == "elements" else tuple(random_weight(rng, dt) for _ in range(n))
         right = tuple(random_weight(rng, dt) for _ in range(n * n if form == "elements" else n))
-        model = MatrixUncertainty(
+        model = UncertaintyModel(
             nominal=G,
             form=form,
             left=left,

@@ -51,7 +51,7 @@ def outcome(u, y, lines, G):
     """The warnings, and the share of the entries that the bound holds."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=lines))
+        frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=lines))
     return " ".join(str(one.message) for one in said), float(np.mean(np.abs(frm.G - G) < frm.bound()))
 
 

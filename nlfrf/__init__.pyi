@@ -16,7 +16,6 @@ from .bla.bla import Bla as Bla
 from .bla.bla import DistortionLevels as DistortionLevels
 
 # Several inputs and outputs
-from .bla.bla import Frm as Frm
 from .bla.cross_check import SecondOpinion as SecondOpinion
 from .bla.cross_check import second_opinion as second_opinion
 from .bla.from_frf import bla_from_frf as bla_from_frf
@@ -32,22 +31,17 @@ from .io.designs import load_multisine as load_multisine
 from .io.designs import save_multisine as save_multisine
 from .io.inspection import FileContents as FileContents
 from .io.inspection import inspect_file as inspect_file
-from .io.records import load_multirecord as load_multirecord
 from .io.records import load_record as load_record
 from .io.results import export_csv as export_csv
 from .io.results import load as load
 from .io.results import load_bla as load_bla
-from .io.results import load_frm as load_frm
 from .io.results import save as save
 from .io.results import save_bla as save_bla
-from .io.results import save_frm as save_frm
 from .io.stored_records import save_record as save_record
 
 # Records: what was measured
-from .records.record import MultiRecord as MultiRecord
 from .records.record import Record as Record
 from .records.record import join_records as join_records
-from .records.samples import multirecord_from_samples as multirecord_from_samples
 from .records.samples import record_from_samples as record_from_samples
 from .rig.bench.closed_loop import LoopResponse as LoopResponse
 from .rig.bench.closed_loop import simulate_loop as simulate_loop

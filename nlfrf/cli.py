@@ -250,7 +250,7 @@ def identify(
             of = ", ".join(inputs) if input else file[0].name
             raise ValueError(f"opinion must be left out for several inputs, got it with {of}")
         u, y = inputs if input else None, outputs if input or output else None
-        record = nlfrf.load_multirecord(file, u=u, y=y, r=references, **cut)
+        record = nlfrf.load_record(file, u=u, y=y, r=references, **cut)
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := nlfrf.load(design), nlfrf.axis.AxisExperiment):

@@ -44,7 +44,6 @@ from .analysis.performance import StepResponse as StepResponse
 from .analysis.performance import loop_gains as loop_gains
 from .analysis.performance import step_response as step_response
 from .analysis.report import RobustnessReport as RobustnessReport
-from .analysis.report import StructuredReport as StructuredReport
 from .analysis.robustness import check as check
 from .analysis.structured import check_structure as check_structure
 
@@ -74,7 +73,6 @@ from .friction.linear_uncertainty import friction_frequency_test as friction_fre
 
 # Sliding: machines with friction
 from .friction.plant import friction_plant as friction_plant
-from .friction.plant import sliding_machine as sliding_machine
 from .friction.plant import two_mass_plant as two_mass_plant
 from .friction.prove import FrictionProof as FrictionProof
 from .friction.prove import prove_friction as prove_friction
@@ -115,9 +113,7 @@ from .models.sets.build import uncertainty as uncertainty
 from .models.sets.interconnection import Block as Block
 from .models.sets.interconnection import UncertainSystem as UncertainSystem
 from .models.sets.interconnection import interconnection as interconnection
-from .models.sets.model import MatrixUncertainty as MatrixUncertainty
 from .models.sets.model import UncertaintyModel as UncertaintyModel
-from .models.validation import MatrixValidation as MatrixValidation
 from .models.validation import Validation as Validation
 from .models.validation import validate as validate
 

@@ -22,7 +22,7 @@ from nlfrf.bla.local_models import MIN_FIT_LINES, fit_locally
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
-__all__ = ["COVARIANCES", "Bla", "DistortionLevels", "Frm"]
+__all__ = ["COVARIANCES", "Bla", "DistortionLevels"]
 
 
 #: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
@@ -571,10 +571,6 @@ class Bla(Channels):
             f"  transient: {self.transient}; level from {source}"
             + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
         )
-
-
-#: The name of `Bla` for several channels before one type took any number of them.
-Frm = Bla
 
 
 @value

@@ -25,7 +25,7 @@ from nlfrf.records.samples import Cutting, record_from_samples, records_from_str
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
-__all__ = ["LostRows", "find_lost_rows", "holds_multirecord", "keep_whole_periods", "load_multirecord", "load_record"]
+__all__ = ["LostRows", "find_lost_rows", "holds_multirecord", "keep_whole_periods", "load_record"]
 
 
 def read_measurement(path: str | os.PathLike[str]) -> Channels:
@@ -277,8 +277,8 @@ def load_record(
 def load_record(
     path: Path_ | Sequence[Path_],
     *,
-    u: str | list[str] | tuple[str, ...] = "u",
-    y: str | list[str] | tuple[str, ...] = "y",
+    u: str | list[str] | tuple[str, ...] | None = None,
+    y: str | list[str] | tuple[str, ...] | None = None,
     r: str | list[str] | tuple[str, ...] | None = None,
     fs: float | None = None,
     n_samples: int | None = None,
@@ -299,9 +299,11 @@ def load_record(
         one experiment, as in `join_records`.
     u, y, r : str, or a list of them
         Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
-        ``matrix.2`` for a column, ``col2`` where a table has no header. A list of inputs gives one record of all
-        channels, as `load_multirecord` does. One input and a list of names for `y` give a list of records that share
-        the input. The reference that `save_record` wrote comes along where `r` is not named.
+        ``matrix.2`` for a column, ``col2`` where a table has no header; "u" and "y" when not given. A list of inputs
+        gives one record of all channels, one file an experiment. One input and a list of names for `y` give a list of
+        records that share the input. Of a record of several channels that `save_record` wrote, `u` may be left out,
+        and `y` chooses outputs; several such files give the experiments of all. The reference that `save_record` wrote
+        comes along where `r` is not named.
     fs : float, optional
         Sampling frequency [Hz]; when not given from the file: a variable ``fs`` or ``Ts``, what a channel says of
         itself, a time channel (in seconds, or in the unit that its name or a units row tells).
@@ -350,34 +352,26 @@ def load_record(
     True
     >>> folder.cleanup()
     """
+    files = list(map(read_measurement, to_paths(path)))
+    if isinstance(design, str | os.PathLike):
+        design = (load_multisine if isinstance(u, str) else load_design)(design)
+    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
+    if not isinstance(u, str) and not isinstance(y, str) and all(map(holds_several, files)):
+        if r:
+            raise ValueError(
+                f"r must be left out for a record that has its own references or none, got {short_form(r)}"
+            )
+        return stored_multirecord(files, u, y=y, fs=fs, options=options)
+    u, y = "u" if u is None else u, "y" if y is None else y
     if isinstance(u, list | tuple) and len(u) == 1 and isinstance(y, str):
         u = u[0]
     if isinstance(u, list | tuple):
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
-        return load_multirecord(
-            path,
-            u=u,
-            y=y,
-            r=r,
-            fs=fs,
-            design=design,
-            hold=hold,
-            n_samples=n_samples,
-            lines=lines,
-            n_discard=n_discard,
-            resample=resample,
-        )
+        return load_channels(files, u=u, y=y, r=r, fs=fs, options=options)
     check_names(u, y, r)
-    paths = to_paths(path)
-    if isinstance(design, str | os.PathLike):
-        design = load_multisine(design)
     names = {"u": str(u)} | ({} if r is None else {"r": str(r)})
     outputs = [y] if isinstance(y, str) else list(y)
-    options = Cutting(n_samples, lines, n_discard, resample, design, hold)
-    files = list(map(read_measurement, paths))
-    if (u, y, r) == ("u", "y", None) and all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
-        return stored_multirecord(files, None, y=None, fs=fs, options=options)
-    if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
+    if several := next((file.path for file in files if holds_several(file)), None):
         raise ValueError(
             f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "
             "input out"
@@ -478,84 +472,17 @@ HEAD_BYTES = (
 FIRST_MEMBER_BYTES = 128 + 8  # bytes of a MATLAB file before its first variable
 
 
-def load_multirecord(
-    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+def load_channels(
+    files: list[Channels],
     *,
-    u: Sequence[str] | None = None,
-    y: Sequence[str] | None = None,
-    r: Sequence[str] = (),
-    fs: float | None = None,
-    n_samples: int | None = None,
-    lines: LineGrid | None = None,
-    n_discard: int = 0,
-    resample: bool = False,
-    design: Design | str | os.PathLike[str] | None = None,
-    hold: str | None = None,
+    u: Sequence[str],
+    y: Sequence[str],
+    r: Sequence[str],
+    fs: float | None,
+    options: Cutting,
 ) -> Record:
-    """Read a record of several inputs or outputs: from measurement files, one file an experiment, or as it was saved.
-
-    Parameters
-    ----------
-    path : path, or a list of them
-        Any file that `load_record` reads; or what `save_record` wrote of a `Record` of several channels, of several
-        such files the experiments of all.
-    u, y, r : sequence of str
-        Names of the inputs, the outputs and, in closed loop, the references. Of what `save_record` wrote they may be
-        left out; there y chooses outputs.
-    fs : float, optional
-        Sampling frequency [Hz]; from the file when not given.
-    n_samples : int, optional
-        Samples in one period; found from the first input when not given.
-    lines : LineGrid, optional
-        Excited and detection lines; found from the inputs when not given.
-    n_discard : int
-        Periods to leave out at the start.
-    resample : bool
-        Cut the periods where the inputs show that they stand; see `record_from_samples`.
-    design : OrthogonalMultisine or path, optional
-        What was played, or the file that `save_multisine` wrote; see `record_from_samples`.
-    hold : str, optional
-        How all inputs run between their samples: "zoh" where they are commands of converters, "band-limited" where
-        they were measured behind the hold. From the file or the design, or unknown, when not given.
-
-    Returns
-    -------
-    Record
-        With the channels called as they were asked for.
-
-    Raises
-    ------
-    ValueError
-        A file or a name as in `load_record`, files of different sampling frequencies, signals that do not make a
-        record.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> import nlfrf, tempfile
-    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> paths = [f"{folder.name}/run{m}.npz" for m in range(2)]
-    >>> for m, path in enumerate(paths):
-    ...     fx, fy = np.tile(ms.u[:, m], 3)
-    ...     np.savez(path, fx=fx, fy=fy, x=fx + fy, fs=100.0)
-    >>> load_multirecord(paths, u=["fx", "fy"], y=["x"], n_samples=100).u.shape
-    (2, 2, 3, 100)
-    >>> folder.cleanup()
-    """
-    if design is not None and isinstance(design, str | os.PathLike):
-        design = load_design(design)
-    files = list(map(read_measurement, to_paths(path)))
-    if all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
-        if r:
-            raise ValueError(
-                f"r must be left out for a record that has its own references or none, got {short_form(r)}"
-            )
-        return stored_multirecord(
-            files, u, y=y, fs=fs, options=Cutting(n_samples, lines, n_discard, resample, design, hold)
-        )
-    if isinstance(u, str) or isinstance(y, str) or isinstance(r, str) or not (u and y):
+    """Return the record of several inputs or outputs in measurement files, one file an experiment."""
+    if isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
         )
@@ -567,12 +494,12 @@ def load_multirecord(
     clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    options = keep_whole_periods(
+    cut = keep_whole_periods(
         [file.seconds(u[0]) for file in files],
         list(signals.values()),
         excitation=signals.get("r", signals["u"])[0][0],
         fs=clocks[0],
-        options=Cutting(n_samples, lines, n_discard, resample, design, hold),
+        options=options,
         paths=[file.path for file in files],
     )
     return record_from_samples(
@@ -580,14 +507,14 @@ def load_multirecord(
         signals["y"],
         r=signals.get("r"),
         fs=clocks[0],
-        n_samples=options.n_samples,
-        lines=lines,
+        n_samples=cut.n_samples,
+        lines=options.lines,
         n_discard=options.n_discard,
-        resample=resample,
+        resample=options.resample,
         inputs=tuple(u),
         outputs=tuple(y),
-        design=design,
-        hold=hold,
+        design=options.design,
+        hold=options.hold,
     )
 
 
@@ -602,6 +529,11 @@ def holds_multirecord(path: str | os.PathLike[str]) -> bool:
         with suppress(zlib.error):  # of variables that are not compressed
             head = zlib.decompressobj().decompress(head[FIRST_MEMBER_BYTES:], HEAD_BYTES)
     return any(MULTIRECORD_SCHEMA.encode(code) in head for code in ("utf-8", "utf-32-le"))
+
+
+def holds_several(file: Channels) -> bool:
+    """Return whether a file is a record of several channels, as this package writes it."""
+    return file.text("schema") == MULTIRECORD_SCHEMA
 
 
 def stack_channels(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:

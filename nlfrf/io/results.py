@@ -27,7 +27,7 @@ from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["export_csv", "load", "load_bla", "load_frm", "save", "save_bla", "save_frm", "value_in"]
+__all__ = ["export_csv", "load", "load_bla", "save", "save_bla", "value_in"]
 
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
@@ -164,10 +164,6 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
     """
     bla: Bla = load_value(RESULTS, path)
     return bla
-
-
-#: The names of `save_bla` and `load_bla` for several channels before one type took any number of them.
-save_frm, load_frm = save_bla, load_bla
 
 
 def save(thing: StoredValue, path: str | os.PathLike[str], *, decimal: str = ".") -> None:

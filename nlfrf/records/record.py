@@ -24,15 +24,7 @@ from nlfrf.signals.lines import LineGrid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = [
-    "SAME_CLOCK",
-    "Channels",
-    "MultiRecord",
-    "Record",
-    "SignalLabels",
-    "join_records",
-    "require_varying",
-]
+__all__ = ["SAME_CLOCK", "Channels", "Record", "SignalLabels", "join_records", "require_varying"]
 
 
 SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
@@ -239,10 +231,6 @@ class Record(Channels):
             for name, signal in zip(names, signals[None, 0] if self.is_single else signals[:, 0], strict=True)
         ]
         return Sketch("s", "of its peak", [(name, t, one / np.abs(one).max()) for name, one in rows])
-
-
-#: The name of `Record` for several channels before one type took any number of them.
-MultiRecord = Record
 
 
 def to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:

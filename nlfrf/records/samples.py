@@ -36,7 +36,7 @@ from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["Cutting", "multirecord_from_samples", "record_from_samples", "records_from_streams"]
+__all__ = ["Cutting", "record_from_samples", "records_from_streams"]
 
 
 MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
@@ -203,10 +203,6 @@ def record_of_channels(
         inputs=inputs,
         outputs=outputs,
     )
-
-
-#: The name of `record_from_samples` for several channels before one function took any number of them.
-multirecord_from_samples = record_from_samples
 
 
 def cut_together(

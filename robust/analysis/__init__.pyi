@@ -22,7 +22,6 @@ from .performance import StepResponse as StepResponse
 from .performance import loop_gains as loop_gains
 from .performance import step_response as step_response
 from .report import RobustnessReport as RobustnessReport
-from .report import StructuredReport as StructuredReport
 from .robustness import check as check
 from .structured import check_structure as check_structure
 from .worst_plant import BreakingPerturbation as BreakingPerturbation

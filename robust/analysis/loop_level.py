@@ -681,7 +681,7 @@ def require_one_channel_loop(model: object) -> None:
 def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
     """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan where one is not known."""
     if bla is None:
-        levels = [(one.rms_u, one.rms_y) for one in model.evidence]
+        levels = [(one.rms_u, one.rms_y) for one in model.records]
     else:
         blas = [bla] if is_single(bla) else list(bla) if isinstance(bla, Sequence) else []
         if not blas or not all(map(is_single, blas)):

@@ -34,7 +34,6 @@ __all__ = [
     "VERDICT_MEANINGS",
     "KnownOfLoop",
     "RobustnessReport",
-    "StructuredReport",
     "describe_aliases",
     "describe_confidence",
     "fill_report",
@@ -729,10 +728,6 @@ class RobustnessReport:
         for name, text in known.items():
             lines += format_paragraph(name, text) if text else []
         return "\n".join(lines)
-
-
-#: The name of `RobustnessReport` by the structured singular value before one type took both.
-StructuredReport = RobustnessReport
 
 
 class KnownOfLoop(TypedDict, total=False):

@@ -15,7 +15,6 @@ from .levels import FrictionClass as FrictionClass
 from .linear_uncertainty import FrequencyTest as FrequencyTest
 from .linear_uncertainty import friction_frequency_test as friction_frequency_test
 from .plant import friction_plant as friction_plant
-from .plant import sliding_machine as sliding_machine
 from .plant import two_mass_plant as two_mass_plant
 from .prove import FrictionProof as FrictionProof
 from .prove import prove_friction as prove_friction

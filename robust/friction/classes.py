@@ -77,11 +77,6 @@ class AnyFriction:
             return f"friction of at most {self.Fs:g} {self.units.force}"
         return "passive friction"
 
-    @property
-    def words(self) -> str:
-        """`description`, by its name in version 0.1."""
-        return self.description
-
 
 @value
 class FrictionAtPorts:

@@ -69,11 +69,6 @@ class FrequencyTest:
     def __str__(self) -> str:
         return self.description
 
-    @property
-    def words(self) -> str:
-        """`description`, by its name in version 0.1."""
-        return self.description
-
 
 def friction_frequency_test(
     machine: FrictionPlant,

@@ -20,7 +20,6 @@ from robust.lti.sampling import without_pade
 __all__ = [
     "FrictionLoop",
     "FrictionPlant",
-    "SlidingMachine",
     "destabilizing_stiffness",
     "divergence_velocity",
     "driven_states",
@@ -31,7 +30,6 @@ __all__ = [
     "pad_states",
     "require_one_port",
     "separate_delay",
-    "sliding_machine",
     "steady_error_bound",
     "two_mass_plant",
     "with_port_impedance",
@@ -90,11 +88,6 @@ class FrictionPlant:
     def units(self) -> MechanicalUnits:
         """Units of position, velocity and force."""
         return mechanical_units(self.position_unit)
-
-    @property
-    def words(self) -> str:
-        """`description`, by its name in version 0.1."""
-        return self.description
 
     @property
     def velocity(self) -> np.ndarray:
@@ -275,10 +268,6 @@ def two_mass_plant(
         position_unit=position_unit,
         port_names=("the motor", "the load"),
     )
-
-
-# The names of version 0.1, which scripts and pickles use.
-SlidingMachine, sliding_machine = FrictionPlant, friction_plant
 
 
 def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> FrictionPlant:

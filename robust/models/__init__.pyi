@@ -12,8 +12,6 @@ from .sets.build import uncertainty as uncertainty
 from .sets.interconnection import Block as Block
 from .sets.interconnection import UncertainSystem as UncertainSystem
 from .sets.interconnection import interconnection as interconnection
-from .sets.model import MatrixUncertainty as MatrixUncertainty
 from .sets.model import UncertaintyModel as UncertaintyModel
-from .validation import MatrixValidation as MatrixValidation
 from .validation import Validation as Validation
 from .validation import validate as validate

@@ -20,7 +20,7 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance
 from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
 
-__all__ = ["MatrixValidation", "Validation", "fit_shape_and_level", "local_slope", "shared_lines", "validate"]
+__all__ = ["Validation", "fit_shape_and_level", "local_slope", "shared_lines", "validate"]
 
 
 # What is tested is the difference between the two records, d = G_2 - G_1, as both scatter about one BLA where nothing
@@ -168,10 +168,6 @@ class Validation:
             return f"{words} (at {100 * CHANGED:g} %)"
         holds = "holds every line" if not self.n_outside_set else "does not hold every line"
         return f"{words} (at {100 * CHANGED:g} %); the set {holds} of this record"
-
-
-#: The name of `Validation` for several channels before one type took any number of them.
-MatrixValidation = Validation
 
 
 def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:

@@ -27,7 +27,6 @@ __all__ = [
     "plot_check",
     "plot_family",
     "plot_loop",
-    "plot_matrix_loop",
     "plot_nyquist",
     "plot_roots",
     "plot_step",
@@ -80,10 +79,6 @@ def draw_gains(ax: Axes, gains: LoopGains) -> Axes:
     mark_band(ax, (low, high), top=f[-1])
     fit_vertical_axis(ax)
     return finish_axes(ax)
-
-
-#: The name of `plot_loop` for several channels before one took any number of them.
-plot_matrix_loop = plot_loop
 
 
 def require_one_loop(report: RobustnessReport) -> None:

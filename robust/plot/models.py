@@ -34,17 +34,7 @@ from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, STYLE, ma
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "plot_bode",
-    "plot_budget",
-    "plot_fit",
-    "plot_matrix_set",
-    "plot_matrix_weights",
-    "plot_nominal",
-    "plot_orders",
-    "plot_validation",
-    "plot_weight",
-]
+__all__ = ["plot_bode", "plot_budget", "plot_fit", "plot_nominal", "plot_orders", "plot_validation", "plot_weight"]
 
 
 #: The parts of a budget in grey.
@@ -248,10 +238,6 @@ def draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
         low, high = row[0].get_ylim()
         row[0].set_ylim(min(low, (low + high) / 2 - FLAT_MARGIN), max(high, (low + high) / 2 + FLAT_MARGIN))
     return finish_matrix(made, foot, "frequency [Hz]")
-
-
-#: Names of the pictures of several channels before one took any number of them.
-plot_matrix_set, plot_matrix_weights = plot_bode, plot_weight
 
 
 def magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:

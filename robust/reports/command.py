@@ -132,7 +132,7 @@ def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: Robus
 
     if has_several_channels(model):
         gains = loop_gains(model.nominal, K, omega=model.omega)
-        return [(plot.plot_matrix_loop, gains), (plot.plot_check, report)]
+        return [(plot.plot_loop, gains), (plot.plot_check, report)]
     return [(plot.plot_loop, report), (plot.plot_check, report)]
 
 

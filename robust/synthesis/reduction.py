@@ -150,7 +150,7 @@ class Reduction:
         frequencies) or residualised (exact at zero); "not reduced" otherwise.
     kept : bool
         Whether its check proves what the check of the controller that was given proves.
-    report, before : RobustnessReport or StructuredReport
+    report, before : RobustnessReport or RobustnessReport
         Of the reduced controller and of the one that was given.
     reason : str
         Why it is not lower, or what was lost.

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from nlfrf import (
-    MultiRecord,
+    Record,
     __version__,
     cli,
     load,
     load_bla,
-    load_frm,
     load_multisine,
     multisine,
     save_multisine,
@@ -100,7 +99,7 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
     code, out, _ = nlfrf_command("identify", "lost0.npz", "lost1.npz", *asked, "--resample", "-o", "H.npz")
     assert code == 0
     if suffix != ".csv":
-        frm = load_frm(tmp_path / f"G{suffix}")
+        frm = load_bla(tmp_path / f"G{suffix}")
         assert frm.hold == "zoh"
         assert (frm.inputs, frm.outputs) == (("fx", "fy"), ("x", "y"))
         assert np.abs(frm.G[1, 1] - 2).max() < 1e-9
@@ -123,7 +122,7 @@ def test_inputs_one_by_one_are_as_many_as_with_commas(nlfrf_command, tmp_path):
     commas = ["--input", '"f,x",fy', "--reference", "rx,ry", "-o", "H.npz"]
     for how in (several, commas):
         assert nlfrf_command(*asked, *how)[0] == 0
-    one, other = load_frm(tmp_path / "G.npz"), load_frm(tmp_path / "H.npz")
+    one, other = load_bla(tmp_path / "G.npz"), load_bla(tmp_path / "H.npz")
     assert one.inputs == other.inputs == ("f,x", "fy")
     np.testing.assert_array_equal(one.cov_bound, other.cov_bound)
     code, _, err = nlfrf_command(*asked, "--input", "fy", "--reference", "rx", "--reference", "ry", "-o", "b.npz")
@@ -140,7 +139,7 @@ def test_a_zippered_record_beside_its_design(nlfrf_command, tmp_path):
     names = ["--input", "fx,fy", "--output", "x"]
     code, _, err = nlfrf_command("identify", "run.npz", *names, "--design", "ms.npz", "-o", "G.npz")
     assert (code, "r must be left out" in err) == (0, False)
-    assert load_frm(tmp_path / "G.npz").design == "zippered"
+    assert load_bla(tmp_path / "G.npz").design == "zippered"
 
 
 def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
@@ -160,7 +159,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         said.append(out)
     assert "2 experiments of 2 inputs" in said[0]
     assert "2 experiments x 2 periods x 1024 samples\nwrote run.npz\n" in said[2]
-    frm, row = load_frm(tmp_path / "G.npz"), load_frm(tmp_path / "row.npz")
+    frm, row = load_bla(tmp_path / "G.npz"), load_bla(tmp_path / "row.npz")
     assert (frm.inputs, frm.outputs, row.outputs) == (("Fx", "Fy"), ("x", "y"), ("y",))
     assert 25 < frm.f[np.argmax(np.abs(frm.G[0, 0]))] < 33
     np.testing.assert_allclose(row.G[0], frm.G[1], atol=0.05 * np.abs(frm.G).max())
@@ -184,7 +183,7 @@ def test_what_several_inputs_refuse(nlfrf_command, tmp_path, command, refusal):
     ms = multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
     save_multisine(ms, tmp_path / "ms.npz")
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    save_record(MultiRecord(u=u, y=u[::-1], fs=512, lines=ms.lines), tmp_path / "run.npz")
+    save_record(Record(u=u, y=u[::-1], fs=512, lines=ms.lines), tmp_path / "run.npz")
     band = "--fs 512 --period 512 --f-min 2 --f-max 100 " if command.startswith("design") else ""
     code, _, err = nlfrf_command(*f"{command} {band}-o out.npz".split())
     assert code == 2

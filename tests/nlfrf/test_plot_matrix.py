@@ -16,7 +16,7 @@ U = np.repeat(MS.u[:, :, None], 2, axis=2)
 NOISE = 0.02 * np.random.default_rng(0).standard_normal((3, *U.shape[1:]))
 Y = np.stack([2 * U[0] + 0.1 * U[0] ** 3 + U[1], 0.5 * U[1], 0.1 * U[0]]) + NOISE
 NAMES = {"inputs": ("Fx", "Fy"), "outputs": ("x", "y", "angle")}
-FRM = nlfrf.identify(nlfrf.MultiRecord(u=U, y=Y, fs=256, lines=MS.lines, **NAMES))
+FRM = nlfrf.identify(nlfrf.Record(u=U, y=Y, fs=256, lines=MS.lines, **NAMES))
 MATRICES = {
     "frm": lambda ax: pictures.plot_frm(FRM, ax=ax),
     "phase": lambda ax: pictures.plot_frm_phase(FRM, ax=ax),
@@ -104,7 +104,7 @@ def test_many_lines_are_drawn_without_points():
     ms = nlfrf.multisine("odd", fs=2048, n_samples=2048, f_min=1, f_max=900, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     with pytest.warns(nlfrf.DataWarning, match="the odd grid of this record has no odd detection lines"):
-        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u, fs=2048, lines=ms.lines))
+        frm = nlfrf.identify(nlfrf.Record(u=u, y=u, fs=2048, lines=ms.lines))
     made = pictures.plot_frm(frm)
     assert made[0, 0].get_lines()[0].get_marker() == "None"
     plt.close(made[0, 0].figure)

@@ -19,9 +19,9 @@ REFUSES = re.compile(r"\braise\b|\b(?:require|check)_\w+\(")
 OWN = {
     *("nlfrf.DataWarning", "nlfrf.LineGrid", "nlfrf.LoopResponse", "nlfrf.Motion", "nlfrf.Record", "nlfrf.drive"),
     "nlfrf.ServoTrace",
-    *("nlfrf.MultiRecord", "nlfrf.multirecord_from_samples"),
-    *("nlfrf.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_multirecord"),
-    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.load_frm", "nlfrf.save_frm"),
+    *("nlfrf.Record", "nlfrf.record_from_samples"),
+    *("nlfrf.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_record"),
+    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.load_bla", "nlfrf.save_bla"),
     *("nlfrf.export_csv", "nlfrf.load_bla", "nlfrf.load_multisine", "nlfrf.load_record", "nlfrf.record_from_samples"),
     *("nlfrf.run", "nlfrf.save_bla", "nlfrf.save_multisine", "nlfrf.save_record", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),

@@ -39,8 +39,6 @@ PHRASES = (
     r"\bsaid for\b",
     r"\bthe other door\b",
     r"\bhead of this (room|wing)\b",
-    r"\bof a Frm\b",
-    r"\bof an Frm\b",
     r"\bthe same of several\b",
     r"\btold apart from the strangers\b",
 )

@@ -45,7 +45,7 @@ def things():
         report = robust.check(model, K)
         several = nlfrf.multisine("random-odd", fs=256, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1)
         u = np.repeat(several.u[:, :, None], 2, axis=2)
-        multi = nlfrf.MultiRecord(u=u, y=u[::-1] + 0.1 * u**3, fs=256, lines=several.lines)
+        multi = nlfrf.Record(u=u, y=u[::-1] + 0.1 * u**3, fs=256, lines=several.lines)
         frm = nlfrf.identify(multi)
     sound = {"K": K, "rng": 1, "path": "out.npz", "record": record, "bla": bla, "model": model, "nominal": nominal}
     sound |= {"plant": model, "rig": rig, "fs": 512.0, "r": np.zeros(10), "dt": 1 / 512, "rms": 1.0, "ms": ms, "G": G}

@@ -214,8 +214,8 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     G = np.array([[1.0, 0.2], [-0.1, 0.5]])[:, :, None] * plant(2j * np.pi * line)
     y = np.fft.irfft(np.einsum("jik,impk->jmpk", G, np.fft.rfft(u)), 512)
     y += 2e-3 * y.std() * np.random.default_rng(0).standard_normal(y.shape)
-    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines), transient="none")
-    nlfrf.save_frm(frm, "G.npz")
+    frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines), transient="none")
+    nlfrf.save_bla(frm, "G.npz")
     command = "model G.npz --poles 4 --sample-time 0.00390625 --form additive --order 2 -o m.json --picture m.png"
     code, out, err = robust_command(command)
     assert not code, err

@@ -83,7 +83,6 @@ from robust.models.sets.radius import PARTS, frf_on_lines
 from robust.models.sets.records import RecordSummary, format_probability
 
 __all__ = [
-    "MatrixUncertainty",
     "UncertaintyModel",
     "count_channels",
     "describe_no_set",
@@ -377,18 +376,6 @@ class UncertaintyModel:
         return (self.weight,) if self.is_single else (*self.left, *self.right)
 
     @property
-    def evidence(self) -> tuple[RecordSummary, ...]:
-        """Return an older name of `records`."""
-        return self.records
-
-    measured = evidence
-
-    @property
-    def other(self) -> UncertaintyModel | None:
-        """Return an older name of `alternative_form`."""
-        return self.alternative_form
-
-    @property
     def measured_only(self) -> bool:
         """Return whether the nominal is an FRF: it holds on its lines only."""
         return isinstance(self.nominal, control.FrequencyResponseData)
@@ -630,10 +617,6 @@ def own_weights_call(nominal: AnySystem, form: str) -> str:
         form, (f"(w,) * {n_u}", f"(1,) * {n_u}")
     )
     return f"UncertaintyModel(G, form={form!r}, left={left}, right={right}, omega=omega)"
-
-
-#: The name of `UncertaintyModel` for several channels before one type took any number of them.
-MatrixUncertainty = UncertaintyModel
 
 
 def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:

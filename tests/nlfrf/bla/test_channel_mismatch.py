@@ -40,7 +40,7 @@ def played(seed, *, n_sets=1, n=512, noise=1e-3, cubic=0.0, damping=0.05):
 def said(u, y, lines):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=lines))
+        frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=lines))
     return frm, [str(w.message) for w in caught]
 
 

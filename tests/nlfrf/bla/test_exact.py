@@ -128,7 +128,7 @@ def test_a_static_nonlinearity_over_many_sets_is_its_mean_gradient():
     """E[grad f]: 3 sigma^2 for u1^3 and sigma^2 for u1^2 u2, but for what the line itself takes out."""
     ms = nlfrf.multisine("odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    frm = identify(nlfrf.MultiRecord(u=u, y=np.stack([u[0] ** 3, u[0] ** 2 * u[1]]), fs=512, lines=ms.lines))
+    frm = identify(nlfrf.Record(u=u, y=np.stack([u[0] ** 3, u[0] ** 2 * u[1]]), fs=512, lines=ms.lines))
     A2 = ms.amplitude[0] ** 2
     expected = np.zeros_like(frm.G)
     expected[0, 0], expected[1, 1] = 3 - 0.75 * A2, 1.0
@@ -151,6 +151,6 @@ def test_one_phase_for_all_inputs_reads_the_cross_term_three_times_too_high():
     )
     u = np.repeat(copied.u[:, :, None], 2, axis=2)
     with pytest.warns(nlfrf.DataWarning, match=r"inputs of an experiment have the same phases \(phi\)"):
-        frm = identify(nlfrf.MultiRecord(u=u, y=np.stack([u[0] ** 2 * u[1], u[0]]), fs=512, lines=ms.lines))
+        frm = identify(nlfrf.Record(u=u, y=np.stack([u[0] ** 2 * u[1], u[0]]), fs=512, lines=ms.lines))
     # copies but for signs: u1^2 u2 = +-u1^3, whose BLA is 3 sigma^2
     assert np.median(frm.G[0, 1].real) == pytest.approx(3, rel=0.1)

@@ -109,8 +109,8 @@ def test_it_is_stored_drawn_and_told(ending, tmp_path, ax):
     nlfrf.export_csv(bla, tmp_path / "bla.csv")
     nlfrf.plot.plot_bla(bla, ax=ax)
     frm = nlfrf.bla_from_frf(F, G[None, None], std=0.01)
-    nlfrf.save_frm(frm, tmp_path / f"frm.{ending}")
-    assert np.array_equal(nlfrf.load_frm(tmp_path / f"frm.{ending}").bound(), frm.bound())
+    nlfrf.save_bla(frm, tmp_path / f"frm.{ending}")
+    assert np.array_equal(nlfrf.load_bla(tmp_path / f"frm.{ending}").bound(), frm.bound())
 
 
 def test_a_known_variance_has_the_law_of_a_chi_square():

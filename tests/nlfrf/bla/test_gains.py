@@ -17,7 +17,7 @@ def measured(gains, *, noise, rng):
     u = np.repeat(ms.u.reshape(n_u, -1, 1, ms.u.shape[-1]), 2, axis=2)
     scatter = noise * np.random.default_rng(rng).standard_normal((n_y, *u.shape[1:]))
     y = np.einsum("ji,imps->jmps", gains, u) + scatter
-    return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines), transient="none")
+    return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines), transient="none")
 
 
 def test_the_distillation_column():

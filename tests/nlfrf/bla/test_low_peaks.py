@@ -15,7 +15,7 @@ def identified(law, **options):
     ms = nlfrf.multisine(**DESIGN, **options)
     one, other = ms.u
     y = np.stack([law(one) + 0.5 * other, law(0.6 * (one + other))])
-    return nlfrf.identify(nlfrf.MultiRecord(u=ms.u[:, :, None], y=y[:, :, None], fs=1024, lines=ms.lines))
+    return nlfrf.identify(nlfrf.Record(u=ms.u[:, :, None], y=y[:, :, None], fs=1024, lines=ms.lines))
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ def test_the_second_half_of_the_mirrors_sets_lies_in_the_bound_of_the_first(meas
     lines = nlfrf.LineGrid(excited=np.arange(600, 1600))
 
     def matrix(sets):
-        record = nlfrf.MultiRecord(u=u[:, sets], y=y[:, sets], fs=6400, lines=lines)
+        record = nlfrf.Record(u=u[:, sets], y=y[:, sets], fs=6400, lines=lines)
         with pytest.warns(nlfrf.DataWarning) as said:
             frm = nlfrf.identify(record, transient="none")
         return frm, " ".join(str(one.message) for one in said)
@@ -41,7 +41,7 @@ def test_the_beam_has_its_peaks_where_its_owner_says(measured):
     data = np.load(measured / "beam_ring" / "beam_ring_2x2.npz")
     lines = nlfrf.LineGrid(excited=np.arange(1200, 4200))
     names = {"inputs": ("upper patch", "lower patch"), "outputs": ("upper", "lower")}
-    record = nlfrf.MultiRecord(u=data["u"], y=data["y"], fs=1000, lines=lines, **names)
+    record = nlfrf.Record(u=data["u"], y=data["y"], fs=1000, lines=lines, **names)
     with pytest.warns(nlfrf.DataWarning) as said:
         frm = nlfrf.identify(record, transient="none")
     text = " ".join(str(one.message) for one in said)

@@ -34,7 +34,7 @@ def record(order, *, design="orthogonal", delays=None, n_periods=2, noise=1e-3, 
     y += noise * rng.standard_normal(y.shape)
     r = u if reference else None
     u = u + 1e-3 * rng.standard_normal(u.shape) if reference else u
-    return nlfrf.MultiRecord(u=u, y=y, r=r, fs=FS, lines=ms.lines)
+    return nlfrf.Record(u=u, y=y, r=r, fs=FS, lines=ms.lines)
 
 
 def covered(frm, sigma2=1.0):
@@ -101,7 +101,7 @@ def test_the_experiments_of_a_set_are_no_repeats(rms):
     u = np.repeat(u, 2, axis=2)
     y = np.einsum("ji,impn->jmpn", MIX, u) + 1e-4 * rng.standard_normal(u.shape)
     with pytest.warns(nlfrf.DataWarning, match=r"experiments have the same phases \(psi\)"):
-        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+        frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
     assert frm.n_experiments == 2
 
 
@@ -118,7 +118,7 @@ def test_sets_of_another_level_are_refused(design):
     one = record(range(4), design=design)
     louder = np.ones((2, 4, 1, 1))
     louder[1, 2:] = 2.0
-    other = nlfrf.MultiRecord(u=one.u * louder, y=one.y, fs=FS, lines=one.lines)
+    other = nlfrf.Record(u=one.u * louder, y=one.y, fs=FS, lines=one.lines)
     with pytest.raises(ValueError, match=r"amplitude spectrum in every set of u2, got set of u2 [1234] up to"):
         nlfrf.identify(other, transient="none")
 
@@ -145,12 +145,12 @@ def test_low_peaks_of_several_inputs_are_warned_of():
     u = np.repeat(low_peaks(ms.lines.excited, rng)[:, :, None], 2, axis=2)
     y = u + 1e-3 * rng.standard_normal(u.shape)
     with pytest.warns(nlfrf.DataWarning, match=r"u1 must have random phases .* its crest factor is 1\.[67]"):
-        nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+        nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
     for more in ({}, {"n_draws": 30}, {"mixing": np.array([[1.0, 1.0], [1.0, -1.0]])}, {"n_realizations": 3}):
         ms = nlfrf.multisine("random-odd", **band, **more, rng=rng)
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
         y = u + 1e-3 * rng.standard_normal(u.shape)
-        assert nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=ms.lines), transient="none").n_periods == 2
+        assert nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none").n_periods == 2
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
@@ -167,4 +167,4 @@ def test_outputs_of_other_experiments_are_told(fault):
         y[:, 1] = np.roll(y[:, 1], 2, axis=-1)
     told = r"G of y[12] jumps from line to line by \d+ % of its size|comes about [12](\.\d)? samples (earl|lat)"
     with pytest.warns(nlfrf.DataWarning, match=told):
-        nlfrf.identify(nlfrf.MultiRecord(u=one.u, y=y, fs=FS, lines=one.lines), transient="none")
+        nlfrf.identify(nlfrf.Record(u=one.u, y=y, fs=FS, lines=one.lines), transient="none")

@@ -1,4 +1,4 @@
-"""From a record of several channels to its `Frm`: linear systems exactly, covariances by statistics, every warning."""
+"""From a record of several channels to its `Bla`: linear systems exactly, covariances by statistics, every warning."""
 
 import warnings
 
@@ -16,7 +16,7 @@ def linear(ms, n_periods=2, noise=0.0, rng=0, G=G0):
     rng = np.random.default_rng(rng)
     u = np.repeat(ms.u[:, :, None], n_periods, axis=2)
     y = np.einsum("ji,imps->jmps", G[:, : ms.n_inputs], u)
-    return nlfrf.MultiRecord(u=u, y=y + noise * rng.standard_normal(y.shape), fs=ms.fs, lines=ms.lines)
+    return nlfrf.Record(u=u, y=y + noise * rng.standard_normal(y.shape), fs=ms.fs, lines=ms.lines)
 
 
 @pytest.mark.parametrize("n_inputs", [1, 2, 3])
@@ -25,7 +25,7 @@ def test_a_linear_system_without_noise_is_exact(n_inputs, R):
     ms = nlfrf.multisine(**BAND, n_inputs=n_inputs, n_realizations=R, rng=1)
     if n_inputs == 1:
         u = np.repeat(ms.u[None, :, None], 2, axis=2)
-        record = nlfrf.MultiRecord(u=u, y=G0[:, :1, None, None] * u, fs=512, lines=ms.lines)
+        record = nlfrf.Record(u=u, y=G0[:, :1, None, None] * u, fs=512, lines=ms.lines)
     else:
         record = linear(ms)
     frm = nlfrf.identify(record)
@@ -38,7 +38,7 @@ def test_turned_and_permuted_experiments_and_mixed_inputs_say_the_same():
     ms = nlfrf.multisine(**BAND, n_inputs=2, mixing=mixing, rng=2)
     record = linear(ms)
     assert np.abs(nlfrf.identify(record).G - G0[:, :2, None]).max() < 1e-12
-    turned = nlfrf.MultiRecord(u=-record.u[:, ::-1], y=-record.y[:, ::-1], fs=512, lines=ms.lines)
+    turned = nlfrf.Record(u=-record.u[:, ::-1], y=-record.y[:, ::-1], fs=512, lines=ms.lines)
     np.testing.assert_allclose(nlfrf.identify(turned).G, nlfrf.identify(record).G, atol=1e-12)
 
 
@@ -63,7 +63,7 @@ def test_the_covariance_is_that_of_many_records():
     errors, said = [], []
     for _ in range(150):
         y = np.einsum("ji,imps->jmps", G0[:, :2], u) + np.einsum("ij,jmps->imps", root, rng.standard_normal(u.shape))
-        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines), transient="none")
+        frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
         errors.append((frm.G - G0[:, :2, None]).transpose(1, 0, 2).reshape(4, -1))
         said.append(frm.covariance().mean(axis=2))
     errors = np.array(errors)
@@ -87,7 +87,7 @@ def test_entries_and_matrices_hold_what_they_say(kind, R, n_inputs):
         record = linear(ms, noise=0.02, rng=e)
         u = record.u
         cross = np.stack([0.1 * u[0] ** 3 + 0.1 * u[0] * u[1] ** 2, 0.1 * u[1] ** 2 * u[-1]])
-        frms.append(nlfrf.identify(nlfrf.MultiRecord(u=u, y=record.y + cross, fs=512, lines=grid), transient="none"))
+        frms.append(nlfrf.identify(nlfrf.Record(u=u, y=record.y + cross, fs=512, lines=grid), transient="none"))
     truth = np.mean([frm.G for frm in frms], axis=0)
     for frm in frms:
         d = (frm.G - truth) * 50 / 49
@@ -109,13 +109,13 @@ def test_a_loop_by_reference_has_a_full_gamma_and_no_bias():
     G = G0[:, :2]
     u = np.einsum("ij,jmps->imps", np.linalg.inv(np.eye(2) + K @ G), r - np.einsum("ij,jmps->imps", K, n))
     y = np.einsum("ij,jmps->imps", G, u) + n
-    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, r=r, fs=512, lines=ms.lines), transient="none")
+    frm = nlfrf.identify(nlfrf.Record(u=u, y=y, r=r, fs=512, lines=ms.lines), transient="none")
     inside = np.abs(frm.G - G[:, :, None]) < frm.bound()
     assert inside.mean() > 0.92
     off = np.abs(frm.gamma[0, 1]) / np.sqrt(frm.gamma[0, 0].real * frm.gamma[1, 1].real)
     assert np.median(off) > 0.1
     # noise that is fed back correlates u with n: without the reference G is off by many sigmas
-    biased = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines), transient="none")
+    biased = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
     assert np.abs((frm.G - G[:, :, None]).mean(axis=2)).max() < np.abs((biased.G - G[:, :, None]).mean(axis=2)).max()
 
 
@@ -127,7 +127,7 @@ def test_a_transient_is_taken_off():
     stream = u.reshape(2, 2, -1)
     b, a = [0.02], [1, -1.9, 0.95]
     y = lfilter(b, a, stream[0] + 0.5 * stream[1])[None].reshape(1, *u.shape[1:])
-    record = nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines)
+    record = nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines)
     z = np.exp(-2j * np.pi * ms.f / 512)
     G = b[0] / np.polyval(a[::-1], z) * np.array([1.0, 0.5])[:, None]
     raw, cured = (np.abs(nlfrf.identify(record, transient=how).G[0] - G).max() for how in ("none", "local"))
@@ -149,22 +149,22 @@ def test_warnings_and_refusals():
     record = linear(ms)
     with pytest.warns(nlfrf.DataWarning, match="one period does not tell noise from distortion"):
         nlfrf.identify(linear(ms, n_periods=1))
-    few = nlfrf.MultiRecord(u=record.u[:, :1], y=record.y[:, :1], fs=512, lines=ms.lines)
+    few = nlfrf.Record(u=record.u[:, :1], y=record.y[:, :1], fs=512, lines=ms.lines)
     with pytest.raises(ValueError, match="record must hold n_inputs = 2 experiments a set"):
         nlfrf.identify(few)
-    same = nlfrf.MultiRecord(u=record.u[:, [0, 0]], y=record.y[:, [0, 0]], fs=512, lines=ms.lines)
+    same = nlfrf.Record(u=record.u[:, [0, 0]], y=record.y[:, [0, 0]], fs=512, lines=ms.lines)
     with pytest.raises(ValueError, match=r"u must hold experiments that tell the inputs apart, got a condition of"):
         nlfrf.identify(same)
     near, answer = record.u.copy(), record.y.copy()
     for signal in (near, answer):
         signal[:, 1] = signal[:, 0] + 0.05 * signal[:, 1]
     with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly: condition"):
-        nlfrf.identify(nlfrf.MultiRecord(u=near, y=answer, fs=512, lines=ms.lines))
+        nlfrf.identify(nlfrf.Record(u=near, y=answer, fs=512, lines=ms.lines))
     silent = nlfrf.LineGrid(excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even)
     with pytest.raises(
         ValueError, match="lines must be excited by every input, got line 253 with no input on it in u1"
     ):
-        nlfrf.identify(nlfrf.MultiRecord(u=record.u, y=record.y, fs=512, lines=silent))
+        nlfrf.identify(nlfrf.Record(u=record.u, y=record.y, fs=512, lines=silent))
     full = nlfrf.multisine("full", **BAND, n_inputs=2, rng=8)
     with pytest.warns(
         nlfrf.DataWarning, match="the full grid of this record has no odd detection lines; the level was"
@@ -247,7 +247,7 @@ def test_a_zippered_record_gives_the_matrix_from_one_experiment():
         )
         loop = linear(ms)
         with pytest.raises(ValueError, match="r must be left out for a zippered record"):
-            nlfrf.identify(nlfrf.MultiRecord(u=loop.u, y=loop.y, r=loop.u, fs=512, lines=ms.lines))
+            nlfrf.identify(nlfrf.Record(u=loop.u, y=loop.y, r=loop.u, fs=512, lines=ms.lines))
     inside = [np.abs(frm.G - G0[:, :2, None]) < frm.bound() for frm in frms]
     assert 0.93 < np.mean(inside) < 0.998
     assert many.n_realizations == 3
@@ -259,12 +259,12 @@ def test_an_experiment_that_was_disturbed_is_named():
     ms = nlfrf.multisine(**BAND, n_inputs=3, rng=13)
     record = linear(ms)
     noise = 0.01 * np.random.default_rng(0).standard_normal(record.y.shape)
-    alike = nlfrf.MultiRecord(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
+    alike = nlfrf.Record(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         nlfrf.identify(alike, transient="none")
     noise[:, 1] *= 10
-    loud = nlfrf.MultiRecord(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
+    loud = nlfrf.Record(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
     with pytest.warns(
         nlfrf.DataWarning, match=r"experiment 2 of 3 scatters (9\.\d|1[01]\.\d) times as much from period"
     ):
@@ -280,7 +280,7 @@ def test_every_warning_points_at_the_line_that_called():
     near[:, 1] = near[:, 0] + 0.05 * near[:, 1]
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        nlfrf.identify(nlfrf.MultiRecord(u=near[:, :, :1], y=u[:, :, :1], fs=512, lines=ms.lines))
+        nlfrf.identify(nlfrf.Record(u=near[:, :, :1], y=u[:, :, :1], fs=512, lines=ms.lines))
         nlfrf.identify(nlfrf.Record(u=one.u[:, None], y=one.u[:, None], fs=512, lines=one.lines))
         stuck = np.tile(one.u, 4).ravel()
         stuck[100:500] = 0.0
@@ -302,7 +302,7 @@ def test_a_mixing_from_a_first_matrix_finds_the_weak_direction():
         of_line = np.sqrt(512 * 2 / 2 / ms.f.size) * y.std(axis=(1, 2, 3))  # behind it, over two periods
         size = 0.01 * of_line[:, None, None, None]
         y = y + size * np.random.default_rng(rng).standard_normal(y.shape)
-        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines), transient="none")
+        frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
         return np.abs(np.einsum("j,jik,i->k", weak[:, 1], frm.G, into[1]) - sizes[1]) / sizes[1]
 
     plain = np.concatenate([error(None, rng) for rng in range(4)])
@@ -331,7 +331,7 @@ def test_a_zippered_matrix_holds_near_a_resonance_no_wider_than_the_distance_of_
         for e in range(30):
             there = y + noise * np.random.default_rng(e).standard_normal(y.shape)
             with pytest.warns(nlfrf.DataWarning, match="each line drives one input"):
-                frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=there, fs=fs, lines=ms.lines), transient="none")
+                frm = nlfrf.identify(nlfrf.Record(u=u, y=there, fs=fs, lines=ms.lines), transient="none")
             left, right = (np.moveaxis(side, 2, 0) for side in frm.block())
             d = frm.G - G
             Z = np.linalg.solve(left, np.moveaxis(d, 2, 0)) @ np.linalg.inv(right)
@@ -357,7 +357,7 @@ def test_an_input_lost_in_its_noise_asks_for_references():
     noise = rng.standard_normal(clean.u.shape) * np.sqrt((ms.amplitude[0] ** 2).mean() * 256)
     bias = {}
     for name, more in (("without", {}), ("with", {"r": clean.u})):
-        record = nlfrf.MultiRecord(u=clean.u + noise, y=clean.y, fs=512, lines=ms.lines, **more)
+        record = nlfrf.Record(u=clean.u + noise, y=clean.y, fs=512, lines=ms.lines, **more)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             bias[name] = np.abs((nlfrf.identify(record, transient="none").G - G0[:, :2, None]).mean(axis=2)).max()
@@ -365,7 +365,7 @@ def test_an_input_lost_in_its_noise_asks_for_references():
     assert bias["with"] < 0.3 * bias["without"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        quiet = nlfrf.MultiRecord(u=clean.u + 0.3 * noise, y=clean.y, fs=512, lines=ms.lines)
+        quiet = nlfrf.Record(u=clean.u + 0.3 * noise, y=clean.y, fs=512, lines=ms.lines)
         nlfrf.identify(quiet, transient="none")
 
 
@@ -373,7 +373,7 @@ def test_an_input_lost_in_its_noise_asks_for_references():
 def test_a_matrix_is_printed_without_a_word_more(n_periods):
     ms = nlfrf.multisine("random-odd", fs=256, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], n_periods, axis=2)
-    record = nlfrf.MultiRecord(u=u, y=np.stack([u[0] + 0.1 * u[0] ** 3, u[1]]), fs=256, lines=ms.lines)
+    record = nlfrf.Record(u=u, y=np.stack([u[0] + 0.1 * u[0] ** 3, u[1]]), fs=256, lines=ms.lines)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
         frm = nlfrf.identify(record)

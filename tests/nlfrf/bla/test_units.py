@@ -47,7 +47,7 @@ def test_units_scale_the_matrix_and_its_bounds_and_nothing_else(kind, design, R,
     def found(a, b):
         a, b = (np.reshape(one, (2, 1, 1, 1)) for one in (a, b))
         r_scaled = None if r is None else a * r
-        return nlfrf.identify(nlfrf.MultiRecord(u=a * u, y=b * y, r=r_scaled, fs=FS, lines=lines))
+        return nlfrf.identify(nlfrf.Record(u=a * u, y=b * y, r=r_scaled, fs=FS, lines=lines))
 
     own = found((1, 1), (1, 1))
     shape = np.einsum("abk,cbk->ack", own.block()[0], own.block()[0].conj())
@@ -76,6 +76,6 @@ def test_what_repeats_is_known_whatever_the_units():
     frms = []
     for unit in (1.0, 1e7):
         scaled = u * np.reshape([1.0, unit], (2, 1, 1, 1))
-        frms.append(nlfrf.identify(nlfrf.MultiRecord(u=scaled, y=y, fs=FS, lines=ms.lines)))
+        frms.append(nlfrf.identify(nlfrf.Record(u=scaled, y=y, fs=FS, lines=ms.lines)))
     assert [frm.n_experiments for frm in frms] == [2, 2]
     np.testing.assert_allclose(frms[0].bound()[0, 1] * 1e-7, frms[1].bound()[0, 1], rtol=1e-9)

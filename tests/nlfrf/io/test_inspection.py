@@ -82,7 +82,7 @@ def test_what_several_inputs_are_is_told(closed, tmp_path):
     ms = nlfrf.multisine("random-odd", fs=256, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     names = {"inputs": ("fx", "fy"), "outputs": ("x", "y")}
-    record = nlfrf.MultiRecord(u=u, y=u[::-1], r=u if closed else None, fs=256, lines=ms.lines, **names)
+    record = nlfrf.Record(u=u, y=u[::-1], r=u if closed else None, fs=256, lines=ms.lines, **names)
     nlfrf.save_record(record, tmp_path / "r.npz")
     nlfrf.save_multisine(ms, tmp_path / "ms.npz")
     found = nlfrf.inspect_file(tmp_path / "r.npz")
@@ -115,7 +115,7 @@ def test_several_inputs_of_files_make_a_matrix(nlfrf_command, tmp_path):  # noqa
         rows = np.vstack([np.arange(300) / 100, u, G @ u]).T
         np.savetxt(tmp_path / f"run{m}.csv", rows, delimiter=",", header="t [s],fx,fy,x,y,z", comments="", fmt="%.17g")
     paths = [tmp_path / f"run{m}.csv" for m in range(2)]
-    record = nlfrf.load_multirecord(paths, u=["fx", "fy"], y=["x", "y", "z"], n_samples=100)
+    record = nlfrf.load_record(paths, u=["fx", "fy"], y=["x", "y", "z"], n_samples=100)
     assert (record.inputs, record.outputs, record.fs) == (("fx", "fy"), ("x", "y", "z"), 100)
     found = nlfrf.identify(record)
     np.testing.assert_allclose(found.G, np.repeat(G[..., None], found.f.size, axis=2), atol=1e-9)
@@ -125,4 +125,4 @@ def test_several_inputs_of_files_make_a_matrix(nlfrf_command, tmp_path):  # noqa
     table = np.genfromtxt(tmp_path / "G.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["Re_yfy"], 2.0, rtol=1e-9)
     with pytest.raises(ValueError, match="u, y and r must be lists of names"):
-        nlfrf.load_multirecord(paths, u="fx", y=["x"])
+        nlfrf.load_record(paths, u=["fx", "fy"], y=[])

@@ -95,7 +95,7 @@ def test_realisations_lose_what_each_of_them_lost(tmp_path):
 def test_a_list_of_names_keeps_them_too(tmp_path):
     path = write_log(tmp_path / "belt.csv", lost=[6507])
     with pytest.warns(nlfrf.DataWarning, match="periods 1 and 3 are whole"):
-        record = nlfrf.load_multirecord([path], u=["Kraft"], y=["Position"])
+        record = nlfrf.load_record([path], u=["Kraft"], y=["Position"])
     assert (record.u_name, record.y_name) == ("Kraft", "Position")
     np.testing.assert_allclose(record.y[0], run()[1].reshape(3, PERIOD)[[0, 2]], atol=1e-6)
 

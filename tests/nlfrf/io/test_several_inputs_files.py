@@ -24,7 +24,7 @@ def played(ms, *, n_periods=2, noise=0.01, seed=0, **more):
     u = np.repeat(ms.u[:, :, None], n_periods, axis=2)
     y = np.stack([u[0] + 0.1 * u[0] ** 3, u[1], u[0] - u[1]])
     y += noise * np.random.default_rng(seed).standard_normal(y.shape)
-    return nlfrf.MultiRecord(u=u, y=y, fs=ms.fs, lines=ms.lines, hold="zoh", **NAMES, **more)
+    return nlfrf.Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold="zoh", **NAMES, **more)
 
 
 def same_record(one, two):
@@ -44,9 +44,9 @@ def test_a_record_comes_back_as_it_was(suffix, closed, kind, tmp_path):
     record = played(ms, r=np.repeat(ms.u[:, :, None], 2, axis=2) if closed else None)
     path = tmp_path / f"run{suffix}"
     nlfrf.save_record(record, path)
-    same_record(nlfrf.load_multirecord(path), record)
+    same_record(nlfrf.load_record(path), record)
     same_record(nlfrf.load(path), record)
-    one = nlfrf.load_multirecord(path, y=["z"], n_discard=1, hold="band-limited")
+    one = nlfrf.load_record(path, y=["z"], n_discard=1, hold="band-limited")
     np.testing.assert_array_equal(one.y, record.y[2:, :, 1:])
     assert (one.outputs, one.hold) == (("z",), "band-limited")
 
@@ -67,14 +67,14 @@ def test_its_kind_is_told_by_the_head_of_a_file(suffix, tmp_path):
 def test_a_record_of_a_single_period_keeps_its_axes_in_matlab(tmp_path):
     record = played(design(design="zippered"), n_periods=1)
     nlfrf.save_record(record, tmp_path / "run.mat")
-    same_record(nlfrf.load_multirecord(tmp_path / "run.mat"), record)
+    same_record(nlfrf.load_record(tmp_path / "run.mat"), record)
 
 
 def test_one_experiment_as_a_table(tmp_path):
     record = played(design(design="zippered"))
     nlfrf.save_record(record, tmp_path / "run.csv")
     asked = {"u": ["Kraft, x [N]", "µ/2"], "y": ["x", 'a "b"', "z"], "n_samples": 256}
-    back = nlfrf.load_multirecord(tmp_path / "run.csv", **asked)
+    back = nlfrf.load_record(tmp_path / "run.csv", **asked)
     np.testing.assert_array_equal(back.u, record.u)
     np.testing.assert_array_equal(back.y, record.y)
     with pytest.raises(ValueError, match=r"record must hold one experiment for a \.csv file, got 2; use \.npz"):
@@ -87,19 +87,19 @@ def test_sets_in_several_files_are_one_record(tmp_path):
     for k, one in enumerate(sets):
         nlfrf.save_record(replace(one, lines=sets[0].lines), tmp_path / f"set{k}.npz")
     paths = sorted(tmp_path.glob("set*.npz"))
-    both = nlfrf.load_multirecord(paths)
+    both = nlfrf.load_record(paths)
     assert both.u.shape == (2, 4, 3, 256)
     np.testing.assert_array_equal(both.y[:, 2:], sets[1].y[:, :, :3])
     nlfrf.save_record(replace(sets[1], lines=sets[0].lines, inputs=("a", "b")), paths[1])
     with pytest.raises(ValueError, match="records must be of one experiment, with the same inputs, got"):
-        nlfrf.load_multirecord(paths)
+        nlfrf.load_record(paths)
 
 
 def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
     path = tmp_path / "run.npz"
     nlfrf.save_record(played(design()), path)
 
-    def refusal(load=nlfrf.load_multirecord, **asked):
+    def refusal(load=nlfrf.load_record, **asked):
         with pytest.raises(ValueError) as error:  # noqa: PT011 - its message is what is looked at
             load(path, **asked)
         return str(error.value)
@@ -166,16 +166,16 @@ def test_the_design_tells_what_a_distorting_actuator_hides(by_file, tmp_path):
     u, y = streams(ms, seed=1, limit=1.3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        alone = nlfrf.multirecord_from_samples(u, y, fs=256)
+        alone = nlfrf.record_from_samples(u, y, fs=256)
     assert alone.lines.excited.size > ms.lines.excited.size
     if by_file:
         nlfrf.save_multisine(ms, tmp_path / "ms.npz")
         for m in range(2):
             np.savez(tmp_path / f"run{m}.npz", a=u[m][0], b=u[m][1], x=y[m][0], y=y[m][1], fs=256.0)
         paths = [tmp_path / f"run{m}.npz" for m in range(2)]
-        record = nlfrf.load_multirecord(paths, u=["a", "b"], y=["x", "y"], design=tmp_path / "ms.npz")
+        record = nlfrf.load_record(paths, u=["a", "b"], y=["x", "y"], design=tmp_path / "ms.npz")
     else:
-        record = nlfrf.multirecord_from_samples(u, y, fs=256, design=ms)
+        record = nlfrf.record_from_samples(u, y, fs=256, design=ms)
     np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
     assert (record.n_samples, record.hold) == (256, "zoh")
     assert np.ptp(record.r - record.r[:, :, :1]) == 0  # one period that stands for all
@@ -190,25 +190,25 @@ def test_a_zippered_record_takes_its_design(tmp_path):
     ms = design(design="zippered", hold="zoh")
     record = played(ms, n_periods=3)
     nlfrf.save_record(record, tmp_path / "run.npz")
-    stored = nlfrf.load_multirecord(tmp_path / "run.npz", design=ms)
+    stored = nlfrf.load_record(tmp_path / "run.npz", design=ms)
     streams = [one[:, 0].reshape(len(one), -1) for one in (record.u, record.y)]
-    measured = nlfrf.multirecord_from_samples(*streams, fs=256, design=ms)
+    measured = nlfrf.record_from_samples(*streams, fs=256, design=ms)
     for found in (stored, measured):
         assert (found.r, found.hold) == (None, "zoh")
         np.testing.assert_allclose(nlfrf.identify(found).G, nlfrf.identify(record).G, rtol=1e-12)
     with pytest.raises(ValueError, match="design must be what was played"):
-        nlfrf.multirecord_from_samples(*streams, fs=256, design=design(design="zippered", rng=2))
+        nlfrf.record_from_samples(*streams, fs=256, design=design(design="zippered", rng=2))
 
 
 def test_a_design_that_was_not_played_is_refused():
     ms = design(rms=1.0)
     u, y = streams(ms, seed=2)
     with pytest.raises(ValueError, match="design must be what was played, got a correlation of"):
-        nlfrf.multirecord_from_samples(u, y, fs=256, design=design(rms=1.0, rng=9))
+        nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, rng=9))
     with pytest.raises(ValueError, match="design must have the inputs of the record, 2, got 3"):
-        nlfrf.multirecord_from_samples(u, y, fs=256, design=design(rms=1.0, n_inputs=3))
+        nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, n_inputs=3))
     with pytest.raises(ValueError, match="design must be of type OrthogonalMultisine or Multisine, got 3"):
-        nlfrf.multirecord_from_samples(u, y, fs=256, design=3)
+        nlfrf.record_from_samples(u, y, fs=256, design=3)
     with pytest.raises(ValueError, match="design must have the inputs of the record, 1, got 2"):
         nlfrf.record_from_samples(u[0][0], y[0][0], fs=256, design=ms)
 
@@ -237,7 +237,7 @@ def test_a_file_of_ours_is_read_once(tmp_path, monkeypatch):
     ms = design()
     nlfrf.save_record(played(ms), tmp_path / "record.npz")
     nlfrf.save_multisine(ms, tmp_path / "design.npz")
-    nlfrf.save_frm(nlfrf.identify(played(ms)), tmp_path / "frm.npz")
+    nlfrf.save_bla(nlfrf.identify(played(ms)), tmp_path / "frm.npz")
     reader, reads = channels.READERS[".npz"], []
     counting = reader._replace(contents=lambda path: reads.append(path.stem) or reader.contents(path))
     monkeypatch.setitem(channels.READERS, ".npz", counting)
@@ -253,6 +253,6 @@ def test_one_loader_takes_a_name_or_a_list_of_them(tmp_path):
     for path, inputs, outputs in zip(paths, u, y, strict=True):
         np.savez(path, fx=inputs[0], fy=inputs[1], x=outputs[0], fs=256.0)
     record = nlfrf.load_record(paths, u=["fx", "fy"], y="x", n_samples=256)
-    same = nlfrf.load_multirecord(paths, u=["fx", "fy"], y=["x"], n_samples=256)
+    same = nlfrf.load_record(paths, u=["fx", "fy"], y=["x"], n_samples=256)
     np.testing.assert_array_equal(record.u, same.u)
     assert (record.inputs, record.outputs) == (("fx", "fy"), ("x",))

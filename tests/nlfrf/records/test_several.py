@@ -14,7 +14,7 @@ def streams(n_periods=4, n_inputs=2):
 
 def test_streams_are_cut_into_a_record():
     ms, u, y = streams()
-    record = nlfrf.multirecord_from_samples(u, y, fs=256, n_discard=1, inputs=["fx", "fy"], outputs=["x", "y", "z"])
+    record = nlfrf.record_from_samples(u, y, fs=256, n_discard=1, inputs=["fx", "fy"], outputs=["x", "y", "z"])
     assert record.u.shape == (2, 2, 3, 256)
     assert record.y.shape == (3, 2, 3, 256)
     np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
@@ -27,7 +27,7 @@ def test_references_say_where_the_periods_stand():
     ms, r, y = streams()
     rng = np.random.default_rng(0)
     u = [one + 0.1 * rng.standard_normal(one.shape) for one in r]
-    record = nlfrf.multirecord_from_samples(u, y, fs=256, n_samples=256, r=r)
+    record = nlfrf.record_from_samples(u, y, fs=256, n_samples=256, r=r)
     np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
     np.testing.assert_array_equal(record.r[:, :, 0], ms.u)
 
@@ -37,23 +37,23 @@ def test_refusals():
     four = np.zeros((2, 2, 1, 256)) + ms.u[:, :, None]
     make = {"u": four, "y": four, "fs": 256, "lines": ms.lines}
     with pytest.raises(ValueError, match=r"u must vary in every channel, got the constant 0 in fy"):
-        nlfrf.MultiRecord(**{**make, "u": four * np.array([1, 0])[:, None, None, None]}, inputs=("fx", "fy"))
+        nlfrf.Record(**{**make, "u": four * np.array([1, 0])[:, None, None, None]}, inputs=("fx", "fy"))
     with pytest.raises(ValueError, match="y must have the experiments, periods and samples of u"):
-        nlfrf.MultiRecord(**{**make, "y": four[..., :-1]})
+        nlfrf.Record(**{**make, "y": four[..., :-1]})
     with pytest.raises(ValueError, match="r must have the shape of u"):
-        nlfrf.MultiRecord(**make, r=four[:1])
+        nlfrf.Record(**make, r=four[:1])
     with pytest.raises(ValueError, match="u must have 3 axes"):
-        nlfrf.MultiRecord(**{**make, "u": four[0, 0]})
+        nlfrf.Record(**{**make, "u": four[0, 0]})
     with pytest.raises(ValueError, match="inputs must be 2 different names"):
-        nlfrf.MultiRecord(**make, inputs=("x", "x"))
+        nlfrf.Record(**make, inputs=("x", "x"))
     with pytest.raises(ValueError, match="inputs must be 2 different names, got 'xy'"):
-        nlfrf.MultiRecord(**make, inputs="xy")
+        nlfrf.Record(**make, inputs="xy")
     with pytest.raises(ValueError, match="lines must lie below the Nyquist line 128"):
-        nlfrf.MultiRecord(**{**make, "lines": nlfrf.LineGrid(excited=[1, 3, 200])})
+        nlfrf.Record(**{**make, "lines": nlfrf.LineGrid(excited=[1, 3, 200])})
     with pytest.raises(ValueError, match="y must have the experiments and samples of u"):
-        nlfrf.multirecord_from_samples(u, [one[:, :-5] for one in y], fs=256)
+        nlfrf.record_from_samples(u, [one[:, :-5] for one in y], fs=256)
     with pytest.raises(ValueError, match="u must have the same channels in every experiment"):
-        nlfrf.multirecord_from_samples([u[0], u[1][:1]], y, fs=256)
+        nlfrf.record_from_samples([u[0], u[1][:1]], y, fs=256)
 
 
 def test_channels_in_columns_are_refused_with_the_cure():
@@ -111,10 +111,10 @@ def test_a_fault_of_one_channel_is_told_and_cured(kind, fault, told):
     u, y, G = disturbed(kind, fault)
     if told:
         with pytest.raises(ValueError, match=told):
-            nlfrf.multirecord_from_samples(u, y, fs=512, n_samples=1024)
+            nlfrf.record_from_samples(u, y, fs=512, n_samples=1024)
     if fault == "input" and kind == "zippered":
         return  # one input against the other: nobody knows which of them is right
-    record = nlfrf.multirecord_from_samples(u, y, fs=512, n_samples=1024, resample=True)
+    record = nlfrf.record_from_samples(u, y, fs=512, n_samples=1024, resample=True)
     assert record.n_periods >= 4
     frm = nlfrf.identify(record)
     assert np.abs(frm.G - G).max() < 2e-3
@@ -125,4 +125,4 @@ def test_the_channel_is_called_by_its_name():
     u, y, _ = disturbed("orthogonal", "output")
     names = {"inputs": ["fx", "fy"], "outputs": ["x", "way"]}
     with pytest.raises(ValueError, match=r"y2 \(way\), realisation 1 must stand still against u"):
-        nlfrf.multirecord_from_samples(u, y, fs=512, n_samples=1024, **names)
+        nlfrf.record_from_samples(u, y, fs=512, n_samples=1024, **names)

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from robust import MatrixUncertainty, check, disk_margin, disk_margins
+from robust import UncertaintyModel, check, disk_margin, disk_margins
 from robust.analysis.disk import sensitivity_if_stable, smallest_margin
 from tests.support.printed import unwrapped
 
@@ -202,7 +202,7 @@ def test_of_a_loop_that_is_not_stable():
 
 def test_the_report_of_a_matrix_tells_them():
     w = control.ss([], [], [], [[0.05]])
-    model = MatrixUncertainty(
+    model = UncertaintyModel(
         nominal=SATELLITE, form="additive", left=(w, w), right=(w, w), omega=np.array([1.0]),
         radius=np.full((4, 1), 0.05), confidence=0.95, inputs=("torque_x", "torque_y"),
     )  # fmt: skip

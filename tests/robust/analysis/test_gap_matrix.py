@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust import MatrixUncertainty, ncf_margin, ncfsyn, nu_gap, sampled
+from robust import UncertaintyModel, ncf_margin, ncfsyn, nu_gap, sampled
 from robust.lti.lti import frequency_response_matrices
 
 OMEGA = np.geomspace(1e-3, 1e4, 3000)
@@ -145,7 +145,7 @@ def test_of_a_measured_set_its_nominal_counts():
     rng = np.random.default_rng(3)
     G = plant(rng, 2, 2, 2, push=4.0)
     w = control.StateSpace([], [], [], [[0.1]])
-    model = MatrixUncertainty(
+    model = UncertaintyModel(
         nominal=G, form="additive", left=(w, w), right=(w, w), omega=np.array([1.0]), radius=np.full((4, 1), 0.1),
         confidence=0.95,
     )  # fmt: skip

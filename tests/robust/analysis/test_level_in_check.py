@@ -39,7 +39,7 @@ def test_check_and_report_carry_the_level(tmp_path):
 def test_a_matrix_has_no_level(tmp_path):
     G, w = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))), control.ss([], [], [], [[0.2]])
     known = {"form": "additive", "omega": OMEGA, "radius": np.full((4, 2), 0.2), "confidence": 0.95}
-    model = robust.MatrixUncertainty(nominal=G, left=(w, w), right=(w, w), **known)
+    model = robust.UncertaintyModel(nominal=G, left=(w, w), right=(w, w), **known)
     signals = LoopSignals(noise=SineSignal(0.1, 9.0))
     for refused in (
         lambda: robust.check(model, np.eye(2), signals=signals),

@@ -225,7 +225,7 @@ def test_a_model_remembers_the_level_of_its_records(n_realizations, dt):
     records = [record_of(1, n_realizations, rms, "band-limited") for rms in (0.3, 0.1)]
     blas = [nlfrf.identify(record) for record in records]
     model = robust.uncertainty(blas, robust.fit_nominal(blas, n_poles=2, dt=dt))
-    for evidence, record in zip(model.evidence, records, strict=True):
+    for evidence, record in zip(model.records, records, strict=True):
         assert evidence.rms_u == pytest.approx(record.u.std(), rel=1e-9)
         on_lines = np.abs(np.fft.rfft(record.y[:, 0])[:, record.lines.excited]) / 1024
         assert evidence.rms_y == pytest.approx(np.sqrt(2 * np.mean(np.sum(on_lines**2, axis=1))), rel=1e-9)
@@ -237,7 +237,7 @@ def test_noise_records_have_a_level_too():
     bla = nlfrf.identify_noise(
         u, 2 * u + 0.4 * rng.standard_normal(u.size), fs=1.0, n_samples=400, f_min=0.1, f_max=0.4
     )
-    evidence = robust.uncertainty(bla, control.tf([2.0], [1.0]), order=0, above="flat").evidence[0]
+    evidence = robust.uncertainty(bla, control.tf([2.0], [1.0]), order=0, above="flat").records[0]
     # white: the band from 0.1 to 0.4 of 0.5 holds six tenths of the power; chi-square of 2 x 150 x 121 numbers
     assert evidence.rms_u == pytest.approx(0.7 * np.sqrt(0.6), rel=0.03)
     assert evidence.rms_y == pytest.approx(np.sqrt(0.6 * (4 * 0.49 + 0.16)), rel=0.03)
@@ -246,7 +246,7 @@ def test_noise_records_have_a_level_too():
 def test_states_against_the_measured_levels():
     blas = [nlfrf.identify(record_of(1, 1, rms)) for rms in (0.1, 0.2)]
     model = robust.uncertainty(blas, robust.fit_nominal(blas, n_poles=2))
-    low, high = model.evidence
+    low, high = model.records
     K = 0.0  # u is the disturbance itself
     for rms, state in ((0.1 / 1.6, BELOW), (0.1 / 1.4, INSIDE), (0.2 * 1.4, INSIDE), (0.2 * 1.6, ABOVE)):
         level = level_of(model, K, disturbance=NoiseSignal(rms, 2 * np.pi, 2 * np.pi * 60))
@@ -281,7 +281,7 @@ def test_what_is_not_known_is_said_so(tmp_path):
     (tmp_path / "old.json").write_text(json.dumps(content))
     signals = {"disturbance": NoiseSignal(0.1, 2 * np.pi, 2 * np.pi * 60)}
     new, old = (robust.load_model(tmp_path / name) for name in ("new.json", "old.json"))
-    assert new.evidence[0].rms_u == model.evidence[0].rms_u
+    assert new.records[0].rms_u == model.records[0].rms_u
     assert level_of(new, 0.0, **signals).inside
     level = level_of(old, 0.0, **signals)
     assert (level.u_state, level.y_state, level.inside) == (UNKNOWN, UNKNOWN, False)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robust
-from robust import MatrixUncertainty, UncertaintyModel, check, disk_margins, interconnection, worst_case
+from robust import UncertaintyModel, check, disk_margins, interconnection, worst_case
 
 T = 0.01
 LAG = control.ss([[0.9]], [[1.0]], [[0.1]], [[0.0]], T)
@@ -18,7 +18,7 @@ def model():
 def matrix_model():
     w = control.ss([], [], [], [[0.1]], T)
     of = {"form": "elements", "left": (), "right": (w,), "omega": np.array([1.0]), "radius": np.full((1, 1), 0.1)}
-    return MatrixUncertainty(nominal=LAG, confidence=0.95, **of)
+    return UncertaintyModel(nominal=LAG, confidence=0.95, **of)
 
 
 def gain(dt):

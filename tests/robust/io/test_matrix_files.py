@@ -25,7 +25,7 @@ def model(form):
     n_left, n_right = {"elements": (0, 4), "additive": (2, 2), "input": (2, 2)}[form]
     parts = weights(n_left + n_right)
     radius = np.array([np.abs(np.ravel(response_by_channel(one, OMEGA))) for one in parts])
-    return robust.MatrixUncertainty(
+    return robust.UncertaintyModel(
         nominal=G, form=form, left=parts[:n_left], right=parts[n_left:], omega=OMEGA, radius=radius, confidence=0.95,
         joint=0.97, inputs=("Fx", "µ"), outputs=('a "b"', "y"), extrapolation="flat", source="a record",
     )  # fmt: skip

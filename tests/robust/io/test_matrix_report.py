@@ -26,7 +26,7 @@ def measured():
     G = np.array([[1.0, 0.2], [-0.1, 0.5]])[:, :, None] * plant(2j * np.pi * line)
     y = np.fft.irfft(np.einsum("jik,impk->jmpk", G, np.fft.rfft(u)), 512)
     y += 2e-3 * y.std() * np.random.default_rng(0).standard_normal(y.shape)
-    return nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines, inputs=("Fx", "Fy"), outputs=("x", "y"))
+    return nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines, inputs=("Fx", "Fy"), outputs=("x", "y"))
 
 
 RECORD = measured()

@@ -2,6 +2,7 @@
 
 import inspect
 import pickle
+import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
@@ -44,11 +45,13 @@ def values_of_nlfrf():
     yield nlfrf.simulate_loop(rig, control.ss([], [], [], [[1.0]], 0.01), np.ones(20), fs=100.0)
     two = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(two.u[:, :, None], 2, axis=2)
-    several = nlfrf.MultiRecord(u=u, y=u[::-1], fs=256, lines=two.lines)
+    several = nlfrf.Record(u=u, y=u[::-1], fs=256, lines=two.lines)
     frm = nlfrf.identify(replace(several, y=several.y + 0.1 * several.u**3))
     yield from (two, several, frm, nlfrf.singular_values(frm), nlfrf.rga(frm))
     yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
-    yield nlfrf.inspect_file(Path(__file__).parents[2] / "kept" / "0.1.0" / "record.mat")
+    with tempfile.TemporaryDirectory() as folder:
+        nlfrf.save_record(record, Path(folder) / "record.mat")
+        yield nlfrf.inspect_file(Path(folder) / "record.mat")
     yield hysteresis.MaxwellSlip(stiffness=[1.0, 2.0], strength=[0.3, 0.7])
 
 
@@ -64,13 +67,13 @@ def values_of_robust():
     system = robust.interconnection([two, loop], {"pole": block})
     P = control.ss([[-1.0]], [[1, 0, 1]], [[0], [-0.5], [-1]], [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
     w, two_by_two = control.ss([], [], [], [[0.5]]), control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
-    several = robust.MatrixUncertainty(
+    several = robust.UncertaintyModel(
         nominal=two_by_two, form="additive", left=(w, w), right=(w, w), omega=[1.0], radius=0.5 * np.ones((4, 1)),
         confidence=0.95,
     )  # fmt: skip
     ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u + 0.1 * u**3, fs=256, lines=ms.lines))
+    frm = nlfrf.identify(nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=256, lines=ms.lines))
     yield robust.validate(frm, frm)
     yield robust.loop_gains(two_by_two, np.eye(2))
     yield from (several, robust.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))

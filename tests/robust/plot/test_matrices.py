@@ -24,7 +24,7 @@ def weights(n):
 def model(form):
     n_left, n_right = {"elements": (0, 4), "additive": (2, 2), "input": (2, 2)}[form]
     parts = weights(n_left + n_right)
-    return robust.MatrixUncertainty(
+    return robust.UncertaintyModel(
         nominal=G, form=form, left=parts[:n_left], right=parts[n_left:], omega=OMEGA,
         radius=np.array([np.abs(response_by_channel(one, OMEGA)[0, 0]) for one in parts]),
         confidence=0.95, perturbation="LTI",
@@ -61,7 +61,7 @@ def test_the_reach_of_an_entry_is_reached_and_not_left(form):
 @pytest.mark.parametrize("form", MODELS)
 def test_the_set_entry_by_entry(form):
     one = MODELS[form]
-    made = pictures.plot_matrix_set(one)
+    made = pictures.plot_bode(one)
     for (j, i), ax in np.ndenumerate(made):
         f, drawn = curve(ax, "nominal")
         np.testing.assert_allclose(drawn, 20 * np.log10(np.abs(response_by_channel(G, 2 * np.pi * f)[j, i])))
@@ -78,7 +78,7 @@ def test_the_set_entry_by_entry(form):
 @pytest.mark.parametrize("form", MODELS)
 def test_every_weight_lies_over_its_radius(form):
     one = MODELS[form]
-    made = pictures.plot_matrix_weights(one)
+    made = pictures.plot_weight(one)
     shown = []
     for ax in made.flat:
         f, weight = curve(ax, "|weight|")
@@ -92,14 +92,14 @@ def test_every_weight_lies_over_its_radius(form):
 
 def test_a_plant_that_is_not_square_leaves_places_empty():
     w = control.ss([], [], [], [[0.1]])
-    tall = robust.MatrixUncertainty(
+    tall = robust.UncertaintyModel(
         nominal=G[:, 0], form="additive", left=(w, w), right=(w,), omega=OMEGA, radius=np.full((3, 30), 0.1),
         confidence=0.95,
     )  # fmt: skip
-    made = pictures.plot_matrix_weights(tall)
+    made = pictures.plot_weight(tall)
     assert [[ax.get_visible() for ax in row] for row in made] == [[True, True], [True, False]]
     plt.close(made[0, 0].figure)
-    assert pictures.plot_matrix_set(tall).shape == (2, 1)
+    assert pictures.plot_bode(tall).shape == (2, 1)
     plt.close("all")
 
 
@@ -113,14 +113,14 @@ def test_singular_values_of_a_loop(ax):
         np.testing.assert_allclose(found[:, k], np.linalg.svd(wanted, compute_uv=False))
     assert gains.stable
     assert set(OMEGA) <= set(gains.omega)
-    pictures.plot_matrix_loop(gains, ax=ax)
+    pictures.plot_loop(gains, ax=ax)
     np.testing.assert_allclose(curve(ax, "S, largest")[1], 20 * np.log10(gains.S[0]))
     assert len(labels(ax)) == 6
     assert "S" in gains._repr_html_()
     bad = robust.loop_gains(G, -10 * np.eye(2))
     assert not bad.stable
     ax.clear()
-    pictures.plot_matrix_loop(bad, ax=ax)
+    pictures.plot_loop(bad, ax=ax)
     assert ax.get_title() == "Nominal loop, not stable"
     with pytest.raises(ValueError, match=r"K must have the sampling time of G, 0 s, got 0\.1 s"):
         robust.loop_gains(G, control.ss([[0.5, 0], [0, 0.5]], np.eye(2), np.eye(2), np.eye(2), 0.1))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robust import (
-    MatrixUncertainty,
+    UncertaintyModel,
     certify_mu,
     check,
     dk_iteration,
@@ -47,7 +47,7 @@ def column(form):
     small = control.ss([], [], [], [[0.2]])
     left, right = ((one, one), (w, w)) if form == "input" else ((), (small,) * 4)
     radius = np.array([[0.999 * abs(weight(1j))] for weight in (*left, *right)])
-    return MatrixUncertainty(
+    return UncertaintyModel(
         nominal=G, form=form, left=left, right=right, omega=np.array([1.0]), radius=radius, confidence=0.95,
         perturbation="LTI",
     )  # fmt: skip

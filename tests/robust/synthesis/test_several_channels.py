@@ -43,14 +43,14 @@ def test_a_model_made_by_hand_takes_the_names_of_its_nominal():
     G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), inputs=INPUTS, outputs=OUTPUTS)
     w, omega = control.ss([], [], [], [[0.2]]), np.array([1.0, 2.0])
     weights = {"left": (w, w), "right": (w, w), "radius": np.full((4, 2), 0.2)}
-    made = robust.MatrixUncertainty(nominal=G, form="additive", omega=omega, confidence=0.95, **weights)
+    made = robust.UncertaintyModel(nominal=G, form="additive", omega=omega, confidence=0.95, **weights)
     assert (made.inputs, made.outputs) == (INPUTS, OUTPUTS)
 
 
 def test_a_continuous_demand_stands_over_a_sampled_loop(model):
     """The verdict is that of the demand on the lines: largest |w_P S_p| over frequency, found by closing the loop."""
     dt = 1 / 256
-    sampled = robust.MatrixUncertainty(
+    sampled = robust.UncertaintyModel(
         nominal=robust.sampled(model.nominal, dt),
         form="additive",
         confidence=0.95,

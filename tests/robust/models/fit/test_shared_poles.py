@@ -94,7 +94,7 @@ def held(dt, omega):
 
 
 def behind(delays, dt, rng, noise=0.01):
-    """An `Frm` of the stage with each input behind a delay [s], in noise."""
+    """An `Bla` of the stage with each input behind a delay [s], in noise."""
     ms = nlfrf.multisine("random-odd", fs=1024, n_samples=2048, f_min=2, f_max=100, n_inputs=2, rng=rng)
     omega = 2 * np.pi * ms.f
     H = np.moveaxis(held(dt, omega)(np.exp(1j * omega * dt)), 2, 0) if dt else stage(omega)
@@ -104,7 +104,7 @@ def behind(delays, dt, rng, noise=0.01):
     y = np.repeat(np.fft.irfft(spectrum, 2048)[:, :, None], 2, axis=2)
     y = y + noise * y.std() * np.random.default_rng(rng).standard_normal(y.shape)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=1024, lines=ms.lines), transient="none")
+    return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=1024, lines=ms.lines), transient="none")
 
 
 @pytest.mark.parametrize("delays", [(2e-3, 5.1e-3), (0.0, 1e-3), (1e-2, 1e-2)])
@@ -147,7 +147,7 @@ def test_from_a_record_to_a_nominal_in_discrete_and_in_continuous_time():
     y = np.repeat(np.fft.irfft(spectrum, 2048)[:, :, None], 2, axis=2)
     y = y + 0.01 * y.std() * np.random.default_rng(2).standard_normal(y.shape)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=1024, lines=ms.lines), transient="none")
+    frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=1024, lines=ms.lines), transient="none")
     assert frd(frm).frdata.shape == (2, 2, frm.f.size)
     fit = fit_nominal(frm, n_poles=4, dt=1 / 1024)
     assert fit.G.dt == 1 / 1024
@@ -173,7 +173,7 @@ def test_from_a_record_to_a_nominal_in_discrete_and_in_continuous_time():
 def test_refusals():
     ms = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u, fs=512, lines=ms.lines))
+    frm = nlfrf.identify(nlfrf.Record(u=u, y=u, fs=512, lines=ms.lines))
     with pytest.raises(ValueError, match="n_zeros must be None or n_poles = 4 for several channels, got 2"):
         fit_nominal(frm, n_poles=4, n_zeros=2)
     with pytest.raises(ValueError, match="dt must put the Nyquist frequency above the last line"):

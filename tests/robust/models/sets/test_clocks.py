@@ -21,7 +21,7 @@ def around(nominal, lines=LINES):
 
 def matrix_set(nominal):
     w = control.ss([], [], [], [[0.1]])
-    return robust.MatrixUncertainty(
+    return robust.UncertaintyModel(
         nominal=nominal, form="additive", left=(w, w), right=(w, w), omega=LINES,
         radius=np.full((4, LINES.size), 0.1), confidence=0.95,
     )  # fmt: skip

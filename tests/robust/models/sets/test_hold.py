@@ -114,7 +114,7 @@ def matrix_of(hold, fs=FS):
     u = np.repeat(ms.u[:, :, None], 4, axis=2)
     y = np.fft.irfft(np.einsum("ji,impk->jmpk", MIXED, np.fft.rfft(u) * G), N)
     y += 1e-5 * np.std(y) * np.random.default_rng(1).standard_normal(y.shape)
-    return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=fs, lines=ms.lines, hold=ms.hold), transient="none")
+    return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=fs, lines=ms.lines, hold=ms.hold), transient="none")
 
 
 def matrix_error(G):
@@ -129,8 +129,8 @@ def matrix_error(G):
 @pytest.mark.parametrize(("hold", "fs", "dt"), [("zoh", FS, 1 / FS), ("zoh", 4000, 0), ("band-limited", FS, 0)])
 def test_the_hold_of_several_inputs_counts_once(hold, fs, dt, tmp_path):
     frm = matrix_of(hold, fs)
-    nlfrf.save_frm(frm, tmp_path / "G.npz")
-    assert nlfrf.load_frm(tmp_path / "G.npz").hold == frm.entry(1, 0).hold == hold
+    nlfrf.save_bla(frm, tmp_path / "G.npz")
+    assert nlfrf.load_bla(tmp_path / "G.npz").hold == frm.entry(1, 0).hold == hold
     fit = robust.fit_nominal(frm, n_poles=2, rank=2, dt=dt)
     assert fit.hold == hold
     assert matrix_error(fit.G) < 1e-2

@@ -99,7 +99,7 @@ def test_estimate_against_fresh_realisations(case, n_sets, least):
 def test_several_levels_tell_the_least_and_sampled_models_tell_it_too():
     one, other = static(seed=1), static(gain=1.1, seed=2)
     model = uncertainty([one, other], frd(one), order=1)
-    assert len(model.evidence) == 2
+    assert len(model.records) == 2
     alone = [attach_records(model, [b]).joint for b in (one, other)]
     assert model.joint == min(alone)
     held = replace(one, hold="zoh")
@@ -141,14 +141,14 @@ def test_files_keep_it_and_old_files_load(tmp_path):
     again = load_model(tmp_path / "model.json")
     assert (again.joint, again.joint_bla) == (model.joint, model.joint_bla)
     for part in ("omega", "G", "variance", "scatter", "confirmed"):
-        np.testing.assert_array_equal(getattr(again.evidence[0], part), getattr(model.evidence[0], part))
+        np.testing.assert_array_equal(getattr(again.records[0], part), getattr(model.records[0], part))
     content = json.loads((tmp_path / "model.json").read_text())
     for name in ("joint", "joint_bla", "evidence"):
         del content[name]
     (tmp_path / "old.json").write_text(json.dumps(content))
     old = load_model(tmp_path / "old.json")
     assert np.isnan(old.joint)
-    assert old.evidence == ()
+    assert old.records == ()
 
 
 def test_words_are_no_finer_than_the_estimate():

@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 import robust
-from robust.plot import plot_matrix_set
+from robust.plot import plot_bode
 
 LOW, HIGH = 1.0, 4.0  # N
 
@@ -97,14 +97,14 @@ def test_lines_that_only_one_level_has_are_in_the_set():
 def test_it_comes_back_from_its_file(form, tmp_path):
     robust.save_model(around(form), tmp_path / "m.json")
     back = robust.load_model(tmp_path / "m.json")
-    assert len(back.measured) == 2
+    assert len(back.records) == 2
     frm = measured(HIGH, 12)
     one, other = robust.validate(around(form), frm), robust.validate(back, frm)
     assert (one.p_value, one.level) == (other.p_value, other.level)
 
 
 def test_a_picture_shows_both(tmp_path):
-    made = plot_matrix_set(around("elements"), [measured(LOW, 1), measured(HIGH, 2)])
+    made = plot_bode(around("elements"), [measured(LOW, 1), measured(HIGH, 2)])
     labels = [line.get_label() for line in made[0, 0].get_lines()]
     assert {"measured, 95 % bound (1)", "measured, 95 % bound (2)"} <= set(labels)
 
@@ -128,6 +128,6 @@ def test_refusals():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
         ms = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
-        other = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u + 0.1 * u**3, fs=512, lines=ms.lines, inputs=("a", "b")))
+        other = nlfrf.identify(nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=512, lines=ms.lines, inputs=("a", "b")))
     with pytest.raises(ValueError, match="bla must be matrices of the same inputs, got Fx, Fy and a, b"):
         robust.fit_nominal([measured(LOW, 1), other], n_poles=2)

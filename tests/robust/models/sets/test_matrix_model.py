@@ -10,7 +10,7 @@ import nlfrf
 import robust
 from benchmarks.soundness_matrix import random_case, trial
 from robust.analysis.worst_plant import first_order_all_passes
-from robust.models.sets.model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
 from tests.support.printed import unwrapped
 
 OMEGA = np.array([1.0, 3.0])
@@ -22,7 +22,7 @@ def number(x):
 
 def made(form, G, left, right, **more):
     radius = np.repeat(np.abs([w.D[0, 0] for w in (*left, *right)])[:, None], 2, axis=1)
-    return MatrixUncertainty(
+    return UncertaintyModel(
         nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, confidence=0.95, **more
     )
 
@@ -133,7 +133,7 @@ def stage_frm(noise=0.02, seed=1):
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     y = np.repeat(np.fft.irfft(spectrum, 1000)[:, :, None], 2, axis=2)
     y = y + noise * np.random.default_rng(seed).standard_normal(y.shape)
-    return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=100, lines=ms.lines), transient="none"), G
+    return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=100, lines=ms.lines), transient="none"), G
 
 
 @pytest.mark.parametrize("form", ["elements", "additive", "input"])
@@ -204,7 +204,7 @@ def test_refusals():
     with pytest.raises(ValueError, match="model must filter its perturbation before the sampler"):
         robust.check(model, control.StateSpace(-0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), 0.1))
     with pytest.raises(ValueError, match=r"left\[1\] must cover its radius, .* got a ratio of 0\.5 at 1 rad"):
-        MatrixUncertainty(
+        UncertaintyModel(
             nominal=G, form="additive", left=w, right=w, omega=OMEGA, radius=covered, confidence=0.95
         )  # fmt: skip
     with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):

@@ -15,7 +15,7 @@ G0 = np.array([[1.0, 0.3], [-0.5, 2.0]])
 
 
 def matrix(rng, change=None, *, noise=0.03, n_inputs=2, kind="random-odd", **more):
-    """An `Frm` of two first-order lags, mixed, in white noise."""
+    """An `Bla` of two first-order lags, mixed, in white noise."""
     generator = np.random.default_rng(rng)
     ms = nlfrf.multisine(kind, **BAND, n_inputs=n_inputs, rng=rng, **more)
     G = lags(ms.f) if change is None else change(ms.f)
@@ -23,7 +23,7 @@ def matrix(rng, change=None, *, noise=0.03, n_inputs=2, kind="random-odd", **mor
     Y = np.zeros_like(U)
     Y[..., ms.lines.excited] = np.einsum("jif,imf->jmf", G, U[..., ms.lines.excited])
     y = np.repeat(np.fft.irfft(Y, 512, axis=2)[:, :, None], 2, axis=2)
-    record = nlfrf.MultiRecord(
+    record = nlfrf.Record(
         u=np.repeat(ms.u[:, :, None], 2, axis=2),
         y=y + noise * generator.standard_normal(y.shape),
         fs=512,
@@ -149,7 +149,7 @@ def test_refusals():
         robust.validate(frm, replace(frm, f=frm.f + 1e3))
     other = nlfrf.multisine("random-odd", **BAND, n_inputs=3, rng=1)
     u = np.repeat(other.u[:, :, None], 2, axis=2)
-    three = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u[:2] + 0.01 * u[1:], fs=512, lines=other.lines))
+    three = nlfrf.identify(nlfrf.Record(u=u, y=u[:2] + 0.01 * u[1:], fs=512, lines=other.lines))
     with pytest.raises(ValueError, match="bla must have 2 outputs and 2 inputs, as the model, got 2 and 3"):
         robust.validate(frm, three)
 
@@ -162,7 +162,7 @@ def test_the_halves_of_the_mirrors_sets_agree_both_ways(measured, level):
     lines = nlfrf.LineGrid(excited=np.arange(1600, 2600))
     halves = []
     for sets in (slice(0, 3), slice(3, 6)):
-        record = nlfrf.MultiRecord(u=u[:, sets], y=y[:, sets], fs=6400, lines=lines)
+        record = nlfrf.Record(u=u[:, sets], y=y[:, sets], fs=6400, lines=lines)
         with pytest.warns(nlfrf.DataWarning) as said:
             halves.append(nlfrf.identify(record, transient="none"))
         disturbed = any("experiment 3 of 3 scatters" in str(one.message) for one in said)

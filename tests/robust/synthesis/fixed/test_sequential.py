@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust import MatrixUncertainty, check, design_frf, sampled
+from robust import UncertaintyModel, check, design_frf, sampled
 from robust.lti.lti import frequency_response_matrices
 from robust.synthesis.fixed import sequential
 from robust.synthesis.fixed.one_loop import design_loop
@@ -29,7 +29,7 @@ def number(x):
 
 def set_of(G, form, left, right, perturbation="LTI"):
     radius = np.repeat([[w] for w in (*left, *right)], OMEGA.size, axis=1)
-    return MatrixUncertainty(
+    return UncertaintyModel(
         nominal=G, form=form, left=tuple(map(number, left)), right=tuple(map(number, right)), omega=OMEGA,
         radius=radius, confidence=0.95, perturbation=perturbation,
     )  # fmt: skip
@@ -111,7 +111,7 @@ def test_what_cannot_be_is_said():
 
 
 def test_from_measured_lines_alone():
-    """An Frm: loops on its lines, the whole by the exact test of its full block there."""
+    """An Bla: loops on its lines, the whole by the exact test of its full block there."""
     ms = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=250, n_inputs=2, rng=1)
     lags = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), [[1, 0.2], [-0.1, 1]], np.zeros((2, 2)))
     H = np.moveaxis(
@@ -120,7 +120,7 @@ def test_from_measured_lines_alone():
     y = np.fft.irfft(np.einsum("jik,iek->jek", H, np.fft.rfft(ms.u)), n=512)
     u, y = (np.repeat(x[:, :, None], 2, axis=2) for x in (ms.u, y))
     y = y + 0.003 * np.random.default_rng(2).standard_normal(y.shape) + 0.01 * u**3
-    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines))
+    frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines))
     design = design_frf(frm, "PI", M_S=1.8, omega_c=(30.0, 120.0), end_gain=0.9, time_cap=60, n_iterations=10)
     assert design.met, design.reason
     closed = control.feedback(lags * design.K, np.eye(2))
@@ -147,7 +147,7 @@ def test_refusals(G, options, message):
 
 
 def test_a_list_of_matrices_is_refused_as_one():
-    """An Frm in a list was said to be no plant, which an Frm alone is."""
+    """An Bla in a list was said to be no plant, which an Bla alone is."""
     one = set_of(STAGE, "input", (0.1, 0.1), (1.0, 1.0))
     with pytest.raises(
         ValueError, match=r"plant must be one Bla or UncertaintyModel of several .* got a list of matrices"
