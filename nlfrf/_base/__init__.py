@@ -10,5 +10,5 @@ own_process  files read by a library that may crash, in a process of its own
 progress     a bar for whatever counts what it has done
 types        types that signatures say often
 units        numbers that are written with a unit, as drives have them
-values       frozen data classes, their printed text and tables in a notebook, and their fields as plain data
+values       frozen data classes, their printed text, and their fields as plain data
 """

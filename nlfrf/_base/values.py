@@ -1,23 +1,20 @@
 """``@value``: the one way this project makes a value type.
 
 A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written afterwards, so a
-value that was valid once stays valid. At a prompt it is one line, in a notebook a table; its `str()` fits 100 columns.
+value that was valid once stays valid. At a prompt it is one line; its `str()` fits 100 columns.
 It has no ``==``: comparing arrays for equality is rarely what was meant. Validation goes into ``__post_init__``, which
 runs after the arrays were frozen.
 """
 
 from __future__ import annotations
 
-import html
-import inspect
 import json
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
-from functools import cache, wraps
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, dataclass_transform, overload
+from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 
@@ -29,10 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ArrayField",
-    "Sketch",
     "field_names",
     "freeze_array",
-    "html_card",
     "repr_line",
     "short_repr",
     "simple_properties",
@@ -42,25 +37,13 @@ __all__ = [
 ]
 
 
-# ---- A value on one line for a prompt, and as a table with a small picture for a notebook.
+# ---- A value on one line for a prompt.
 
-WIDTH, FEW, MOST = 160, 6, 400  # characters of a line, numbers that are shown, points of a curve
-COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd")
-SKETCH_SIZE = 420, 170, 46, 24  # of a picture: width, height, left and lower margin
-
+WIDTH, FEW = 160, 6  # characters of a line, numbers that are shown
 
 #: Type of a field that takes any sequence and holds an array, or None in a value of a kind that has none: a dataclass
 #: can declare one of them only, and who reads the field knows the kind.
 ArrayField = Any
-
-
-class Sketch(NamedTuple):
-    """A small picture: labelled curves over one axis, logarithmic where it is a frequency."""
-
-    across: str
-    up: str
-    curves: Sequence[tuple[str, np.ndarray, np.ndarray]]
-    log: bool = False
 
 
 def repr_line(thing: DataclassInstance) -> str:
@@ -106,101 +89,6 @@ def short_repr(thing: object) -> str:
 def is_written_out(array: np.ndarray) -> bool:
     """Return whether `short_repr` shows the numbers of an array, not its shape."""
     return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
-
-
-def html_card(thing: DataclassInstance) -> str:
-    """Return a value as HTML: what it says of itself, a picture where it has one, its fields with their meaning."""
-    kind = type(thing)
-    parts = [f"<b>{html.escape(kind.__name__)}</b>"]
-    has_own_text = kind.__str__ is not object.__str__
-    if has_own_text:
-        parts.append(f"<pre style='line-height:1.25'>{html.escape(str(thing))}</pre>")
-    sketch = getattr(thing, "_sketch_", None)
-    if sketch is not None:
-        parts.append(svg_sketch(sketch()))
-    meaning = field_meanings(kind)
-    rows = "".join(
-        f"<tr><td style='text-align:left'><code>{html.escape(name)}</code></td>"
-        f"<td style='text-align:left'>{html.escape(describe_content(getattr(thing, name, None)))}</td>"
-        f"<td style='text-align:left'>{html.escape(meaning.get(name, ''))}</td></tr>"
-        for name in (field.name for field in fields(thing))
-    )
-    table = f"<table>{rows}</table>"
-    parts.append(f"<details><summary>fields</summary>{table}</details>" if has_own_text else table)
-    return f"<div>{''.join(parts)}</div>"
-
-
-def describe_content(thing: object) -> str:
-    """Return what a field holds: of real numbers between what and what, too."""
-    described = short_repr(thing)
-    if isinstance(thing, np.ndarray) and not is_written_out(thing) and thing.dtype.kind in "fiu":
-        finite = thing[np.isfinite(thing)]
-        described += f" from {finite.min():.4g} to {finite.max():.4g}" if finite.size else " of nan"
-    return described
-
-
-@cache
-def field_meanings(kind: type) -> dict[str, str]:
-    """Return what the docstring of a type says of each of its fields, the first sentence."""
-    text = inspect.getdoc(kind) or ""
-    section = re.search(r"(?:Fields|Parameters|Attributes)\n-+\n(.*?)(?=\n\n?[A-Z]\w+\n-+|\Z)", text, re.S)
-    found: dict[str, str] = {}
-    for entry in re.finditer(r"^(\w[\w, ]*) :[^\n]*\n((?: +[^\n]*\n?)+)", section[1] if section else "", re.M):
-        described = " ".join(entry[2].split()).split(". ")[0].rstrip(".")
-        found |= {name.strip(): described for name in entry[1].split(",")}
-    return found
-
-
-def svg_sketch(sketch: Sketch) -> str:
-    """Curves as SVG, drawn by hand: no library has to be loaded for it."""
-    width, height, left, low = SKETCH_SIZE
-    curves = [(label, *thin_curve(np.asarray(x, float), np.asarray(y, float))) for label, x, y in sketch.curves]
-    xs, ys = (np.concatenate([curve[i] for curve in curves]) for i in (1, 2))
-    visible = np.isfinite(xs) & np.isfinite(ys) & ((xs > 0) | (not sketch.log))
-    if not visible.any():
-        return ""
-    scale = np.log10 if sketch.log else np.asarray
-    x0, x1 = (float(scale(extreme)) for extreme in (xs[visible].min(), xs[visible].max()))
-    y0, y1 = float(ys[visible].min()), float(ys[visible].max())
-    wide, high = (x1 - x0) or 1.0, (y1 - y0) or 1.0
-    drawn = []
-    for i, (label, x, y) in enumerate(curves):
-        keep = np.isfinite(y) & np.isfinite(x) & ((x > 0) | (not sketch.log))
-        px = left + (scale(x[keep]) - x0) / wide * (width - left - 8)
-        py = 8 + (y1 - y[keep]) / high * (height - low - 16)
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px, py, strict=True))
-        colour = COLOURS[i % len(COLOURS)]
-        drawn.append(f"<polyline fill='none' stroke='{colour}' stroke-width='1.2' points='{points}'/>")
-        drawn.append(svg_text(left + 6 + 90 * i, 14, described=label, colour=colour))
-    drawn += [
-        svg_text(2, 14, described=f"{y1:.3g}"),
-        svg_text(2, height - low - 6, described=f"{y0:.3g}"),
-        svg_text(2, height - 4, described=sketch.up),
-    ]
-    low_x, high_x = (10**x0, 10**x1) if sketch.log else (x0, x1)
-    drawn += [
-        svg_text(left, height - 10, described=f"{low_x:.3g}"),
-        svg_text(width - 50, height - 10, described=f"{high_x:.3g}"),
-    ]
-    drawn.append(svg_text(width / 2 - 20, height - 10, described=sketch.across))
-    return f"<svg width='{width}' height='{height}' style='background:#fff'>{''.join(drawn)}</svg>"
-
-
-def svg_text(x: float, y: float, *, described: str, colour: str = "#444") -> str:
-    """Return a few words in a picture."""
-    return f"<text x='{x:.0f}' y='{y:.0f}' font-size='10' fill='{colour}'>{html.escape(described)}</text>"
-
-
-def thin_curve(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a curve of few points: of each stretch of a long one its lowest and its highest."""
-    x, y = np.ravel(x), np.ravel(y)
-    if y.size <= MOST:
-        return x, y
-    n = y.size // (MOST // 2) * (MOST // 2)
-    pieces = y[:n].reshape(MOST // 2, -1)
-    start = np.arange(MOST // 2) * pieces.shape[1]
-    places = np.sort(np.stack([start + pieces.argmin(axis=1), start + pieces.argmax(axis=1)], axis=1), axis=1).ravel()
-    return x[places], y[places]
 
 
 T = TypeVar("T")
@@ -266,7 +154,6 @@ def value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) 
             return wrap_lines(describe(self))
 
         cls.__str__ = __str__  # type: ignore[method-assign]
-    cls._repr_html_ = html_card  # type: ignore[attr-defined]
     return dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_probability, require_real
 from nlfrf._base.numbers import TINY, roy_quantile
-from nlfrf._base.values import Sketch, field_names, value
+from nlfrf._base.values import field_names, value
 from nlfrf.bla.calibration import FEW_LINES
 from nlfrf.bla.covariance import diagonal, hermitian_sqrt
 from nlfrf.bla.line_index import SMOOTHING_LINES, index_lines
@@ -502,16 +502,6 @@ class Bla(Channels):
         square = np.abs(factor) ** 2
         scaled = {name: getattr(self, name) * square for name in COVARIANCES}
         return replace(self, G=self.G * factor, **scaled)
-
-    def _sketch_(self) -> Sketch:
-        """Return curves of |G| and its bound, or of the singular values, for a notebook."""
-        with np.errstate(divide="ignore"):
-            if self.is_single:
-                rows = [("|G|", np.abs(self.G)), ("bound", self.bound())]
-            else:
-                sizes = np.linalg.svd(np.moveaxis(self.G, 2, 0), compute_uv=False).T
-                rows = [(f"sigma {i + 1}", one) for i, one in enumerate(sizes)]
-            return Sketch("Hz", "dB", [(name, self.f, 20 * np.log10(one)) for name, one in rows], log=True)
 
     def roughness(self) -> np.ndarray:
         """Estimate the variance of G from its roughness over the lines: a second estimate to compare with `var_total`.

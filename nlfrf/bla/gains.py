@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_kind
-from nlfrf._base.values import Sketch, value
+from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 
 __all__ = ["RelativeGains", "SingularValues", "rga", "singular_values"]
@@ -55,12 +55,6 @@ class SingularValues:
     low: np.ndarray
     high: np.ndarray
     confidence: float
-
-    def _sketch_(self) -> Sketch:
-        """Return the values, for a notebook."""
-        with np.errstate(divide="ignore"):
-            decibels = 20 * np.log10(self.sigma)
-        return Sketch("Hz", "dB", [(f"value {i + 1}", self.f, one) for i, one in enumerate(decibels)], log=True)
 
     def __str__(self) -> str:
         """Describe the result in a few lines."""

@@ -18,7 +18,7 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from nlfrf._base.numbers import is_constant
-from nlfrf._base.values import ArrayField, Sketch, value
+from nlfrf._base.values import ArrayField, value
 from nlfrf.signals.lines import LineGrid
 
 if TYPE_CHECKING:
@@ -221,16 +221,6 @@ class Record(Channels):
     def f0(self) -> float:
         """Frequency resolution fs / N [Hz]."""
         return self.fs / self.n_samples
-
-    def _sketch_(self) -> Sketch:
-        """Inputs and outputs of the first realisation over their peaks, for a notebook."""
-        t = np.arange(self.n_periods * self.n_samples) / self.fs
-        rows = [
-            (name, signal.ravel())
-            for names, signals in ((self.inputs, self.u), (self.outputs, self.y))
-            for name, signal in zip(names, signals[None, 0] if self.is_single else signals[:, 0], strict=True)
-        ]
-        return Sketch("s", "of its peak", [(name, t, one / np.abs(one).max()) for name, one in rows])
 
 
 def to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:

@@ -15,7 +15,7 @@ from nlfrf._base.arguments import (
     require_positive,
     require_real_array,
 )
-from nlfrf._base.values import Sketch, value
+from nlfrf._base.values import value
 from robust._base.types import Controller, LinearSystem
 from robust.analysis.loop import DELAY_ORDER
 from robust.lti.connections import closed_loop, lower_lft
@@ -193,11 +193,6 @@ class LoopGains:
     K_S: np.ndarray
     stable: bool
     band: np.ndarray | None
-
-    def _sketch_(self) -> Sketch:
-        """Return the largest S and T, for a notebook."""
-        curves = [(name, self.omega / 2 / np.pi, 20 * np.log10(one[0])) for name, one in (("S", self.S), ("T", self.T))]
-        return Sketch("Hz", "dB", curves, log=True)
 
 
 def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None) -> LoopGains:

@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, format_paragraph
-from nlfrf._base.values import ArrayField, Sketch, value
+from nlfrf._base.values import ArrayField, value
 from robust._base.states import Demand, Verdict
 from robust._base.types import SystemField
 from robust.analysis.aliases import RsBreakdown
@@ -700,13 +700,6 @@ class RobustnessReport:
             f"gain {20 * np.log10(self.gain_margin):.2f} dB, or phase {np.degrees(self.phase_margin):.1f} deg, or "
             "less of both"
         )
-
-    def _sketch_(self) -> Sketch:
-        """Return what the set does to the loop and to the demand, for a notebook; one is the limit."""
-        f = self.omega / (2 * np.pi)
-        curves = [(self.measure, f, self.rs), ("rp", f, self.rp), ("limit", f[[0, -1]], np.ones(2))]
-        curves += [("|S|", f, np.abs(self.S))] if self.is_single else []
-        return Sketch("Hz", "", [(label, x, np.minimum(y, 3.0)) for label, x, y in curves], log=True)
 
     def __str__(self) -> str:
         lines = self.findings()

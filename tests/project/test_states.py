@@ -43,7 +43,6 @@ REVIEWED = {
     "nlfrf.io.readers.twincat:separate_by_tabs": "a file",
     "nlfrf._base.arguments:wrap_lines": "lines of what is printed, broken to fit a screen",
     "nlfrf._base.arguments:format_paragraph": "the same",
-    "nlfrf._base.values:field_meanings": "a docstring, for a table in a notebook",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
     "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_in_own_process": "the name of the exception that ended another process",
