@@ -3,7 +3,7 @@
 =================================================================================
 
 A mass on a spring with friction is identified at four levels. Loop shaping on one level gives two loops that the check
-calls statistically robust; a PID is searched for that is proved to come to rest with every friction of the class that
+calls statistically robust; a PID is designed that is proved to come to rest with every friction of the class that
 the levels show. All stand around the machine: kicks from gentle to hard, frictions of the class.
 
 What is compared: up to where ``|S|`` stays below -3 dB, stuck and sliding; the hardest kick after which the machine
@@ -39,9 +39,14 @@ def identified(rms):
     return nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 
 
+def spring(stiffness):
+    """The mass of the machine on a spring."""
+    return control.ss(control.tf([1], [1 / assumed.machine.B_force[1], 0, stiffness]))
+
+
 def band(K, stiffness):
     """Up to where |S| stays below -3 dB [Hz], on the machine with a spring; nan where the loop is unstable."""
-    plant = robust.sampled(control.ss(control.tf([1], [1 / assumed.machine.B_force[1], 0, stiffness])), T)
+    plant = robust.sampled(spring(stiffness), T)
     if np.abs(control.feedback(plant * K).poles()).max() > 1:
         return np.nan
     f = np.geomspace(0.05, 499, 4000)
@@ -68,7 +73,8 @@ def shaped(crossover):
 
 blas = {rms: identified(rms) for rms in LEVELS}
 assumed = robust.friction_class(list(blas.values()))
-proved = robust.design_proved(assumed, dt=T, n_iterations=20)
+ends = [spring(assumed.stiffness_low), spring(assumed.stiffness_low + assumed.friction.K0)]  # sliding, and stuck
+proved = robust.design_frf(ends, "PID", M_S=2.0, dt=T, prove=assumed)
 model = robust.uncertainty(blas[0.5], robust.fit_nominal(blas[0.5], n_poles=3), order=6)
 plant = robust.sampled(model.nominal, T)
 found = {f"shaped for {crossover} Hz": shaped(crossover) for crossover in (40, 120)}

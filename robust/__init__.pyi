@@ -146,8 +146,6 @@ from .reports.shaping_page.widget import shape as shape
 
 # Fixed structure: controllers straight from the FRF
 from .synthesis.fixed.design_frf import design_frf as design_frf
-from .synthesis.fixed.proved import ProvedDesign as ProvedDesign
-from .synthesis.fixed.proved import design_proved as design_proved
 from .synthesis.fixed.structures import ControllerStructure as ControllerStructure
 from .synthesis.hinf.design import Design as Design
 from .synthesis.hinf.dk import DkDesign as DkDesign

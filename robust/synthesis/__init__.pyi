@@ -1,6 +1,4 @@
 from .fixed.design_frf import design_frf as design_frf
-from .fixed.proved import ProvedDesign as ProvedDesign
-from .fixed.proved import design_proved as design_proved
 from .fixed.structures import ControllerStructure as ControllerStructure
 from .hinf.design import Design as Design
 from .hinf.dk import DkDesign as DkDesign

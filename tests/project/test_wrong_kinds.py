@@ -14,7 +14,7 @@ from nlfrf import plot as measured_pictures
 from robust import plot as loop_pictures
 
 MODULES = (nlfrf, robust, measured_pictures, loop_pictures)
-SLOW = {"design_proved", "scan_orders", "level_study", "progress_bar"}
+SLOW = {"scan_orders", "level_study", "progress_bar"}
 FLAGS = {
     "certify",
     "closed",

@@ -10,9 +10,8 @@ from robust._base.channels import is_matrix
 from robust._base.types import Controller, Weight
 from robust.models.sets.model import has_several_channels
 from robust.synthesis.fixed.demands import Bound
-from robust.synthesis.fixed.one_loop import LoopOptions, design_loop
+from robust.synthesis.fixed.one_loop import LoopOptions, Proved, design_loop
 from robust.synthesis.fixed.plants import DesignPlant
-from robust.synthesis.fixed.proved import Proved
 from robust.synthesis.fixed.sequential import close_in_turn
 from robust.synthesis.fixed.structures import ControllerStructure
 from robust.synthesis.hinf.design import Design

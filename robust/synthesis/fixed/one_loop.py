@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TypedDict, Unpack
+from typing import TypeAlias, TypedDict, Unpack
 
 import control
 import numpy as np
@@ -23,7 +23,10 @@ from nlfrf._base.arguments import (
 from robust._base.channels import is_single
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
-from robust.friction.levels import machines_of
+from robust.friction.classes import AnyFriction
+from robust.friction.levels import FrictionClass, machines_of
+from robust.friction.plant import FrictionPlant
+from robust.friction.prove import prove_friction
 from robust.lti.lti import is_clockless, is_constant, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
@@ -31,7 +34,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
 from robust.synthesis.fixed.demands import Bound, Demand, end_row, limit_rows, objective_row, weight_rows
 from robust.synthesis.fixed.plants import DesignPlant, DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
-from robust.synthesis.fixed.proved import Proved, largest_proved_gain
 from robust.synthesis.fixed.starts import find_start, loops_stable, start_from_controller
 from robust.synthesis.fixed.structures import (
     FASTEST,
@@ -43,7 +45,7 @@ from robust.synthesis.fixed.structures import (
 )
 from robust.synthesis.hinf.design import Design
 
-__all__ = ["LoopOptions", "design_loop"]
+__all__ = ["LoopOptions", "Proved", "design_loop"]
 
 #: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
 #: be missed by for that to be done from where it is.
@@ -52,6 +54,11 @@ N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried where
 N_REFINED = 8  # more of them, around the best
 #: What a demand may be missed by, recomputed on those lines.
 LIMIT_TOLERANCE = 1e-3
+#: Gains of a controller that are tried for a proof, one after the other, and how close a bisection comes from there.
+PROOF_GAINS, PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
+
+#: What a controller is proved for: a class of friction with its machines, or one machine and a class.
+Proved: TypeAlias = FrictionClass | tuple[FrictionPlant, AnyFriction]
 
 
 class LoopOptions(TypedDict):
@@ -242,8 +249,8 @@ def proved_parameters(
 ) -> tuple[np.ndarray, str]:
     """Return the parameters with the largest gain, at most the one found, that is proved for a class of friction."""
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
-    gain, proofs = largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay)
-    if proofs is None:
+    gain = largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay)
+    if not gain:
         raise ValueError(
             "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
         )
@@ -251,6 +258,22 @@ def proved_parameters(
     lowered[task.basis.n_y :] *= gain
     text = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
     return lowered, f"{why}; {text}"
+
+
+def largest_proved_gain(
+    K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: AnyFriction, delay: float
+) -> float:
+    """Return the largest gain, at most one, with which each machine is proved to come to rest; zero where none is."""
+
+    def is_proved(gain: float) -> bool:
+        return all(prove_friction(one, gain * K, friction, delay=delay).verdict.is_proved for one in machines)
+
+    low = next((gain for gain in PROOF_GAINS if is_proved(gain)), 0.0)
+    high = 2 * low
+    while 0 < low < 1 and high > PROOF_GAIN_RATIO * low:
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if is_proved(middle) else (low, middle)
+    return low
 
 
 def split_demands(

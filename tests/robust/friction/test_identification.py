@@ -3,6 +3,7 @@
 import warnings
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 
@@ -239,7 +240,7 @@ def test_friction_at_two_masses_makes_a_class_at_each(belt):
     assert proof.verdict == "proved"
     assert proof.certificate.verify().verified
     with pytest.raises(ValueError, match="machine must have one friction port, got 2"):
-        robust.design_proved(found, dt=1 / 4000)
+        robust.design_frf(control.tf([1], [1, 1, 1]), "PD", M_S=2.0, dt=1 / 4000, prove=found)
 
 
 def test_drive_check_judges_friction_at_motor_and_load(belt):

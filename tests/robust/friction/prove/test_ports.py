@@ -312,7 +312,7 @@ def test_what_knows_one_port_refuses_several():
         lambda: robust.prove_saturated(SCREW, K, CLASSES[0], Fs=1.0, limit=20.0),
         lambda: robust.friction_frequency_test(SCREW, K, CLASSES[0], mass=1.0, stiffness=0.0),
         lambda: robust.quasi_linear(nlfrf.paper_rig().friction, SCREW, K),
-        lambda: robust.design_proved(SCREW, CLASSES[0], dt=T),
+        lambda: robust.design_frf(control.tf([1], [1, 1, 1]), "PD", M_S=2.0, dt=T, prove=(SCREW, CLASSES[0])),
     ):
         with pytest.raises(ValueError, match="port"):
             call()
