@@ -15,15 +15,18 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
 from importlib.resources import files
+from itertools import islice
 from pathlib import Path
-from types import UnionType
-from typing import Any, NamedTuple, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.extras import import_extra
 from nlfrf._base.types import Json, JsonObject
+
+if TYPE_CHECKING:
+    from jsonschema.protocols import Validator
 
 __all__ = [
     "DECIMALS",
@@ -49,7 +52,6 @@ __all__ = [
     "require_writable",
     "resolve_target",
     "save_mat",
-    "schema_fault",
     "stated_kind",
     "to_path",
     "write_arrays",
@@ -530,32 +532,7 @@ def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAM
 
 # ---- JSON from a file, strictly: finite numbers, no key twice, and held against a JSON schema.
 #
-# The schema is the file that is published, so that what a reader accepts is what the schema says, to the last rule. Of
-# JSON Schema (draft 2020-12) as much is understood as our schemas use, and nothing else is skipped in silence.
-
-JSON_KINDS: dict[str, type | UnionType] = {
-    "object": dict,
-    "array": list,
-    "string": str,
-    "number": int | float,
-    "boolean": bool,
-}
-JSON_NAMES = {
-    "object": "an object",
-    "array": "a list",
-    "string": "a text",
-    "number": "a number",
-    "boolean": "true or false",
-}
-JSON_BOUNDS = {
-    "minimum": ("at least", lambda number, bound: number >= bound),
-    "exclusiveMinimum": ("above", lambda number, bound: number > bound),
-    "maximum": ("at most", lambda number, bound: number <= bound),
-    "exclusiveMaximum": ("below", lambda number, bound: number < bound),
-}
-#: How a keyword of a schema is held: content, what the keyword asks, its schema, the whole schema, the place.
-SchemaRule: TypeAlias = Callable[[Json, Json, JsonObject, JsonObject, str], str]
-IGNORED_KEYWORDS = {"$schema", "$defs", "title", "description"}
+# The schema is the file that is published, so that what a reader accepts is what the schema says, to the last rule.
 
 
 def parse_json(path: str | os.PathLike[str]) -> Json:
@@ -645,7 +622,7 @@ def require_schema(content: Json, path: str | os.PathLike[str], *, package: str,
         The first place that is not as it must be.
     """
     try:
-        fault = schema_fault(content, published_schema(package, name))
+        fault = schema_fault(content, schema_validator(package, name))
     except RecursionError:
         fault = "it is nested too deeply"
     if fault:
@@ -653,143 +630,30 @@ def require_schema(content: Json, path: str | os.PathLike[str], *, package: str,
 
 
 @lru_cache
-def published_schema(package: str, name: str) -> JsonObject:
-    """Return a schema as it is published."""
-    return json.loads(files(package).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
+def schema_validator(package: str, name: str) -> Validator:
+    """Return what holds content against a schema as it is published."""
+    from jsonschema import Draft202012Validator
+
+    schema = json.loads(files(package).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
+    return Draft202012Validator(schema)
 
 
-def schema_fault(content: Json, schema: JsonObject, root: JsonObject | None = None, place: str = "it") -> str:
+def schema_fault(content: Json, validator: Validator) -> str:
     """Return in one line the first place in which parsed JSON is not what a schema says; "" where it is.
 
-    >>> schema_fault({"dt": -1}, {"type": "object", "properties": {"dt": {"type": "number", "minimum": 0}}})
-    'dt must be at least 0, got -1'
+    >>> from jsonschema import Draft202012Validator
+    >>> schema_fault({"dt": -1}, Draft202012Validator({"properties": {"dt": {"minimum": 0}}}))
+    'dt must have minimum 0, got -1'
     """
-    root = schema if root is None else root
-    for rule, wanted in schema.items():
-        if fault := SCHEMA_RULES[rule](content, wanted, schema, root, place) if rule not in IGNORED_KEYWORDS else "":
-            return fault
-    return ""
+    from jsonschema.exceptions import best_match
 
-
-def check_schema_ref(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
-    """Hold content against another part of the schema, "#" or "#/$defs/name"."""
-    part = root if wanted == "#" else root["$defs"][wanted.removeprefix("#/$defs/")]
-    return schema_fault(content, part, root, place)
-
-
-def check_type(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
-    """Hold content against a type; true is no number."""
-    fits = content is None if wanted == "null" else isinstance(content, JSON_KINDS[wanted])
-    fits &= wanted == "boolean" or not isinstance(content, bool)
-    return "" if fits else f"{place} must be {JSON_NAMES.get(wanted, wanted)}, got {short_form(content)}"
-
-
-def check_enum(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
-    """Hold content against the values that there are."""
-    if any(same_json(content, one) for one in wanted):
+    error = best_match(islice(validator.iter_errors(content), 1))
+    if error is None:
         return ""
-    return f"{place} must be {' or '.join(json.dumps(one) for one in wanted)}, got {short_form(content)}"
-
-
-def check_one_of(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
-    """Hold content against schemas of which exactly one must fit."""
-    faults = [schema_fault(content, one, root, place) for one in wanted]
-    if faults.count("") == 1:
-        return ""
-    if faults.count("") > 1:
-        return f"{place} must be one thing, got {short_form(content)}, which may be read in two ways"
-    meant = [fault for one, fault in zip(wanted, faults, strict=True) if matches_constants(content, one, root)]
-    return meant[0] if meant else f"{place} must be as its schema says, got {short_form(content)}: {faults[0]}"
-
-
-def matches_constants(content: Json, schema: JsonObject, root: JsonObject) -> bool:
-    """Return whether content is of the type, and has the constants, by which a choice tells its schemas apart."""
-    if "$ref" in schema:
-        return matches_constants(content, root["$defs"][schema["$ref"].removeprefix("#/$defs/")], root)
-    constants = {name: part for name, part in schema.get("properties", {}).items() if "const" in part}
-    kind: JsonObject = {rule: schema[rule] for rule in ("type", "const", "enum") if rule in schema}
-    fits = not schema_fault(content, kind)
-    return fits and all(name in content and not schema_fault(content[name], one) for name, one in constants.items())
-
-
-def bound_rule(rule: str) -> SchemaRule:
-    """Return how to hold a number against a bound."""
-    words, fits = JSON_BOUNDS[rule]
-
-    def hold(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
-        if isinstance(content, bool) or not isinstance(content, int | float) or fits(content, wanted):
-            return ""
-        return f"{place} must be {words} {wanted}, got {short_form(content)}"
-
-    return hold
-
-
-def length_rule(rule: str) -> SchemaRule:
-    """Return how to hold a list against the least or the largest number of its items."""
-
-    def hold(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
-        if not isinstance(content, list) or (len(content) >= wanted if rule == "minItems" else len(content) <= wanted):
-            return ""
-        return f"{place} must have {'at least' if rule == 'minItems' else 'at most'} {wanted} items, got {len(content)}"
-
-    return hold
-
-
-def check_items(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
-    """Hold every item of a list against a schema."""
-    for i, item in enumerate(content if isinstance(content, list) else ()):
-        if fault := schema_fault(item, wanted, root, f"{place}[{i}]"):
-            return fault
-    return ""
-
-
-def check_properties(content: Json, wanted: Json, _: JsonObject, root: JsonObject, place: str) -> str:
-    """Hold the values of an object against their schemas."""
-    for name, schema in wanted.items() if isinstance(content, dict) else ():
-        if name in content and (fault := schema_fault(content[name], schema, root, place_of_key(place, name))):
-            return fault
-    return ""
-
-
-def check_required(content: Json, wanted: Json, _: JsonObject, __: JsonObject, place: str) -> str:
-    """Hold an object against the keys that it must have."""
-    missing = [name for name in wanted if isinstance(content, dict) and name not in content]
-    return f"{place_of_key(place, missing[0])} must be there, got none" if missing else ""
-
-
-def check_additional(content: Json, wanted: Json, schema: JsonObject, _: JsonObject, place: str) -> str:
-    """Hold an object against the keys that it may have, where it may have no others."""
-    known = schema.get("properties", {})
-    others = [name for name in content if name not in known] if isinstance(content, dict) and not wanted else []
-    return f"{place} must have no entry {short_form(one_line(others[0]))}, got one" if others else ""
-
-
-def place_of_key(place: str, name: str) -> str:
-    """Return the place of a key."""
-    return name if place == "it" else f"{place}.{name}"
-
-
-def same_json(one: Json, other: Json) -> bool:
-    """Return whether two values of JSON are the same: 1 is 1.0, and true is no number."""
-    if isinstance(one, bool) or isinstance(other, bool):
-        return one is other
-    if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(same_json, one, other))
-    if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(same_json(one[key], other[key]) for key in one)
-    return bool(one == other)
-
-
-SCHEMA_RULES: dict[str, SchemaRule] = {
-    "$ref": check_schema_ref,
-    "type": check_type,
-    "const": lambda content, wanted, *rest: check_enum(content, [wanted], *rest),
-    "enum": check_enum,
-    "oneOf": check_one_of,
-    "items": check_items,
-    "properties": check_properties,
-    "required": check_required,
-    "additionalProperties": check_additional,
-    **{rule: bound_rule(rule) for rule in JSON_BOUNDS},
-    **{rule: length_rule(rule) for rule in ("minItems", "maxItems")},
-}
+    place = one_line(error.json_path.removeprefix("$").removeprefix("."))[:80] or "it"
+    if error.validator in ("required", "additionalProperties"):
+        return f"{place} must be as its schema says: {one_line(error.message)[:160]}"
+    wanted = f"have {error.validator} {json.dumps(error.validator_value)[:160]}"
+    if error.validator == "oneOf":
+        wanted = "be as its schema says"
+    return f"{place} must {wanted}, got {short_form(error.instance)}"

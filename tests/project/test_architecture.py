@@ -69,6 +69,7 @@ HEAVY = {
     "robust.friction.multipliers robust.friction.linear_uncertainty robust.friction.settling",
     "clarabel": "robust.synthesis.tuning.minimax",
     "jinja2": "robust.reports.page",
+    "jsonschema": "nlfrf._base.files",
     "flint": "robust.proofs.exact robust.friction.exact",
     "anywidget": "robust.reports.shaping_page.widget",
     "traitlets": "robust.reports.shaping_page.widget",

@@ -73,8 +73,8 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     assert "path must hold version 1 of robust-matrix-model" in refusal(version=2)
     assert "must cover its radius" in refusal(radius=(10 * np.array(whole["radius"])).tolist())
     assert "left and right must hold 2 and 2 weights" in refusal(left=whole["left"][:1])
-    assert "simultaneous must be true or false" in refusal(simultaneous=1)
-    assert "inputs[0] must be a text, got 1" in refusal(inputs=[1, 2])
+    assert 'simultaneous must have type "boolean"' in refusal(simultaneous=1)
+    assert 'inputs[0] must have type "string", got 1' in refusal(inputs=[1, 2])
     assert 'form must be "elements" or "additive" or "input", got 3' in refusal(form=3)
     text = (tmp_path / "m.json").read_text()
     for cut in (10, len(text) // 2, len(text) - 3):
