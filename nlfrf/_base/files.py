@@ -656,4 +656,6 @@ def schema_fault(content: Json, validator: Validator) -> str:
     wanted = f"have {error.validator} {json.dumps(error.validator_value)[:160]}"
     if error.validator == "oneOf":
         wanted = "be as its schema says"
+    elif error.validator == "enum":
+        wanted = "be one of " + ", ".join(map(json.dumps, error.validator_value))
     return f"{place} must {wanted}, got {short_form(error.instance)}"

@@ -261,8 +261,8 @@ def load_record(
 def load_record(
     path: Path_ | Sequence[Path_],
     *,
-    u: list[str] | tuple[str, ...],
-    y: str | list[str] | tuple[str, ...] = ...,
+    u: list[str] | tuple[str, ...] | None,
+    y: str | list[str] | tuple[str, ...] | None = ...,
     r: str | list[str] | tuple[str, ...] | None = ...,
     fs: float | None = ...,
     n_samples: int | None = ...,

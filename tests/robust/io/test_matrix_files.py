@@ -75,7 +75,7 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     assert "left and right must hold 2 and 2 weights" in refusal(left=whole["left"][:1])
     assert 'simultaneous must have type "boolean"' in refusal(simultaneous=1)
     assert 'inputs[0] must have type "string", got 1' in refusal(inputs=[1, 2])
-    assert 'form must be "elements" or "additive" or "input", got 3' in refusal(form=3)
+    assert 'form must be one of "elements", "additive", "input", got 3' in refusal(form=3)
     text = (tmp_path / "m.json").read_text()
     for cut in (10, len(text) // 2, len(text) - 3):
         (tmp_path / "cut.json").write_text(text[:cut])
