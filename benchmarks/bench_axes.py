@@ -14,8 +14,9 @@ import warnings
 import numpy as np
 
 from benchmarks import coverage_matrix
-from nlfrf import Rig, multisine, run, simulate, two_axis_stage
+from nlfrf import multisine, simulate
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
+from nlfrf.rig import Rig, run, two_axis_stage
 
 FS = 2048.0
 PUSHED, ALONE = 256, 1024  # samples

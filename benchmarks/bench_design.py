@@ -13,7 +13,8 @@ import warnings
 import control
 import numpy as np
 
-from robust import crossover_weight, design_frf, mixsyn, ncfsyn, performance_weight, sampled
+from robust import design_frf, mixsyn, ncfsyn, performance_weight, sampled
+from robust.shaping import crossover_weight
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W_P = performance_weight(10, M_S=1.5, A=1e-4)

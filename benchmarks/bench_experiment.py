@@ -23,7 +23,7 @@ PRESETS = {"linear motor": (0.15, 30), "belt": (0.15, 30), "ball screw": (0.05, 
 RAMPS = (("position", 300), ("position", 60), ("force", 300), ("velocity", 150))
 
 
-def traced(axis: nlfrf.ServoAxis, experiment: Any, folder: Path) -> tuple[Any, tuple[nlfrf.Record, ...]]:
+def traced(axis: nlfrf.rig.ServoAxis, experiment: Any, folder: Path) -> tuple[Any, tuple[nlfrf.Record, ...]]:
     """What the simulated axis did, and the records of its trace."""
     nlfrf.save(experiment, folder / "play.csv")
     trace = play_experiment(axis, folder / "play.csv", folder / "trace.csv")
@@ -36,7 +36,7 @@ def spectra(record: nlfrf.Record) -> tuple[np.ndarray, np.ndarray]:
     return U, Y
 
 
-def slips(axis: nlfrf.ServoAxis, x: np.ndarray) -> np.ndarray:
+def slips(axis: nlfrf.rig.ServoAxis, x: np.ndarray) -> np.ndarray:
     """(masses, elements) peak of each mass over the displacement at which an element of its friction slips."""
     laws = [law for law in (axis.motor_friction, axis.load_friction) if law is not None]
     peaks = np.abs(x - x.mean(axis=1, keepdims=True)).max(axis=1)

@@ -78,7 +78,7 @@ def samples_needed(K: object, delay: float) -> int:
     return int(np.clip(np.ceil(-20 / np.log(slowest)), 1500, LONGEST))
 
 
-def swings(response: nlfrf.LoopResponse) -> float:
+def swings(response: nlfrf.rig.LoopResponse) -> float:
     """Swing of the last tenth over the largest."""
     if response.diverged:
         return np.inf
@@ -95,7 +95,7 @@ def moving(
 ) -> bool:
     """Whether a loop still moves after all its time; what moves at first runs on, each time twice as long."""
     for _ in range(RETRIES):
-        rig = nlfrf.Rig(1.0, 80e3, friction, 0.4 if isinstance(friction, (VaryingSliders, Dahl)) else 0.0)
+        rig = nlfrf.rig.Rig(1.0, 80e3, friction, 0.4 if isinstance(friction, (VaryingSliders, Dahl)) else 0.0)
         options = {"fs": 1 / T, "delay": delay, "disturbance": force, "initial": begin, "oversampling": 8}
         options["saturation"] = saturation
         with warnings.catch_warnings():
@@ -130,7 +130,7 @@ def spring_oscillates(K: object, delay: float, kappa: float) -> bool:
     friction = VaryingSliders(stiffness=[kappa], strength=[1.0], stiction=1.0)
     force = np.zeros(n)
     force[:5] = 0.1
-    rig = nlfrf.Rig(1.0, 80e3, friction, 0.4)
+    rig = nlfrf.rig.Rig(1.0, 80e3, friction, 0.4)
     response = nlfrf.simulate_loop(rig, K, np.zeros(n), fs=1 / T, delay=delay, disturbance=force, oversampling=8)
     return swings(response) > 0.05
 
@@ -190,8 +190,8 @@ def attack(proved: list, bursts: int, stiction: float, rng: np.random.Generator,
 
 def from_levels(loops: list) -> None:
     """Of what is proved for the true machine and class, how much is with what three levels tell; and of the rest."""
-    assumed = robust.friction_class([bla_of_level(rms) for rms in (0.1, 0.25, 2.5)])
-    truth, _ = verdicts(loops, robust.any_maxwell_slip(K0, assumed.friction.stiction))
+    assumed = robust.friction.friction_class([bla_of_level(rms) for rms in (0.1, 0.25, 2.5)])
+    truth, _ = verdicts(loops, robust.friction.any_maxwell_slip(K0, assumed.friction.stiction))
     told = [robust.prove_friction(assumed.machine, K, assumed.friction, delay=delay) for K, delay in loops]
     both = Counter((true.verdict, level.verdict) for true, level in zip(truth, told, strict=True))
     provable = sum(count for (true, _), count in both.items() if true == "proved")
@@ -220,7 +220,7 @@ def bounded() -> None:
     for clock in (1e-3, 1e-4, 1e-5):
         K = control.ss([[0.0]], [[1.0]], [[-60 / clock]], [[20e3 + 60 / clock]], clock)
         begin = time.process_time()
-        proof = robust.prove_friction(MACHINE, K, robust.any_bounded(1.0))
+        proof = robust.prove_friction(MACHINE, K, robust.friction.any_bounded(1.0))
         seconds = time.process_time() - begin
         print(
             f"any_bounded at {1e6 * clock:.0f} us: {proof.verdict}, {1e6 * proof.error_bound:.3f} um, {seconds:.3f} s"
@@ -243,12 +243,12 @@ def main() -> None:
     if args.certificates:
         from_levels(loops)
         for stiction in (1.05, 1 / 0.7):
-            certificates(loops, robust.any_maxwell_slip(K0, stiction))
-        certificates(loops, robust.any_bristle(K0, 1 / 0.7, MICRODAMPING))
+            certificates(loops, robust.friction.any_maxwell_slip(K0, stiction))
+        certificates(loops, robust.friction.any_bristle(K0, 1 / 0.7, MICRODAMPING))
         return
     for stiction in () if args.bristles else (1.05, 1 / 0.7):
         print("Maxwell slip, ", end="")
-        proofs, proved = counted(loops, robust.any_maxwell_slip(K0, stiction))
+        proofs, proved = counted(loops, robust.friction.any_maxwell_slip(K0, stiction))
         attack(proved, args.bursts, stiction, rng, law, "laws of the class")
         attack(proved, max(1, args.bursts // 24), stiction, rng, lugre, "LuGre, outside the class")
         springs = [(K, d, p.counterexample[0]) for (K, d), p in zip(loops, proofs, strict=True) if p.counterexample]
@@ -262,7 +262,7 @@ def main() -> None:
         (1 / 0.7, MICRODAMPING, bristles),
     ):
         print(f"bristles, microdamping {microdamping:g} Ns/m, ", end="")
-        _, proved = counted(loops, robust.any_bristle(K0, stiction, microdamping))
+        _, proved = counted(loops, robust.friction.any_bristle(K0, stiction, microdamping))
         attack(proved, 2 * args.bursts, stiction, rng, laws, "laws of the class")
 
 

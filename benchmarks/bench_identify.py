@@ -39,7 +39,7 @@ def peer(record):
 
 def of_its_own(record):
     """The same record on a grid that nobody has seen."""
-    return replace(record, lines=nlfrf.LineGrid(excited=record.lines.excited))
+    return replace(record, lines=nlfrf.signals.LineGrid(excited=record.lines.excited))
 
 
 def several_channels():

@@ -15,8 +15,9 @@ import numpy as np
 
 from benchmarks.machine import main as machine
 from benchmarks.timing import of_children
-from nlfrf import paper_rig, simulate_loops
-from robust import pid
+from nlfrf import paper_rig
+from nlfrf.rig import simulate_loops
+from robust.shaping import pid
 
 FS, SECONDS = 1000, 2
 

@@ -15,9 +15,10 @@ import time
 import numpy as np
 
 from benchmarks.timing import best
-from robust import certify_mu, dk_iteration, hinfsyn, mu_lower, mu_upper, worst_gain, worst_gain_bounds
+from robust import dk_iteration, hinfsyn
 from robust.lti.connections import lower_lft
 from robust.lti.lti import evaluate_transfer
+from robust.mu import certify_mu, mu_lower, mu_upper, worst_gain, worst_gain_bounds
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 

@@ -1,4 +1,4 @@
-"""How often `robust.quasi_linear` says what becomes of a loop around the paper's rig: 240 loops, three bursts.
+"""How often `robust.friction.quasi_linear` says what becomes of a loop around the paper's rig: 240 loops, three bursts.
 
 Predicted from the law and from levels of 0.25, 0.5 and 2 N, beside the statistical verdict; simulated without
 saturation. "Keeps moving" is a limit cycle or a run-away. Sensitivity: of those that keep moving, how many were said
@@ -33,13 +33,13 @@ def burst(rms: float) -> np.ndarray:
 def keeps_moving(controllers: list, rms: float) -> np.ndarray:
     """What the rig does after a burst."""
     force = np.append(burst(rms), np.zeros(SILENCE))
-    found = nlfrf.simulate_loops(nlfrf.paper_rig(), controllers, np.zeros(force.size), fs=1 / T, disturbance=force)
+    found = nlfrf.rig.simulate_loops(nlfrf.paper_rig(), controllers, np.zeros(force.size), fs=1 / T, disturbance=force)
     return np.array([response.outcome(CALM * T) in ("limit cycle", "ran away") for response in found])
 
 
 def predicted(friction: object, controllers: list, rms: float) -> np.ndarray:
     """What is said of it."""
-    said = [robust.quasi_linear(friction, MACHINE, K, burst=burst(rms)).outcome for K in controllers]
+    said = [robust.friction.quasi_linear(friction, MACHINE, K, burst=burst(rms)).outcome for K in controllers]
     return np.array([outcome != "settled" for outcome in said])
 
 
@@ -55,7 +55,7 @@ def kick_ratios(controllers: Iterable, most: int) -> list[float]:
     """Predicted over simulated kick from which a loop no longer comes to rest, by bisection of the simulated one."""
     ratios = []
     for K in controllers:
-        kick = robust.quasi_linear(nlfrf.paper_rig().friction, MACHINE, K).kick
+        kick = robust.friction.quasi_linear(nlfrf.paper_rig().friction, MACHINE, K).kick
         if not 1e-4 < kick < 10:
             continue
         low, high = kick / 10, kick * 10

@@ -16,9 +16,10 @@ import numpy as np
 from benchmarks.bench_axes import some_law
 from benchmarks.machine import main as machine
 from benchmarks.timing import in_turn
-from nlfrf import ServoAxis, ServoDrive, paper_rig, run_servo, servo_axis, simulate_loop
+from nlfrf import paper_rig, servo_axis, simulate_loop
 from nlfrf.friction import Coulomb
-from robust import pid
+from nlfrf.rig import ServoAxis, ServoDrive, run_servo
+from robust.shaping import pid
 
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
 SECONDS = 2

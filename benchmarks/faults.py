@@ -241,7 +241,7 @@ FAULTS = [
     Fault(
         "u",
         "another grid given by hand",
-        lambda ms, u, y: cut(u, y, lines=nlfrf.LineGrid(excited=np.arange(5, 400, 8))),
+        lambda ms, u, y: cut(u, y, lines=nlfrf.signals.LineGrid(excited=np.arange(5, 400, 8))),
         r"lines must be excited by the input, got line 5 .* in the record 100 lines are: 1, 3, 9",
         {"lines": None},
     ),

@@ -13,7 +13,7 @@ import robust
 T = 1e-3  # sample time [s]
 
 
-def bla_of_level(rms: float, rig: nlfrf.Rig | None = None) -> nlfrf.Bla:
+def bla_of_level(rms: float, rig: nlfrf.rig.Rig | None = None) -> nlfrf.Bla:
     """The BLA of the paper's rig at one level [N], from one special-odd record."""
     ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=250, rms=rms, rng=1)
     return nlfrf.identify(nlfrf.simulate(rig or nlfrf.paper_rig(), ms, n_periods=2, n_discard=2))
@@ -28,7 +28,7 @@ def of_example_14() -> list[tuple[control.StateSpace, float]]:
             warnings.simplefilter("ignore")
             plant = robust.sampled(robust.fit_nominal([blas[rms] for rms in levels], n_poles=3).G, T)
         for crossover in np.geomspace(5, 120, 10):
-            K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover)).K
+            K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
             found += [(control.StateSpace(K.A, K.B, g * K.C, g * K.D, T), 0.0) for g in np.geomspace(0.25, 8, 12)]
     return found
 
@@ -49,7 +49,7 @@ def random_loops(n: int, seed: int) -> list[tuple[control.StateSpace, float]]:
         gain = rng.choice([-1, 1], p=[0.25, 0.75]) * 10 ** rng.uniform(3, 4.9)
         damper, integral = 10 ** rng.uniform(0.5, 2.4), 10 ** rng.uniform(4.5, 6.7)
         if kind == "ncfsyn":
-            W = robust.crossover_weight(plant, 2 * np.pi * 10 ** rng.uniform(0.7, 2))
+            W = robust.shaping.crossover_weight(plant, 2 * np.pi * 10 ** rng.uniform(0.7, 2))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 design = robust.ncfsyn(plant, W)
@@ -59,7 +59,7 @@ def random_loops(n: int, seed: int) -> list[tuple[control.StateSpace, float]]:
             K = control.StateSpace(design.K.A, design.K.B, g * design.K.C, g * design.K.D, T)
         elif kind == "lead":
             corner = 2 * np.pi * 10 ** rng.uniform(1.3, 2.2)
-            lead = robust.discretize(robust.lead(omega=corner, phase=np.deg2rad(rng.uniform(20, 60))), T)
+            lead = robust.lti.discretize(robust.shaping.lead(omega=corner, phase=np.deg2rad(rng.uniform(20, 60))), T)
             K = control.ss(lead) * pid_sampled(abs(gain), integral, 0.0)
         else:
             K = pid_sampled(gain if kind == "PID" else abs(gain), integral if kind == "PID" else 0.0, damper)

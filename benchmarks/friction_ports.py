@@ -41,7 +41,7 @@ class PortCase:
     """Motor, load and coupling, the drive, and the class of the friction at both."""
 
     machine: FrictionPlant
-    axis: nlfrf.ServoAxis
+    axis: nlfrf.rig.ServoAxis
     settings: DriveSettings
     friction: tuple[AnyFriction, ...]
     Fs: tuple[float, float]
@@ -67,8 +67,8 @@ def draw_case(number: int, seed: int = 0) -> PortCase:
     K0 = held * 10 ** rng.uniform(-0.5, 1.5, 2)
     stiction = np.array([1.0, 1.05, 1.2, 1.5])[rng.integers(0, 4, 2)]
     Fs = tuple(map(float, 10 ** rng.uniform(0, 1, 2)))
-    drive = nlfrf.ServoDrive(fs=fs, kv=kv, kp=kp, tn=tn, lag=lag, delay_periods=delay_periods)
-    axis = nlfrf.ServoAxis(
+    drive = nlfrf.rig.ServoDrive(fs=fs, kv=kv, kp=kp, tn=tn, lag=lag, delay_periods=delay_periods)
+    axis = nlfrf.rig.ServoAxis(
         motor_inertia=motor,
         force_constant=1.0,
         drive=drive,
@@ -85,7 +85,7 @@ def draw_case(number: int, seed: int = 0) -> PortCase:
     return PortCase(machine=machine, axis=axis, settings=settings, friction=friction, Fs=(Fs[0], Fs[1]))
 
 
-def prove_case(case: PortCase) -> robust.FrictionProof:
+def prove_case(case: PortCase) -> robust.friction.FrictionProof:
     """The verdict on an axis."""
     K = cascade(case.settings, output_unit="N")
     return robust.prove_friction(case.machine, K, case.friction, delay=case.settings.delay, Fs=case.Fs)
@@ -127,7 +127,7 @@ def run_case(case: PortCase, laws: tuple[VaryingSliders, ...], push: float, *, l
     axis = replace(case.axis, motor_friction=laws[0], load_friction=laws[1])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        trace = nlfrf.run_servo(axis, force=force, oversampling=8)
+        trace = nlfrf.rig.run_servo(axis, force=force, oversampling=8)
     third, tenth = trace.x[:, -n // 3 :], trace.x[:, -n // 10 :]
     smallest = MOVING * min(Fs / one.K0 for Fs, one in zip(case.Fs, case.friction, strict=True))
     swings = np.ptp(tenth, axis=1) > np.maximum(0.5 * np.ptp(third, axis=1), smallest)

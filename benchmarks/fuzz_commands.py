@@ -66,7 +66,7 @@ NOT_THERE = ("missing.npz", "missing.json")
 
 def made():
     """One file of every kind, in the folder one is in, and what is none of them; their names."""
-    rig, stage = nlfrf.paper_rig(), nlfrf.two_axis_stage()
+    rig, stage = nlfrf.paper_rig(), nlfrf.rig.two_axis_stage()
     ms = nlfrf.multisine(fs=1024, n_samples=1024, f_min=2, f_max=100, rms=0.5, rng=2)
     several = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
     record = nlfrf.simulate(rig, ms, n_periods=2)
@@ -76,17 +76,17 @@ def made():
     matrix = robust.uncertainty(frm, robust.fit_nominal(frm, n_poles=4, dt=1 / 512))
     Kc, K2 = control.tf([1e3], [1, 0.1]), control.append(*[control.ss([], [], [], [[10.0]], 1 / 512)] * 2)
     for name, content in (("ms", ms), ("ms2", several)):
-        nlfrf.save_multisine(content, f"{name}.npz")
+        nlfrf.io.save_multisine(content, f"{name}.npz")
     for suffix in ("npz", "mat"):
-        nlfrf.save_record(record, f"rec.{suffix}")
-        nlfrf.save_record(multi, f"multi.{suffix}")
-    nlfrf.save_bla(bla, "bla.npz")
-    nlfrf.save_bla(frm, "frm.npz")
-    robust.save_model(model, "model.json")
-    robust.save_model(matrix, "matrix.json")
+        nlfrf.io.save_record(record, f"rec.{suffix}")
+        nlfrf.io.save_record(multi, f"multi.{suffix}")
+    nlfrf.io.save_bla(bla, "bla.npz")
+    nlfrf.io.save_bla(frm, "frm.npz")
+    robust.io.save_model(model, "model.json")
+    robust.io.save_model(matrix, "matrix.json")
     for name, K in (("K", control.tf([1e3], [1e-3, -1e-3], 1e-3)), ("Kc", Kc), ("K2", K2)):
-        robust.save_controller(K, f"{name}.json")
-    robust.save_certificate(robust.check(model, Kc), "cert.json")
+        robust.io.save_controller(K, f"{name}.json")
+    robust.io.save_certificate(robust.check(model, Kc), "cert.json")
     for name, text in WRONG.items():
         Path(name).write_text(text)
     np.savez("plain.npz", a=np.arange(5))

@@ -25,9 +25,9 @@ def fuzz_json(folder, n, rng):
     """(name, refused) of n damaged files of each kind of JSON; all but a ValueError in a clean line is let through."""
     report = robust.check(make_model(), K)
     kinds = (
-        ("model", robust.save_model, make_model(), robust.load_model),
-        ("controller", robust.save_controller, K, robust.load_controller),
-        ("certificate", robust.save_certificate, report, robust.verify_certificate),
+        ("model", robust.io.save_model, make_model(), robust.io.load_model),
+        ("controller", robust.io.save_controller, K, robust.io.load_controller),
+        ("certificate", robust.io.save_certificate, report, robust.io.verify_certificate),
     )
     for name, save, thing, load in kinds:
         path = folder / f"{name}.json"

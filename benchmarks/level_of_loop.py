@@ -56,8 +56,8 @@ class Run(NamedTuple):
     kind: str  # "noise" or "step"
     size: float
     outcome: Outcome
-    u_state: robust.LevelState
-    y_state: robust.LevelState
+    u_state: robust.analysis.LevelState
+    y_state: robust.analysis.LevelState
     u: float  # predicted rms
     y: float
     y_worst: float
@@ -89,7 +89,7 @@ def design_controllers(model: robust.UncertaintyModel) -> list[control.StateSpac
     """Loop shaping at each crossover, with each gain; those that a check calls statistically robust."""
     plant, found = robust.sampled(model.nominal, T), []
     for crossover in CROSSOVERS:
-        K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover)).K
+        K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
         for gain in GAINS:
             tried = control.StateSpace(K.A, K.B, gain * K.C, gain * K.D, T)
             if robust.check(model, tried).verdict == "statistically robust":
@@ -97,7 +97,7 @@ def design_controllers(model: robust.UncertaintyModel) -> list[control.StateSpac
     return found
 
 
-def judge(response: nlfrf.LoopResponse) -> Outcome:
+def judge(response: nlfrf.rig.LoopResponse) -> Outcome:
     """By the swing of the velocity after the loop was left alone."""
     if response.diverged:
         return Outcome.RUNS_AWAY
@@ -121,16 +121,18 @@ def run_loops(
     force = np.pad(noise / noise.std(), (0, ALONE))
     # the prediction is linear in the size of a signal: once for each loop
     units = {
-        "noise": robust.LoopSignals(disturbance=robust.NoiseSignal(1.0)),
-        "step": robust.LoopSignals(reference=robust.StepSignal(1.0)),
+        "noise": robust.analysis.LoopSignals(disturbance=robust.analysis.NoiseSignal(1.0)),
+        "step": robust.analysis.LoopSignals(reference=robust.analysis.StepSignal(1.0)),
     }
-    predicted = {kind: [robust.predict_level(model, K, unit) for K in loops] for kind, unit in units.items()}
+    predicted = {kind: [robust.analysis.predict_level(model, K, unit) for K in loops] for kind, unit in units.items()}
     for kind, sizes in sizes_of.items():
         for size in sizes:
             r = np.full(n, size if kind == "step" else 0.0)
             d = size * force if kind == "noise" else np.zeros(n)
             with ThreadPoolExecutor(1) as pool:
-                responses = nlfrf.simulate_loops(nlfrf.paper_rig(), loops, r, fs=1 / T, disturbance=d, executor=pool)
+                responses = nlfrf.rig.simulate_loops(
+                    nlfrf.paper_rig(), loops, r, fs=1 / T, disturbance=d, executor=pool
+                )
             for one, response in zip(predicted[kind], responses, strict=True):
                 u, y = size * one.u, size * one.y
                 states = find_state(u, *one.u_measured), find_state(y, *one.y_measured)
@@ -138,7 +140,7 @@ def run_loops(
                 yield Run(seed, levels, kind, size, judge(response), *states, u, y, size * one.y_worst, *true)
 
 
-def true_level(response: nlfrf.LoopResponse, force: np.ndarray, kind: str) -> tuple[float, float]:
+def true_level(response: nlfrf.rig.LoopResponse, force: np.ndarray, kind: str) -> tuple[float, float]:
     """Rms of the whole force and of the motion while a loop was moved, as `predict_level` means them."""
     if response.diverged:
         return np.nan, np.nan
@@ -189,12 +191,16 @@ def quantiles(ratios: list[float]) -> str:
     return f"{middle:.2f} ({low:.2f} to {high:.2f})"
 
 
-def predicted_place(run: Run) -> robust.LevelState:
+def predicted_place(run: Run) -> robust.analysis.LevelState:
     """Above where input or output is; inside where both are; else below."""
     states = {run.u_state, run.y_state}
-    if robust.LevelState.ABOVE in states:
-        return robust.LevelState.ABOVE
-    return robust.LevelState.INSIDE if states == {robust.LevelState.INSIDE} else robust.LevelState.BELOW
+    if robust.analysis.LevelState.ABOVE in states:
+        return robust.analysis.LevelState.ABOVE
+    return (
+        robust.analysis.LevelState.INSIDE
+        if states == {robust.analysis.LevelState.INSIDE}
+        else robust.analysis.LevelState.BELOW
+    )
 
 
 def state_table(runs: list[Run], kind: str) -> list[str]:
@@ -204,7 +210,11 @@ def state_table(runs: list[Run], kind: str) -> list[str]:
         "|---" * 7 + "|",
     ]
     for several in (False, True):
-        for place in (robust.LevelState.INSIDE, robust.LevelState.BELOW, robust.LevelState.ABOVE):
+        for place in (
+            robust.analysis.LevelState.INSIDE,
+            robust.analysis.LevelState.BELOW,
+            robust.analysis.LevelState.ABOVE,
+        ):
             here = [
                 run
                 for run in runs
@@ -225,7 +235,11 @@ def state_table(runs: list[Run], kind: str) -> list[str]:
 def bound_table(runs: list[Run]) -> list[str]:
     """How often the true motion stays under its bound over the set, where that is finite and no loop ran away."""
     rows = ["| predicted | under the bound over the set |", "|---|---|"]
-    for place in (robust.LevelState.INSIDE, robust.LevelState.BELOW, robust.LevelState.ABOVE):
+    for place in (
+        robust.analysis.LevelState.INSIDE,
+        robust.analysis.LevelState.BELOW,
+        robust.analysis.LevelState.ABOVE,
+    ):
         here = [
             run.true_y <= run.y_worst
             for run in runs

@@ -35,7 +35,7 @@ def records():
     noisy = r + 0.05 * rng.standard_normal(r.shape)
     u_loop = np.einsum("ij,jmps->imps", np.linalg.inv(np.eye(3) + K @ G), r - np.einsum("ij,jmps->imps", K, noise))
     y_loop = np.einsum("ji,imps->jmps", G, u_loop) + noise
-    grid = nlfrf.LineGrid(excited=ms.lines.excited)
+    grid = nlfrf.signals.LineGrid(excited=ms.lines.excited)
     signals = {"known": (r, y, None), "noisy": (noisy, y, None), "loop": (u_loop, y_loop, r)}
     return {name: nlfrf.Record(u=u, y=y, r=r, fs=512, lines=grid) for name, (u, y, r) in signals.items()}
 

@@ -1,4 +1,4 @@
-"""Whether what `robust.friction_class` reads from levels can make a false proof: random machines, levels and loops.
+"""Whether what `friction_class` reads from levels can make a false proof: random machines, levels and loops.
 
 Machines: a mass, free or on a spring, with Maxwell slip of many elements, LuGre, Leuven, Dahl or generalised Maxwell
 slip; some with a load on a spring behind it, some with a delay in the measurement, some with noise. Level sets: good
@@ -120,11 +120,11 @@ def draw_case(number: int, seed: int = 0) -> Case:
         light = 2 * 0.01 * np.sqrt(coupling * load)
         M, K = np.diag([mass, load]), np.array([[stiffness + coupling, -coupling], [-coupling, coupling]])
         C = np.array([[damping + light, -light], [-light, light]])
-        rig = nlfrf.Rig(M, K, [friction, None], C, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
+        rig = nlfrf.rig.Rig(M, K, [friction, None], C, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
         A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
         truth = robust.friction_plant(control.StateSpace(A, [[0], [0], [1 / mass], [0]], [[1, 0, 0, 0]], 0))
     else:
-        rig, truth = nlfrf.Rig(mass, stiffness, friction, damping), robust.friction_plant(mass, stiffness, damping)
+        rig, truth = nlfrf.rig.Rig(mass, stiffness, friction, damping), robust.friction_plant(mass, stiffness, damping)
     if good:
         levels = tuple(Fs * 10 ** rng.uniform(*np.log10(pair)) for pair in GOOD)
     else:
@@ -183,11 +183,11 @@ def read(case: Case, blas: list[nlfrf.Bla], route: str) -> Any:
     """The class that is read, or the refusal as a sentence."""
     try:
         if route == "one mass":
-            return robust.friction_class(blas)
+            return robust.friction.friction_class(blas)
         level = 0 if route == "nominal, lowest level" else -1
         orders = {"n_poles": 4, "n_zeros": 2} if case.flexible else {"n_poles": 2, "n_zeros": 0}
         nominal = robust.fit_nominal(blas[level], delay="estimate" if case.delay else 0.0, **orders)
-        return robust.friction_class(blas, nominal=nominal)
+        return robust.friction.friction_class(blas, nominal=nominal)
     except ValueError as error:
         return str(error)
 
@@ -236,7 +236,7 @@ def tally_case(case: Case, number: int, n_loops: int, tallies: dict[tuple[bool, 
     warnings.simplefilter("ignore")
     blas = measure(case, number)
     loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
-    truth = robust.any_maxwell_slip(case.K0)
+    truth = robust.friction.any_maxwell_slip(case.K0)
     verdicts = [robust.prove_friction(case.truth, K, truth, delay=delay + case.delay).verdict for K, delay in loops]
     lines, any_proved = [], np.zeros(len(loops), bool)
     for route in ROUTES:

@@ -1,7 +1,7 @@
 """How well machines with friction are identified from records: errors and coverage of intervals on the axis presets.
 
-At rest: `robust.identify_friction` on levels that stick, bend and slide, at random phases. In motion:
-`robust.identify_sliding` at two speeds either way. The presets with a load are two masses with friction on both: with
+At rest: `robust.friction.identify_friction` on levels that stick, bend and slide, at random phases. In motion:
+`identify_sliding` at two speeds either way. The presets with a load are two masses with friction on both: with
 --masses 2 they are measured to beyond the resonance and fitted as such. With one mass they are measured below a third
 of the antiresonance, and the table says how often that was refused.
 
@@ -10,7 +10,7 @@ those of the load.
 
 With --attack: random machines with Maxwell slip, free or on a spring, half of them with noise, a quarter with a delay
 (those of benchmarks/read_class.py without a load), and PD and PID loops around them. A loop that the truth refutes and
-that is proved for the class that `robust.friction_class` read from the records is false. --levels: rms of the force
+that is proved for the class that `friction_class` read from the records is false. --levels: rms of the force
 over the break-away force, in the place of levels that stick, bend and slide.
 
 With --sets: three levels of the linear motor under its drive, played and traced as files, for each of the drives,
@@ -96,7 +96,7 @@ IN_MOTION = {
 }
 
 
-def truth_of(axis: nlfrf.ServoAxis, masses: int = 1) -> dict[str, float]:
+def truth_of(axis: nlfrf.rig.ServoAxis, masses: int = 1) -> dict[str, float]:
     """What is to be read. K0 and delay are not read in motion."""
     laws = [law for law in (axis.motor_friction, axis.load_friction) if law is not None]
     found = {
@@ -124,16 +124,16 @@ def truth_of(axis: nlfrf.ServoAxis, masses: int = 1) -> dict[str, float]:
     return found
 
 
-def played(axis: nlfrf.ServoAxis, plan: Plan, rms: float, rng: Any) -> nlfrf.Multisine:
+def played(axis: nlfrf.rig.ServoAxis, plan: Plan, rms: float, rng: Any) -> nlfrf.Multisine:
     """A multisine of a plan."""
     grid = {"f_min": plan.f_min, "f_max": plan.f_max, "n_samples": plan.n_samples}
     return nlfrf.multisine("special-odd", fs=axis.drive.fs, rms=rms, rng=rng, **grid)
 
 
-def measure_at_rest(axis: nlfrf.ServoAxis, plan: Plan, seed: int) -> list[nlfrf.Record]:
+def measure_at_rest(axis: nlfrf.rig.ServoAxis, plan: Plan, seed: int) -> list[nlfrf.Record]:
     """Records of all levels."""
     return [
-        nlfrf.simulate_servo(
+        nlfrf.rig.simulate_servo(
             axis,
             played(axis, plan, rms, np.random.default_rng([seed, i])),
             n_periods=4,
@@ -144,11 +144,11 @@ def measure_at_rest(axis: nlfrf.ServoAxis, plan: Plan, seed: int) -> list[nlfrf.
     ]
 
 
-def measure_in_motion(axis: nlfrf.ServoAxis, plan: Plan, seed: int) -> tuple[list[nlfrf.Record], list[float]]:
+def measure_in_motion(axis: nlfrf.rig.ServoAxis, plan: Plan, seed: int) -> tuple[list[nlfrf.Record], list[float]]:
     """Records either way at each speed, and the velocities."""
     velocities = [sign * speed for speed in plan.speeds for sign in (1, -1)]
     records = [
-        nlfrf.simulate_servo(
+        nlfrf.rig.simulate_servo(
             axis,
             played(axis, plan, plan.rms[0], np.random.default_rng([seed, i])),
             base_velocity=velocity,
@@ -214,11 +214,11 @@ def attack_case(number: int, n_loops: int, levels: tuple[float, ...] | None = No
     """Read one random machine, and hold what is proved for the class against the truth."""
     case, counts = draw_case(number, seed=1), Counts()
     loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
-    truth = robust.any_maxwell_slip(case.K0)
+    truth = robust.friction.any_maxwell_slip(case.K0)
     verdicts = [robust.prove_friction(case.truth, K, truth, delay=late + case.delay).verdict for K, late in loops]
     counts.provable = verdicts.count("proved")
     try:
-        found = robust.friction_class(records_of(case, number, levels), free=not case.stiffness)
+        found = robust.friction.friction_class(records_of(case, number, levels), free=not case.stiffness)
     except ValueError as error:
         counts.refusal = str(error)
         return counts
@@ -320,7 +320,7 @@ def read_sets(n_seeds: int, first: int = 0) -> None:
     counts = dict.fromkeys(Outcome, 0)
     tables: dict[str, list[tuple[float, bool]]] = defaultdict(list)
     for seed, one in product(range(first, first + n_seeds), SETS):
-        fit = robust.identify_friction(measure_set(one, seed), free=True)
+        fit = robust.friction.identify_friction(measure_set(one, seed), free=True)
         outcome, pulls = judge_set(fit, truth), pulls_of(fit, truth)
         counts[outcome] += 1
         for name, pull in pulls.items():
@@ -367,9 +367,9 @@ def main() -> None:
             if "rest" in places:
                 plan = TWO_MASSES[name] if args.masses == 2 else AT_REST[name]
                 records = measure_at_rest(axis, plan, seed)
-                fits["rest"] = robust.identify_friction(records, free=True, masses=args.masses)
+                fits["rest"] = robust.friction.identify_friction(records, free=True, masses=args.masses)
             if "motion" in places:
-                fits["motion"] = robust.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], seed))
+                fits["motion"] = robust.friction.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], seed))
             kinds = {question.kind for question in fits["rest"].questions} if "rest" in fits else set()
             for kind in kinds:
                 said[kind.name.lower().replace("_", " ")] += 1

@@ -61,9 +61,9 @@ def draw_axis(rng: np.random.Generator) -> Axis:
     return Axis(mass=mass, K=K, T=T, K0=K0, stiction=float(rng.choice([1.2, 1.5, 2.0, 3.0])))
 
 
-def settling_proof(axis: Axis) -> robust.FrictionProof:
+def settling_proof(axis: Axis) -> robust.friction.FrictionProof:
     """The verdict on an axis."""
-    friction = robust.any_maxwell_slip(axis.K0, axis.stiction)
+    friction = robust.friction.any_maxwell_slip(axis.K0, axis.stiction)
     return robust.prove_friction(friction_plant(axis.mass, 0.0), axis.K, friction, delay=axis.T, Fs=FS)
 
 
@@ -102,7 +102,7 @@ def hunting(rng: np.random.Generator, axis: Axis, law: VaryingSliders) -> tuple[
     n = int(np.clip(1.5 * TIME_CONSTANTS / -np.log(slowest), 2000, LONGEST))
     force, end = np.zeros(n), n // 10
     force[:end] = rng.choice([-1, 1]) * FS * 10 ** rng.uniform(-0.3, 0.5) * np.linspace(0, 1, end)
-    rig = nlfrf.Rig(axis.mass, 0.0, law, 0.0)
+    rig = nlfrf.rig.Rig(axis.mass, 0.0, law, 0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
         found = nlfrf.simulate_loop(

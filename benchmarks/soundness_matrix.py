@@ -38,7 +38,7 @@ def random_weight(rng, dt):
         return control.StateSpace([], [], [], [[10 ** rng.uniform(-1.5, 0)]], dt)
     pole, low, high = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-1.5, 0), 10 ** rng.uniform(-1.5, 0.5)
     weight = control.StateSpace([[-pole]], [[1.0]], [[(low - high) * pole]], [[high]], 0)
-    return robust.discretize(weight, dt) if dt else weight
+    return robust.lti.discretize(weight, dt) if dt else weight
 
 
 def random_case(seed):
@@ -145,7 +145,7 @@ def trial(seed, n_tries):
     model, K, rng = random_case(seed)
     report = robust.check(model, K)
     N, dt = model.loop(K).loop, float(model.nominal.dt or 0)
-    worst = robust.breaking_perturbation(model, K)
+    worst = robust.analysis.breaking_perturbation(model, K)
     at = worst.Delta(np.exp(1j * worst.omega * dt) if dt else 1j * worst.omega, squeeze=False)
     W = worst.Delta
     own = tuple(part[None] for part in (W.A, W.B, W.C, W.D))

@@ -18,22 +18,13 @@ import robust
 
 DOCS = Path(__file__).resolve().parent
 HERE = "generated/api"  # among the pages
+#: Modules whose names are public, pictures apart.
+MODULES = (
+    *("nlfrf", *(f"nlfrf.{name}" for name in ("axis", "bla", "friction", "hysteresis", "io", "rig", "signals"))),
+    *("robust", *(f"robust.{name}" for name in robust._submodules if name != "plot")),
+)
 #: Module -> its public names.
-PUBLIC: dict[str, tuple[str, ...]] = {
-    "nlfrf": nlfrf._public_names,
-    "nlfrf.axis": tuple(import_module("nlfrf.axis").__all__),
-    "nlfrf.friction": (
-        *("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders", "OwnFriction"),
-        "element_forces",
-    ),
-    "nlfrf.hysteresis": (
-        *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
-        *("hysteresis_force", "fit_maxwell_slip"),
-    ),
-    "robust": robust._public_names,
-    "robust.drive": tuple(import_module("robust.drive").__all__),
-    "robust.tuning": tuple(import_module("robust.tuning").__all__),
-}
+PUBLIC: dict[str, tuple[str, ...]] = {name: tuple(import_module(name).__all__) for name in MODULES}
 #: The order of the reference after what most scripts need: that in which data flow.
 PACKAGES = (
     *(

@@ -21,9 +21,11 @@ PICTURE = Path(__file__).resolve().parent / "_static" / "result.png"
 def main() -> None:
     """One record, its BLA and bound; the loop designed on it, with every plant the record allows."""
     folder = outputs("01_identify_then_design")
-    bla = nlfrf.load_bla(folder / "bla.npz")
+    bla = nlfrf.io.load_bla(folder / "bla.npz")
     report = robust.check(
-        robust.load_model(folder / "model.json"), robust.load_controller(folder / "controller.json"), certify=False
+        robust.io.load_model(folder / "model.json"),
+        robust.io.load_controller(folder / "controller.json"),
+        certify=False,
     )
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(11, 4.9), layout="constrained", gridspec_kw={"width_ratios": [1.55, 1]}

@@ -46,32 +46,34 @@ else:
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2)
     noise = 1e-8 * np.random.default_rng(2).standard_normal(record.y.shape)
     record = replace(record, y=record.y + noise)
-nlfrf.save_record(record, args.out / "record.npz")
+nlfrf.io.save_record(record, args.out / "record.npz")
 
 # %%
 # Its best linear approximation, with the level of its distortion and a bound.
 bla = nlfrf.identify(record)
-nlfrf.save_bla(bla, args.out / "bla.npz")
+nlfrf.io.save_bla(bla, args.out / "bla.npz")
 print(bla)
 
 # %%
 # A nominal plant, and the uncertainty that covers the bound.
 nominal = robust.fit_nominal(bla, n_poles=args.poles, delay=0.0)
 model = robust.uncertainty(bla, nominal, order=4)
-robust.save_model(model, args.out / "model.json")
+robust.io.save_model(model, args.out / "model.json")
 print(nominal)
 
 # %%
 # A sampled controller for it by H-infinity loop shaping, on the plant that the controller sees.
 plant = robust.sampled(model.nominal, args.sample_time)
-design = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * args.bandwidth))
-robust.save_controller(design.K, args.out / "controller.json")
+design = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * args.bandwidth))
+robust.io.save_controller(design.K, args.out / "controller.json")
 
 # %%
 # What can be claimed of the loop, for which perturbations.
 w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 6, M_S=2.5, A=1e-2)
 report = robust.check(model, design.K, w_P=w_P)
-robust.write_report(args.out / "report.html", model, design.K, bla=bla, record=record, nominal=nominal, report=report)
+robust.reports.write_report(
+    args.out / "report.html", model, design.K, bla=bla, record=record, nominal=nominal, report=report
+)
 (args.out / "report.txt").write_text(f"{bla}\n{nominal}\n{report}\n")
 print(report.summary)
 

@@ -54,7 +54,7 @@ for name, model in models.items():
     plant = robust.sampled(model.nominal, 1e-3)
     accepted = None
     for crossover in CROSSOVERS:
-        K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover)).K
+        K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
         if not robust.check(model, K, certify=False).margin_rs > 1:
             break
         accepted = crossover, K
@@ -74,5 +74,5 @@ axes[0, 1].legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.
 plot_weight(models["all three"], ax=axes[1, 0])
 plot_budget(models["all three"], ax=axes[1, 1])
 figure.savefig(out / "family.png", dpi=90)
-robust.save_model(models["all three"], out / "family.json")
+robust.io.save_model(models["all three"], out / "family.json")
 print(f"wrote {out}/family.png and family.json")

@@ -29,7 +29,7 @@ first, second = (nlfrf.identify(replace(both, u=both.u[m : m + 1], y=both.y[m : 
 
 # %%
 # How many poles? The cost says what is left, the criterion whether another pole is worth it.
-scan = robust.scan_orders(first, n_poles=range(1, 6), relative_degree=1)
+scan = robust.models.scan_orders(first, n_poles=range(1, 6), relative_degree=1)
 print(scan)
 nominal = scan.fit
 print(nominal)
@@ -70,7 +70,7 @@ print(f"\n{seen}")
 # %%
 # Weights by formula, for what is asked of the loop and for what was not measured: a delay of up to a millisecond.
 w_P = robust.performance_weight(2 * np.pi * 2, M_S=2, A=1e-2)
-w_delay = robust.delay_weight(1e-3)
+w_delay = robust.models.delay_weight(1e-3)
 for name, weight in (("|S| allowed", w_P), ("delay, as a radius", w_delay)):
     size = np.abs(response(weight, 2 * np.pi * np.array([1.0, 10.0, 100.0])))
     size = 1 / size if weight is w_P else size
@@ -81,5 +81,5 @@ panels = ((plot_orders, scan), (plot_fit, nominal), (plot_weight, model), (plot_
 for ax, (draw, what) in zip(axes.flat, panels, strict=True):
     draw(what, ax=ax)
 figure.savefig(out / "weights.png", dpi=90)
-robust.save_model(model, out / "model.json")
+robust.io.save_model(model, out / "model.json")
 print(f"wrote {out}/weights.png and model.json")

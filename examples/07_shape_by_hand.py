@@ -31,7 +31,7 @@ ms = [nlfrf.multisine(**band, rms=rms, n_realizations=4, rng=1) for rms in level
 blas = [nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), m, n_periods=2)) for m in ms]
 model = robust.uncertainty(blas, robust.fit_nominal(blas, n_poles=3), order=6)
 w_P = robust.performance_weight(2 * np.pi * 1.0, M_S=4, A=0.1)
-low, high = robust.loop_bounds(model, w_P)
+low, high = robust.shaping.loop_bounds(model, w_P)
 f = model.omega / (2 * np.pi)
 print(f"|L| must be high up to {f[low > 0].max():.3g} Hz (there above {low[low > 0][-1]:.3g})")
 unknown = f[high < np.inf]
@@ -44,11 +44,13 @@ stiffness = 1 / abs(blas[0].G[0])
 hz = 2 * np.pi
 steps = {
     "a gain": 1.0 * stiffness,
-    "an integrator": robust.pid(0.0, hz * 8) * stiffness,
-    "a notch over the resonance": robust.pid(0.0, hz * 8) * robust.notch(hz * 50, depth=0.15, width=1.0) * stiffness,
-    "roll-off above": robust.pid(0.0, hz * 8)
-    * robust.notch(hz * 50, depth=0.15, width=1.0)
-    * robust.roll_off(hz * 150)
+    "an integrator": robust.shaping.pid(0.0, hz * 8) * stiffness,
+    "a notch over the resonance": robust.shaping.pid(0.0, hz * 8)
+    * robust.shaping.notch(hz * 50, depth=0.15, width=1.0)
+    * stiffness,
+    "roll-off above": robust.shaping.pid(0.0, hz * 8)
+    * robust.shaping.notch(hz * 50, depth=0.15, width=1.0)
+    * robust.shaping.roll_off(hz * 150)
     * stiffness,
 }
 figure, axes = plt.subplots(2, 3, figsize=(20, 9.5), layout="constrained")
@@ -67,11 +69,11 @@ for ax, (what, K) in zip([*axes.flat[1:5]], steps.items(), strict=True):
 # %%
 # What runs is sampled: each element takes dt, exact at its own frequency; hold and computation go into the check.
 dt = 1e-3
-K = robust.pid(0.0, hz * 8, dt=dt) * robust.notch(hz * 50, depth=0.15, width=1.0, dt=dt)
-K = K * robust.roll_off(hz * 150, dt=dt) * stiffness
+K = robust.shaping.pid(0.0, hz * 8, dt=dt) * robust.shaping.notch(hz * 50, depth=0.15, width=1.0, dt=dt)
+K = K * robust.shaping.roll_off(hz * 150, dt=dt) * stiffness
 report = robust.check(model, K, w_P=w_P, delay=5e-4)
 print(f"\n{report.summary}")
 plot_check(report, ax=axes[1, 2])
 figure.savefig(out / "by_hand.png", dpi=75)
-robust.save_controller(K, out / "by_hand.json")
+robust.io.save_controller(K, out / "by_hand.json")
 print(f"wrote {out}/by_hand.png and by_hand.json")

@@ -34,7 +34,7 @@ plant = robust.sampled(model.nominal, dt, delay)
 print("crossover   gamma_min   margin   max rs")
 designs = {}
 for crossover in (5.0, 10.0, 20.0, 40.0):
-    W1 = robust.crossover_weight(plant, 2 * np.pi * crossover)
+    W1 = robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)
     design = robust.ncfsyn(plant, W1)
     rs = robust.check(model, design.K, delay=delay, certify=False).rs.max()
     print(f"{crossover:6.0f} Hz {design.gamma_min:11.2f} {1 / design.gamma:8.2f} {rs:8.2f}")
@@ -46,8 +46,8 @@ for crossover in (5.0, 10.0, 20.0, 40.0):
 louder = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.5, rng=2)
 bla_loud = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), louder, n_periods=2))
 other = robust.sampled(robust.fit_nominal(bla_loud, n_poles=3).G, dt, delay)
-W1 = robust.crossover_weight(plant, 2 * np.pi * 10)
-change, gap = np.max(np.abs(bla_loud.G / bla.G - 1)), robust.nu_gap(plant * W1, other * W1)
+W1 = robust.shaping.crossover_weight(plant, 2 * np.pi * 10)
+change, gap = np.max(np.abs(bla_loud.G / bla.G - 1)), robust.margins.nu_gap(plant * W1, other * W1)
 print(f"\ntwice the level: the FRF changes by up to {100 * change:.0f} %, the shaped plants are {gap:.2f} apart")
 
 # %%
@@ -69,5 +69,5 @@ for row, (name, K) in zip(
     row[0].set_title(name)
     plot_check(report, ax=row[1])
 figure.savefig(out / "hinf.png", dpi=90)
-robust.save_controller(mixed.K, out / "mixed.json")
+robust.io.save_controller(mixed.K, out / "mixed.json")
 print(f"wrote {out}/hinf.png and mixed.json")

@@ -34,7 +34,7 @@ model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 # Loop shaping at 1 kHz with a millisecond of computation; the bare integrator it started from; twice that one.
 dt, delay = 1e-3, 1e-3
 plant = robust.sampled(model.nominal, dt, delay)
-integrator = robust.crossover_weight(plant, 2 * np.pi * 8)
+integrator = robust.shaping.crossover_weight(plant, 2 * np.pi * 8)
 K_shaped = robust.ncfsyn(plant, integrator).K
 w_P = robust.performance_weight(2 * np.pi * 0.9, M_S=2.6, A=1e-2)
 
@@ -65,7 +65,7 @@ axes[0, 0].set(xlabel="time [s]", ylabel="y / r", title="A step of the reference
 axes[0, 0].legend()
 plot_check(reports["integrator"], ax=axes[0, 1])
 plot_nyquist(reports["integrator"], ax=axes[1, 0])
-plot_family(robust.sample_loops(model, K_shaped, 30, delay=delay, rng=1), ax=axes[1, 1])
+plot_family(robust.analysis.sample_loops(model, K_shaped, 30, delay=delay, rng=1), ax=axes[1, 1])
 figure.savefig(out / "check.png", dpi=90)
 
 # %%

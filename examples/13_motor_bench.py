@@ -58,7 +58,7 @@ with warnings.catch_warnings():
 
 # %%
 # A model: the angle integrates twice, the coupling adds a resonance and an anti-resonance, electronics a delay.
-scan = robust.scan_orders(bla, n_poles=(2, 4, 6), relative_degree=1, delay="estimate")
+scan = robust.models.scan_orders(bla, n_poles=(2, 4, 6), relative_degree=1, delay="estimate")
 print(scan)
 nominal = scan.fit
 print(nominal)
@@ -71,7 +71,7 @@ dt = 1 / record.fs
 plant = robust.sampled(model.nominal, dt, dt)
 accepted = None
 for crossover in (10.0, 20.0, 30.0, 40.0):
-    design = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover))
+    design = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover))
     seen = robust.check(model, design.K, delay=dt, certify=False)  # a look at a grid; the proof comes for the last one
     print(f"crossover {crossover:3.0f} Hz: gamma {design.gamma:.2f}, max rs {seen.rs.max():.2f}")
     if not seen.rs.max() < 0.7:
@@ -84,8 +84,8 @@ report = robust.check(model, K, delay=dt)
 # %%
 # What to hand over.
 print(report.summary)
-robust.save_controller(K, out / "controller.json")
-robust.save_model(model, out / "model.json")  # robust report model.json controller.json makes a page of them
+robust.io.save_controller(K, out / "controller.json")
+robust.io.save_model(model, out / "model.json")  # robust report model.json controller.json makes a page of them
 figure, axes = plt.subplots(3, 2, figsize=(17, 13), layout="constrained")
 panels = [(plot_input, record), (plot_bla, bla), (plot_fit, nominal), (plot_weight, model)]
 panels += [(plot_check, report), (plot_nyquist, report)]

@@ -32,7 +32,10 @@ import robust
 LEVELS = {"one level": (0.5,), "three levels": (0.25, 0.5, 2.0)}  # rms of the force [N]
 BAND = {"fs": 4096, "n_samples": 16384, "f_min": 1.25, "f_max": 250}
 KICKS = {"gentle": 0.5, "hard": 2.0, "very hard": 20.0}  # rms of the burst [N]
-MACHINE, CLASS = robust.friction_plant(1.0, 80e3, 0.4), robust.any_maxwell_slip(64e3)  # while it slides; its friction
+MACHINE, CLASS = (
+    robust.friction_plant(1.0, 80e3, 0.4),
+    robust.friction.any_maxwell_slip(64e3),
+)  # while it slides; its friction
 T, BURST, QUIET = 1e-3, 0.3, 1.2  # sample time of the controller, how long the burst and the silence last [s]
 OUTCOMES = {"settled": "#009E73", "stable": "#0072B2", "limit cycle": "#D55E00", "ran away": "#000000"}
 
@@ -51,11 +54,13 @@ def played(name, crossovers, gains, pool):
     model = robust.uncertainty(family, robust.fit_nominal(family, n_poles=3), order=6)
     plant, tried = robust.sampled(model.nominal, T), []
     for crossover in np.geomspace(5, 120, crossovers):
-        K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover)).K
+        K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
         tried += [control.StateSpace(K.A, K.B, g * K.C, g * K.D, T) for g in np.geomspace(0.25, 8, gains)]
     said = list((pool.map if pool else map)(partial(verdicts, model), tried))
     force = np.pad(np.random.default_rng(0).standard_normal(round(BURST / T)), (0, round(QUIET / T)))
-    run = partial(nlfrf.simulate_loops, nlfrf.paper_rig(), tried, 0 * force, fs=1 / T, saturation=5.0, executor=pool)
+    run = partial(
+        nlfrf.rig.simulate_loops, nlfrf.paper_rig(), tried, 0 * force, fs=1 / T, saturation=5.0, executor=pool
+    )
     for kick, rms in KICKS.items():
         for (words, rs, sure), r in zip(said, run(disturbance=rms * force), strict=True):
             yield name, words, kick, r.outcome(BURST), rs, np.clip(r.residual(BURST), 1e-8, 1e3), sure

@@ -58,9 +58,9 @@ into = [[0, 0, 0], [1 / m, 1 / m, 1 / m]]
 mass = control.ss(state, into, np.eye(2), np.zeros((2, 3)), inputs=["F", "spring", "damper"], outputs=["x", "v"])
 sensor = control.summing_junction(["x", "d"], "y")
 blocks = {
-    "stiffness": robust.Block("x", "spring", dk, kind="real"),
-    "damping": robust.Block("v", "damper", dc, kind="real"),
-    "distortion": robust.Block("x", "d", w_rest, perturbation="statistical"),
+    "stiffness": robust.models.Block("x", "spring", dk, kind="real"),
+    "damping": robust.models.Block("v", "damper", dc, kind="real"),
+    "distortion": robust.models.Block("x", "d", w_rest, perturbation="statistical"),
 }
 
 
@@ -78,12 +78,12 @@ accepted = {}
 for crossover in (1.0, 2.0, 4.0):
     K, minus_K = controller(crossover)
     disc = robust.check(over_levels, K, certify=False)
-    system = robust.interconnection([mass, sensor, minus_K], blocks)
-    structured = robust.check_structure(system, certify=False)
+    system = robust.models.interconnection([mass, sensor, minus_K], blocks)
+    structured = robust.analysis.check_structure(system, certify=False)
     print(f"{crossover:6.2f} Hz {disc.margin_rs:15.2f} {structured.margin_rs:32.2f}")
     if structured.margin_rs > 1:
         accepted = dict(crossover=crossover, disc=disc, system=system)
-report = robust.check_structure(accepted["system"])
+report = robust.analysis.check_structure(accepted["system"])
 print(f"margins: the factor by which the whole set may grow.\n\nThe loop of {accepted['crossover']:g} Hz:\n{report}")
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(15, 6), layout="constrained")

@@ -23,7 +23,9 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 FS, N = 512.0, 2048
-stage = nlfrf.two_axis_stage()  # or nlfrf.Rig(mass=..., stiffness=..., damping=..., friction=[..., ...], sensors=...)
+stage = (
+    nlfrf.rig.two_axis_stage()
+)  # or nlfrf.rig.Rig(mass=..., stiffness=..., damping=..., friction=[..., ...], sensors=...)
 
 # %%
 # Two experiments, both forces on in each; two periods after one to settle, and a little noise.
@@ -46,7 +48,7 @@ print(f"{frm}\n\n{fit}\n{model}\n")
 # A PID an axis. The verdict is about every plant of the set, and the whole matrix.
 def controller(kp, kd, ki):
     axes = zip(kp, kd, ki, strict=True)
-    return control.append(*(robust.pid(p, i, d, filter_time=0.5 / FS, dt=1 / FS) for p, d, i in axes))
+    return control.append(*(robust.shaping.pid(p, i, d, filter_time=0.5 / FS, dt=1 / FS) for p, d, i in axes))
 
 
 pids = {
@@ -55,7 +57,7 @@ pids = {
 }
 reports = {name: robust.check(model, K) for name, K in pids.items()}
 print(*(f"--- {name} ---\n{report}\n" for name, report in reports.items()), sep="\n")
-worst = robust.breaking_perturbation(model, pids["careful"])
+worst = robust.analysis.breaking_perturbation(model, pids["careful"])
 radii = [np.abs((worst.plant(x) * pids["careful"]).feedback(np.eye(2)).poles()).max() for x in (0.99, 1.01)]
 print(f"largest pole with 0.99 and 1.01 of the breaking perturbation: {radii[0]:.5f} and {radii[1]:.5f}")
 

@@ -45,7 +45,7 @@ names = {"inputs": ("piezo 1", "piezo 2", "piezo 3"), "outputs": ("point 1", "po
 
 
 def matrix(experiments, first, last):
-    lines = nlfrf.LineGrid(excited=np.arange(first, last + 1))
+    lines = nlfrf.signals.LineGrid(excited=np.arange(first, last + 1))
     return nlfrf.identify(
         nlfrf.Record(u=u[:, experiments], y=y[:, experiments], fs=FS, lines=lines, **names), transient="none"
     )
@@ -79,7 +79,7 @@ print(f"\n{fit}\n{model}\n{robust.validate(model, second)}\n")
 # Three integrators behind the static matrix turned round, rolled off before the modes at 636 Hz and above.
 def controller(crossover):
     integrator = control.ss(control.tf([2 * np.pi * crossover / FS, 0], [1, -1], 1 / FS))
-    lag = control.ss(robust.discretize(control.tf([1], [1 / (2 * np.pi * 150), 1]), 1 / FS))
+    lag = control.ss(robust.lti.discretize(control.tf([1], [1 / (2 * np.pi * 150), 1]), 1 / FS))
     turned = control.ss([], [], [], np.linalg.inv(np.real(fit.G(1))), 1 / FS)
     return turned * control.append(*[integrator * lag * lag] * 3)
 
@@ -87,13 +87,13 @@ def controller(crossover):
 loops = {f"{crossover} Hz": controller(crossover) for crossover in (70, 140)}
 reports = {name: robust.check(model, K) for name, K in loops.items()}
 print(*(f"--- {name} ---\n{report}\n" for name, report in reports.items()), sep="\n")
-worst = robust.breaking_perturbation(model, loops["70 Hz"])
+worst = robust.analysis.breaking_perturbation(model, loops["70 Hz"])
 sizes = [np.abs((worst.plant(x) * loops["70 Hz"]).feedback(np.eye(3)).poles()).max() for x in (0.99, 1.01)]
 print(f"largest pole with 0.99 and 1.01 of the breaking perturbation: {sizes[0]:.5f} and {sizes[1]:.5f}")
 
 figure, axes = plt.subplots(2, 2, figsize=(17, 11), layout="constrained")
-plot_singular_values(nlfrf.singular_values(first, of="realization"), ax=axes[0, 0])
-plot_loop(robust.loop_gains(fit.G, loops["70 Hz"], omega=model.omega), ax=axes[0, 1])
+plot_singular_values(nlfrf.bla.singular_values(first, of="realization"), ax=axes[0, 0])
+plot_loop(robust.analysis.loop_gains(fit.G, loops["70 Hz"], omega=model.omega), ax=axes[0, 1])
 for ax, (name, report) in zip(axes[1], reports.items(), strict=True):
     plot_check(report, ax=ax).set_title(f"{name}: {report.verdict}")
 figure.savefig(out / "verdict.png", dpi=70)

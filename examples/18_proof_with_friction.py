@@ -42,7 +42,7 @@ def pid(Kp, Ki, Kd):
     return control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[Ki * T, -Kd / T]], [[Kp + Kd / T]], T)
 
 
-assumed = robust.friction_class([identified(rms) for rms in LEVELS])
+assumed = robust.friction.friction_class([identified(rms) for rms in LEVELS])
 text = [str(assumed), ""]
 
 CONTROLLERS = {
@@ -54,7 +54,9 @@ proofs = {}
 for name, (K, delay) in CONTROLLERS.items():
     proof = proofs[name] = robust.prove_friction(assumed.machine, K, assumed.friction, delay=delay, Fs=1.0)
     text += [f"--- {name} ---", str(proof), ""]
-creeping = robust.any_bristle(assumed.friction.K0, 1 / 0.7, 13.0)  # what the levels cannot show: stiction, sigma1
+creeping = robust.friction.any_bristle(
+    assumed.friction.K0, 1 / 0.7, 13.0
+)  # what the levels cannot show: stiction, sigma1
 PD = control.StateSpace([[0.0]], [[1.0]], [[-60.0 / T]], [[20e3 + 60.0 / T]], T)
 for name, K in (("PD, bristles that creep", PD), ("PID, bristles that creep", pid(20e3, 3e5, 60.0))):
     text += [f"--- {name} ---", str(robust.prove_friction(assumed.machine, K, creeping)), ""]
@@ -73,9 +75,9 @@ for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
         wavelength=1e-4,
         asymmetry=0.3,
     )
-    rig = nlfrf.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, law)  # the machine that is proved
-    responses = nlfrf.simulate_loops(rig, [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks, oversampling=8)
-    outside = nlfrf.simulate_loops(nlfrf.paper_rig(), [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks)
+    rig = nlfrf.rig.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, law)  # the machine that is proved
+    responses = nlfrf.rig.simulate_loops(rig, [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks, oversampling=8)
+    outside = nlfrf.rig.simulate_loops(nlfrf.paper_rig(), [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks)
     for kind, found in (("a friction of the class", responses), ("the rig, which creeps: outside the class", outside)):
         moving = sum(r.diverged or np.ptp(r.x[-400:]) > 1e-3 * np.ptp(r.x) for r in found)
         text.append(f"{name:23}{proofs[name].verdict:8}{kind:40}{moving:2d} of {len(found)} move after 4 s")

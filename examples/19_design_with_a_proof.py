@@ -62,17 +62,17 @@ def laws():
         options = {"stiction": assumed.friction.stiction, "vs": 0.003, "dwell": 0.02, "asymmetry": 0.3 * i}
         stiffness, strength = assumed.friction.K0 * rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
         sliders = VaryingSliders(stiffness=stiffness, strength=strength, **options)
-        yield f"class {i + 1}", nlfrf.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, sliders)
+        yield f"class {i + 1}", nlfrf.rig.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, sliders)
 
 
 def shaped(crossover):
     """Loop shaping on one level, and what the check says of it there."""
-    K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover)).K
+    K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
     return K, robust.check(model, K).verdict
 
 
 blas = {rms: identified(rms) for rms in LEVELS}
-assumed = robust.friction_class(list(blas.values()))
+assumed = robust.friction.friction_class(list(blas.values()))
 ends = [spring(assumed.stiffness_low), spring(assumed.stiffness_low + assumed.friction.K0)]  # sliding, and stuck
 proved = robust.design_frf(ends, "PID", M_S=2.0, dt=T, prove=assumed)
 model = robust.uncertainty(blas[0.5], robust.fit_nominal(blas[0.5], n_poles=3), order=6)
@@ -92,7 +92,7 @@ for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
     )
     for law, rig in laws():
         starts = np.column_stack([np.zeros(KICKS.size), KICKS])
-        responses = nlfrf.simulate_loops(rig, [K], np.zeros(3000), fs=1 / T, initial=starts)
+        responses = nlfrf.rig.simulate_loops(rig, [K], np.zeros(3000), fs=1 / T, initial=starts)
         left = np.array([np.inf if r.diverged else np.ptp(r.x[-1000:]) for r in responses])
         rests = left < 1e-3 * KICKS / np.sqrt(k * assumed.machine.B_force[1])
         first = np.argmin(np.append(rests, False))  # that does not

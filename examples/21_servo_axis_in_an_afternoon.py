@@ -27,7 +27,7 @@ out.mkdir(parents=True, exist_ok=True)
 # What is known before: mass and force constant from the data sheet, and soft gains with which the axis stands still.
 machine = nlfrf.servo_axis("linear motor")
 machine = replace(machine, drive=replace(machine.drive, kv=20, kp=40, tn=0.05))
-rough = nlfrf.ServoAxis(motor_inertia=12, force_constant=52.8, drive=machine.drive)
+rough = nlfrf.rig.ServoAxis(motor_inertia=12, force_constant=52.8, drive=machine.drive)
 limits = AxisLimits(force=1000, velocity=0.5, travel=0.6)
 
 
@@ -71,7 +71,7 @@ print(f"\n--- the gains of the autotuner ---\n{before}")
 
 # %%
 # Gains with more margin: ``|S|`` below 1.8 on the FRF in motion, the reset time chosen, then read back as gains.
-PI = robust.pid(1.0, 1 / 0.03, dt=1 / 4000)
+PI = robust.shaping.pid(1.0, 1 / 0.03, dt=1 / 4000)
 design = robust.design_frf(nlfrf.identify(records[-1]), "PD", M_S=1.8, fixed=PI, dt=1 / 4000, filter_time=0.14e-3)
 better = drive.gains(design.K, like=proposed, output_unit="N").alternative  # the faster position loop
 after = check_drive(records, better, names=names, conditions=conditions, fit=before.friction.fit)
@@ -89,7 +89,7 @@ worn = replace(machine, motor_friction=replace(law, strength=tuple(2 * force for
 print("\n--- in motion, after the friction doubled ---")
 print(robust.validate(nlfrf.identify(records[-1]), nlfrf.identify(play(moving, "later", worn)[-1])))
 later = [play(experiment, f"later{k + 1}", worn)[0] for k, experiment in enumerate(at_rest)]
-friction, read_later = after.friction, robust.identify_friction(later, free=True)
+friction, read_later = after.friction, robust.friction.identify_friction(later, free=True)
 print(f"\n--- at rest, after the friction doubled ---\n{read_later}")
 bound, proof = 1e6 * friction.error_bound, friction.assumed.friction
 grown = read_later.interval("Fs")[1] / friction.largest

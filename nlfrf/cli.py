@@ -94,7 +94,7 @@ def design(
         raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
     if inputs <= 1 and (zippered or draws != 1):
         raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
-    ms: nlfrf.Multisine | nlfrf.OrthogonalMultisine = nlfrf.multisine(
+    ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine = nlfrf.multisine(
         kind,
         fs=fs,
         n_samples=period,
@@ -119,7 +119,7 @@ def design(
         )
     if crest is not None and isinstance(ms, nlfrf.Multisine):
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
-    nlfrf.save_multisine(ms, out, decimal=decimal)
+    nlfrf.io.save_multisine(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
         print(f"full scale of the WAV file is {np.abs(ms.u).max():.6g}, in the unit of --rms")
     several = f", {format_count(ms.phase.shape[-2], 'experiment')} of {inputs} inputs" if inputs > 1 else ""
@@ -151,10 +151,10 @@ def simulate(
     A multisine of two inputs goes through a stage of two coupled axes with friction.
     """
     ms = load_design(file)
-    several = isinstance(ms, nlfrf.OrthogonalMultisine)
+    several = isinstance(ms, nlfrf.signals.OrthogonalMultisine)
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
-    rig = nlfrf.two_axis_stage() if several else nlfrf.paper_rig()
+    rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
     if mass is not None:
         rig = replace(rig, mass=mass)
     if stiffness is not None:
@@ -173,7 +173,7 @@ def simulate(
         )
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
-    nlfrf.save_record(record, out, decimal=decimal)
+    nlfrf.io.save_record(record, out, decimal=decimal)
     runs = format_count(ms.phase.shape[-2], "experiment" if several else "realisation")
     print(f"{runs} x {record.n_periods} periods x {record.n_samples} samples")
 
@@ -271,7 +271,7 @@ def identify(
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
-        nlfrf.save_bla(bla, target)
+        nlfrf.io.save_bla(bla, target)
         say(f"{name}: {bla}")
         if opinion:
             say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
@@ -332,7 +332,7 @@ def identify_experiment(
     require_writable(*targets, *map(table_path, targets * csv))
     blas = nlfrf.identify(records, **how)
     for label, bla, target in zip(labels, blas, targets, strict=True):
-        nlfrf.save_bla(bla, target)
+        nlfrf.io.save_bla(bla, target)
         printer(json)(f"{label}: {bla}")
         if csv:
             nlfrf.export_csv(bla, table_path(target), decimal=decimal)
@@ -367,7 +367,7 @@ def design_for_drive(
     decimal: Decimal = ".",
 ) -> None:
     """Design a multisine for a set point of a running drive: set points to play (.csv), and the design (.npz)."""
-    origin: nlfrf.ServoAxis | nlfrf.Record
+    origin: nlfrf.rig.ServoAxis | nlfrf.Record
     if first is None:
         origin = read_axis(source)
     else:
@@ -434,7 +434,7 @@ def levels(
     finish_command(found, not found.reason, json)
 
 
-def read_axis(path: Path) -> nlfrf.ServoAxis:
+def read_axis(path: Path) -> nlfrf.rig.ServoAxis:
     """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
     if path.suffix.lower() != ".toml":
         if path.suffix:
@@ -470,8 +470,8 @@ def plot(
     figure, (top, bottom) = plt.subplots(2, 1, figsize=size, layout="constrained")
     if isinstance(content, nlfrf.Bla) and not content.is_single:
         pictures.plot_frm(content, confidence=confidence, ax=top)
-        pictures.plot_singular_values(nlfrf.singular_values(content, confidence), ax=bottom)
-    elif isinstance(content, nlfrf.Multisine | nlfrf.OrthogonalMultisine):
+        pictures.plot_singular_values(nlfrf.bla.singular_values(content, confidence), ax=bottom)
+    elif isinstance(content, nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine):
         pictures.plot_excitation(content, ax=top)
         pictures.plot_spectrum(content, ax=bottom)
     else:
@@ -511,7 +511,7 @@ def doctor() -> None:
     print("all is well")
 
 
-def suggest_lines(ms: nlfrf.Multisine | nlfrf.OrthogonalMultisine, kind: str, f_min: float) -> str:
+def suggest_lines(ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine, kind: str, f_min: float) -> str:
     """Describe the lines of a grid at its low end, and the options that give one there."""
     if f_min < ms.f0:
         n = int(np.ceil(ms.fs / f_min))
@@ -542,7 +542,7 @@ def identify_matrix(
         if target.suffix.lower() == ".csv":
             nlfrf.export_csv(frm, target, decimal=decimal)
         else:
-            nlfrf.save_bla(frm, target)
+            nlfrf.io.save_bla(frm, target)
     finish_command(frm, True, json)
 
 

@@ -19,47 +19,14 @@
     robust.reports   pages
     robust.plot      pictures
 
-Every name of a submodule is also found here, as in version 0.1: `robust.mu_upper` is `robust.mu.mu_upper`.
+Each public name stands in one place.
 """
 
 import lazy_loader
 
-__getattr__, _, _names = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 _submodules = (
     *("analysis", "drive", "friction", "io", "lti", "margins", "models", "mu", "plot", "proofs", "reports", "shaping"),
     *("synthesis", "tuning"),
 )
-#: Every public name of the package, those of its submodules, too.
-_public_names = tuple(name for name in _names if name not in _submodules)
-__all__ = [
-    "Design",
-    "RobustnessReport",
-    "UncertaintyModel",
-    "check",
-    "design_frf",
-    "disk_margin",
-    "dk_iteration",
-    "fit_nominal",
-    "fit_weight",
-    "frd",
-    "friction_plant",
-    "hinfsyn",
-    "load",
-    "mixsyn",
-    "ncfsyn",
-    "performance_weight",
-    "prove_friction",
-    "reduce_controller",
-    "sampled",
-    "save",
-    "step_response",
-    "tune",
-    "uncertainty",
-    "validate",
-    "worst_case",
-]
-
-
-def __dir__() -> list[str]:
-    """Return the names that most scripts need, and the submodules that hold the others."""
-    return sorted([*__all__, *_submodules])
+__all__ = [name for name in _names if name not in _submodules]

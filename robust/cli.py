@@ -144,7 +144,7 @@ def model(
             perturbation=perturbation,
         )
     print(result)
-    robust.save_model(result, out)
+    robust.io.save_model(result, out)
     if picture is not None:
         write_pictures(picture, from_options.model_pictures(result, blas))
 
@@ -186,7 +186,7 @@ def design(
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
-        plant = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else robust.load_model(model)
+        plant = nlfrf.io.load_bla(model) if model.suffix.lower() in BLAS else robust.io.load_model(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
             result = robust.design_frf(
@@ -196,7 +196,7 @@ def design(
     else:
         if bandwidth is None:
             raise ValueError(f"bandwidth must be given [Hz] for {method}")
-        plant = robust.load_model(model)
+        plant = robust.io.load_model(model)
         if delay and not plant.is_single and plant.nominal.dt:
             raise ValueError(
                 f"delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
@@ -215,7 +215,7 @@ def design(
                     raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {sample_time:g} s")
                 else:
                     G = sampling.delayed(G, delay, order=PADE_ORDER)
-                result = robust.ncfsyn(G, robust.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
+                result = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
         if not result.met:
             raise ValueError(f"model must let a controller be found: {result.reason}")
         words = (
@@ -223,7 +223,7 @@ def design(
         )
     if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
-    robust.save_controller(result.K, out, delay=delay or None)
+    robust.io.save_controller(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
@@ -270,7 +270,7 @@ def check(
     files = {path: [controller_file(path, one, several) for one in (out, picture)] for path in controller}
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
     require_writable(*(certificates.certificate_path(report) for report, _ in files.values() if report is not None))
-    plant, say, reports = robust.load_model(model), printer(json), {}
+    plant, say, reports = robust.io.load_model(model), printer(json), {}
     w_P, signals = (
         from_options.demand_weight(plant, bandwidth, peak, error),
         from_options.signals_from_options(reference_step, disturbance, noise, up_to),
@@ -299,10 +299,10 @@ def verify(
     json: Json = False,
 ) -> None:
     """Prove a certificate again to the last bit, all rounding outward; exit code 1 where any claim is not proved."""
-    plant = None if model is None else robust.load_model(model)
-    K = None if controller is None else robust.load_controller(controller)
+    plant = None if model is None else robust.io.load_model(model)
+    K = None if controller is None else robust.io.load_controller(controller)
     with spinner("verifying"):
-        found = robust.verify_certificate(file, model=plant, K=K, time_cap=seconds)
+        found = robust.io.verify_certificate(file, model=plant, K=K, time_cap=seconds)
     printer(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")
     finish_command(found, found.verified, json)
 
@@ -385,7 +385,7 @@ def orders(
 ) -> None:
     """Fit nominal models of growing order and say which one the data ask for."""
     with spinner("fitting nominal models"):
-        scan = robust.scan_orders(
+        scan = robust.models.scan_orders(
             from_options.load_blas(bla),
             n_poles=range(max(relative_degree, 1), most + 1),
             relative_degree=relative_degree,
@@ -406,9 +406,9 @@ def export(
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
     if out.suffix == ".mat":
-        robust.export_matlab(robust.load(file), out)
+        robust.io.export_matlab(robust.load(file), out)
     elif out.suffix == ".csv":
-        sections = robust.controller_sections(robust.load_controller(file))
+        sections = robust.io.controller_sections(robust.io.load_controller(file))
         if isinstance(sections, tuple):
             raise ValueError(
                 f"file must be a controller of one loop to be written as sections, got {len(sections)} in {file}"
@@ -456,7 +456,7 @@ def report(
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
-    plant, [(K, late)] = robust.load_model(model), from_options.load_loops([controller], delay)
+    plant, [(K, late)] = robust.io.load_model(model), from_options.load_loops([controller], delay)
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
     if not plant.is_single:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
@@ -466,11 +466,11 @@ def report(
         basis = certificates.class_from_files([model], controller, stiffness=stiffness, stiction=stiction)
         proof = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
     with spinner("checking and drawing"):
-        result = robust.write_report(
+        result = robust.reports.write_report(
             out,
             plant,
             K,
-            bla=[nlfrf.load_bla(path) for path in bla or []],
+            bla=[nlfrf.io.load_bla(path) for path in bla or []],
             record=[nlfrf.load_record(path, **load) for path in record or []],
             w_P=w_P,
             delay=late,

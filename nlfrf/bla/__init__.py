@@ -19,3 +19,7 @@ residual           the nonlinear residual: outputs without their linear part, on
 spectra            DFT of the periods of every channel: mean and scatter on the lines; transients subtracted
 zippered           the matrix where each line drives one input: columns interpolated between their own lines
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

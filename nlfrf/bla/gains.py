@@ -157,7 +157,7 @@ def singular_values(
     >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
     >>> y = np.stack([3 * u[0] + 0.1 * u[0] ** 3, 0.5 * u[1]])
     >>> frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines))
-    >>> found = nlfrf.singular_values(frm, simultaneous=True)
+    >>> found = nlfrf.bla.singular_values(frm, simultaneous=True)
     >>> bool(np.all((found.low[0] < 3.3) & (3.3 < found.high[0])))          # 3 and the gain of the cube, 0.3
     True
     """

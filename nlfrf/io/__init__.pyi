@@ -1,11 +1,6 @@
 from .designs import load_multisine as load_multisine
 from .designs import save_multisine as save_multisine
 from .inspection import FileContents as FileContents
-from .inspection import inspect_file as inspect_file
-from .records import load_record as load_record
-from .results import export_csv as export_csv
-from .results import load as load
 from .results import load_bla as load_bla
-from .results import save as save
 from .results import save_bla as save_bla
 from .stored_records import save_record as save_record

@@ -59,7 +59,7 @@ def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     >>> folder = tempfile.TemporaryDirectory()
     >>> bla = nlfrf.identify(record)
     >>> save_bla(bla, f"{folder.name}/bla.npz")
-    >>> bool(np.array_equal(nlfrf.load_bla(f"{folder.name}/bla.npz").G, bla.G))
+    >>> bool(np.array_equal(nlfrf.io.load_bla(f"{folder.name}/bla.npz").G, bla.G))
     True
     >>> folder.cleanup()
     """

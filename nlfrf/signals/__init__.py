@@ -6,3 +6,7 @@ lines            harmonic grids: excited lines, detection lines, which grid a se
 multisine        the design of a random-phase multisine
 orthogonal       several inputs: orthogonal sets of experiments, zippered lines
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -465,7 +465,8 @@ class SignalLevel:
 
     Examples
     --------
-    >>> from robust import LoopSignals, NoiseSignal, UncertaintyModel
+    >>> from robust.analysis import LoopSignals, NoiseSignal
+    >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> level = predict_level(model, 1.0, LoopSignals(disturbance=NoiseSignal(1.0, omega_max=50.0)))
@@ -507,7 +508,8 @@ class LoopLevel:
 
     Examples
     --------
-    >>> from robust import LoopSignals, SineSignal, UncertaintyModel
+    >>> from robust.analysis import LoopSignals, SineSignal
+    >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> level = predict_level(model, 1.0, LoopSignals(reference=SineSignal(1.0, 1.0)))
@@ -639,7 +641,7 @@ def predict_level(
     --------
     White noise of intensity one at the input of 1/(s + 1) under K = 1: y has the variance 1/(2 (1 + 1)).
 
-    >>> from robust import LoopSignals
+    >>> from robust.analysis import LoopSignals
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> white = control.tf([100.0], [1, 100.0])                              # nearly white, and of finite power

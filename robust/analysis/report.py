@@ -530,7 +530,9 @@ class RobustnessReport:
     Examples
     --------
     >>> import control
-    >>> from robust import Block, UncertaintyModel, check, check_structure, interconnection
+    >>> from robust.models import Block, interconnection
+    >>> from robust import UncertaintyModel, check
+    >>> from robust.analysis import check_structure
     >>> plant, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(plant, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> report = check(model, 2.0)

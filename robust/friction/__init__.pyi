@@ -14,10 +14,8 @@ from .in_motion import identify_sliding as identify_sliding
 from .levels import FrictionClass as FrictionClass
 from .linear_uncertainty import FrequencyTest as FrequencyTest
 from .linear_uncertainty import friction_frequency_test as friction_frequency_test
-from .plant import friction_plant as friction_plant
 from .plant import two_mass_plant as two_mass_plant
 from .prove import FrictionProof as FrictionProof
-from .prove import prove_friction as prove_friction
 from .reading import friction_class as friction_class
 from .saturation import SaturatedProof as SaturatedProof
 from .saturation import prove_saturated as prove_saturated

@@ -364,11 +364,11 @@ def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
     mass, k, c = (float(np.exp(numbers[name])) for name in LOAD[:3])
     faint = np.array([1e-12])  # a rig has some friction
     sliders = candidate.load_sliders or nlfrf.friction.VaryingSliders(stiffness=faint, strength=faint)
-    rig = nlfrf.Rig(mass, k, sliders, c + numbers["load_damping"])
+    rig = nlfrf.rig.Rig(mass, k, sliders, c + numbers["load_damping"])
     for m, (x, v) in enumerate(zip(motion.x, motion.v, strict=True)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", nlfrf.DataWarning)  # a coarse step: candidates that are far off
-            load = nlfrf.run(rig, np.tile(k * x + c * v, 2), fs=motion.fs)
+            load = nlfrf.rig.run(rig, np.tile(k * x + c * v, 2), fs=motion.fs)
         found[m] = 2 / n * np.fft.rfft(k * (x - load.x[n:]) + c * (v - load.v[n:]))[motion.lines]
     return found
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["QuasiLinear", "describing_function", "quasi_linear"]
 
 
-#: A friction law as `nlfrf.drive` takes it.
+#: A friction law as `nlfrf.rig.drive` takes it.
 Law: TypeAlias = (
     "nlfrf.friction.Coulomb | nlfrf.friction.LuGre | nlfrf.friction.Leuven | nlfrf.friction.GeneralizedMaxwellSlip"
     " | nlfrf.friction.Dahl | nlfrf.friction.VaryingSliders | nlfrf.friction.OwnFriction"
@@ -59,7 +59,7 @@ def describing_function(friction: Law, amplitude: float, omega: float) -> comple
     steps = 4
     while True:
         try:
-            motion = nlfrf.drive(friction, amplitude * omega * np.cos(phase), fs=fs, oversampling=steps)
+            motion = nlfrf.rig.drive(friction, amplitude * omega * np.cos(phase), fs=fs, oversampling=steps)
             break
         except ValueError:  # steps too long for the law; what else is wrong is so at the finest too
             if steps >= MAX_STEPS_PER_SAMPLE:
@@ -100,7 +100,7 @@ class QuasiLinear:
     cycles : (C,) ndarray
         Amplitudes of motions that go on, and come back after a disturbance [m].
     outcome : str
-        What becomes of the loop after the burst, in the words of `nlfrf.LoopResponse.outcome`: "settled", "limit
+        What becomes of the loop after the burst, in the words of `nlfrf.rig.LoopResponse.outcome`: "settled", "limit
         cycle" or "ran away"; empty without a burst.
     amplitudes, stiffnesses, dampings : (A,) ndarray
         k_eq [N/m] and c_eq [Ns/m] of the friction at each amplitude [m].
@@ -120,7 +120,8 @@ class QuasiLinear:
     --------
     >>> import control
     >>> import nlfrf
-    >>> from robust import quasi_linear, friction_plant
+    >>> from robust.friction import quasi_linear
+    >>> from robust import friction_plant
     >>> K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)          # integral action alone
     >>> found = quasi_linear(nlfrf.paper_rig().friction, friction_plant(1.0, 80e3, 0.4), K)
     >>> bool(0.2 < found.kick < 0.5), "not proved" in str(found)

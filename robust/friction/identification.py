@@ -228,7 +228,7 @@ class FrictionFit:
     --------
     >>> import nlfrf
     >>> law = nlfrf.friction.VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
-    >>> rig = nlfrf.Rig(1.0, 80e3, law, 10.0)
+    >>> rig = nlfrf.rig.Rig(1.0, 80e3, law, 10.0)
     >>> grid = dict(fs=1024, n_samples=2048, f_min=2, f_max=200)
     >>> played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate((0.1, 0.5, 2, 6))]
     >>> fit = identify_friction([nlfrf.simulate(rig, ms, n_periods=2, n_discard=3, oversampling=8) for ms in played])

@@ -130,7 +130,7 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     >>> import nlfrf
     >>> axis = nlfrf.servo_axis("linear motor")                  # 12 kg, 20 Ns/m, 20 N of stiction over 1.3
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rms=5.0, rng=1)
-    >>> records = [nlfrf.simulate_servo(axis, ms, base_velocity=v, n_periods=4) for v in (0.1, 0.3)]
+    >>> records = [nlfrf.rig.simulate_servo(axis, ms, base_velocity=v, n_periods=4) for v in (0.1, 0.3)]
     >>> fit = identify_sliding(records, (0.1, 0.3))
     >>> round(fit.mass, 1), round(fit.damping), round(fit.coulomb, 1)
     (12.0, 20, 15.4)

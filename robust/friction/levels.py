@@ -374,7 +374,7 @@ class FrictionClass:
     Examples
     --------
     >>> import nlfrf
-    >>> from robust import friction_class
+    >>> from robust.friction import friction_class
     >>> grid = dict(fs=4096, n_samples=16384, f_min=1.25, f_max=250, rng=1)
     >>> rig = nlfrf.paper_rig()
     >>> blas = [nlfrf.identify(nlfrf.simulate(rig, nlfrf.multisine("special-odd", rms=rms, **grid), n_periods=2))

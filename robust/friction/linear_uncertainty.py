@@ -53,7 +53,8 @@ class FrequencyTest:
     Examples
     --------
     >>> import control
-    >>> from robust import any_maxwell_slip, friction_plant, friction_frequency_test
+    >>> from robust.friction import any_maxwell_slip, friction_frequency_test
+    >>> from robust import friction_plant
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
     >>> rig, slip = friction_plant(1.0, 80e3, 0.4), any_maxwell_slip(64e3)
     >>> friction_frequency_test(rig, PD, slip, mass=0.02, stiffness=800.0).holds
@@ -113,7 +114,8 @@ def friction_frequency_test(
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, friction_plant
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import friction_plant
     >>> rig = friction_plant(1.0, 80e3, 0.4)
     >>> friction_frequency_test(rig, 1e3, any_maxwell_slip(64e3), mass=0.0, stiffness=90e3).holds   # no spring left
     False

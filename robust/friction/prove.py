@@ -375,7 +375,8 @@ class FrictionProof:
     Examples
     --------
     >>> import control
-    >>> from robust import any_maxwell_slip, prove_friction, friction_plant
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import prove_friction, friction_plant
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
     >>> proof = prove_friction(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3))
     >>> proof.verdict, proof.counterexample
@@ -474,7 +475,8 @@ def prove_friction(
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, friction_plant
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import friction_plant
     >>> rig = friction_plant(1.0, 80e3, 0.4)
     >>> prove_friction(rig, 1e3, any_maxwell_slip(64e3)).verdict             # a spring more, and nothing else
     'proved'

@@ -80,7 +80,7 @@ def friction_class(
     >>> import nlfrf
     >>> axis, grid = nlfrf.servo_axis("linear motor"), dict(fs=4000, n_samples=4000, f_min=2, f_max=300)
     >>> played = [nlfrf.multisine("special-odd", rms=rms, rng=3, **grid) for rms in (1, 15, 60)]
-    >>> records = [nlfrf.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played]
+    >>> records = [nlfrf.rig.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played]
     >>> found = friction_class(records, free=True)                    # the axis has 2 N/um
     >>> bool(2e6 < found.friction.K0 < 2.6e6)
     True

@@ -445,7 +445,8 @@ class SaturatedProof:
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, friction_plant
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import friction_plant
     >>> rig = friction_plant(1.0, 80e3, 40.0)
     >>> prove_saturated(rig, 1e3, any_maxwell_slip(64e3), Fs=1.0, limit=20.0).verdict
     'proved'
@@ -507,7 +508,8 @@ def prove_saturated(
     Examples
     --------
     >>> import control
-    >>> from robust import any_maxwell_slip, friction_plant
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import friction_plant
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
     >>> proof = prove_saturated(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3), Fs=1.0, limit=20.0)
     >>> proof.verdict, proof.kick > 2 * proof.kick_linear

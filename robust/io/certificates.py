@@ -335,7 +335,7 @@ def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
     schema = nlfrf.inspect_file(path).schema
     if schema and "record" not in schema:
-        return nlfrf.load_bla(path)
+        return nlfrf.io.load_bla(path)
     record: nlfrf.Record = nlfrf.load_record(path, **load)
     return record
 

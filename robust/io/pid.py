@@ -191,10 +191,10 @@ def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidG
     Examples
     --------
     >>> import robust
-    >>> gains = pid_gains(robust.pid(2.0, 3.0, 0.1, filter_time=0.01, dt=1e-3))
+    >>> gains = pid_gains(robust.shaping.pid(2.0, 3.0, 0.1, filter_time=0.01, dt=1e-3))
     >>> [round(gain, 9) for gain in (gains.kp, gains.ki, gains.kd, gains.filter_time)]
     [2.0, 3.0, 0.1, 0.01]
-    >>> print(pid_gains(robust.pid(2.0, 3.0), dt=0.1))
+    >>> print(pid_gains(robust.shaping.pid(2.0, 3.0), dt=0.1))
     parallel, Kp + Ki/s: Kp = 2, Ki = 3 1/s
     ideal, Kp (1 + 1/(Ti s)): Kp = 2, Ti = 0.666667 s
     once a sample, at 10 Hz, e = r - y: i[k] = i[k-1] + 0.15 (e[k] + e[k-1]); u[k] = 2 e[k] + i[k]

@@ -1,2 +1,1 @@
 from .sampling import discretize as discretize
-from .sampling import sampled as sampled

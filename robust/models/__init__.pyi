@@ -1,17 +1,10 @@
 from .fit.nominal import NominalFit as NominalFit
-from .fit.nominal import fit_nominal as fit_nominal
-from .fit.nominal import frd as frd
 from .fit.orders import OrderScan as OrderScan
 from .fit.orders import scan_orders as scan_orders
 from .fit.weights import WeightFit as WeightFit
 from .fit.weights import control_weight as control_weight
 from .fit.weights import delay_weight as delay_weight
-from .fit.weights import fit_weight as fit_weight
-from .fit.weights import performance_weight as performance_weight
-from .sets.build import uncertainty as uncertainty
 from .sets.interconnection import Block as Block
 from .sets.interconnection import UncertainSystem as UncertainSystem
 from .sets.interconnection import interconnection as interconnection
-from .sets.model import UncertaintyModel as UncertaintyModel
 from .validation import Validation as Validation
-from .validation import validate as validate

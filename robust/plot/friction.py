@@ -75,7 +75,7 @@ def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[
     Parameters
     ----------
     fit : FrictionFit
-        Of `robust.identify_friction`.
+        Of `robust.friction.identify_friction`.
     ax : two matplotlib Axes, or one in the place of which both are drawn, optional
         Where to draw; a new figure when not given.
     """

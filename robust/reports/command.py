@@ -48,7 +48,7 @@ def load_blas(paths: Sequence[Path]) -> nlfrf.Bla | list[nlfrf.Bla]:
     """Return what was identified: a BLA or a matrix, or a list of one kind."""
     found: list[nlfrf.Bla] = []
     for path in paths:
-        one = nlfrf.load_bla(path)
+        one = nlfrf.io.load_bla(path)
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)

@@ -91,7 +91,7 @@ def bla_section(blas: list[Bla]) -> Section:
     for i, bla in enumerate(blas):
         which = f" of record {i + 1}" if len(blas) > 1 else ""
         if not bla.is_single:
-            values = nlfrf.singular_values(bla)
+            values = nlfrf.bla.singular_values(bla)
             facts += [(f"matrix{which}", rows_of_value(bla)), (f"directions{which}", rows_of_value(values))]
             pictures += [
                 parts.draw_picture(plot.plot_frm, bla, tall=True, caption=f"Every entry{which} with its 95 % bound."),

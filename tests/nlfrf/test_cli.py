@@ -7,18 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from nlfrf import (
-    Record,
-    __version__,
-    cli,
-    load,
-    load_bla,
-    load_multisine,
-    multisine,
-    save_multisine,
-    save_record,
-)
+from nlfrf import Record, __version__, cli, load, multisine
 from nlfrf.axis.axis_file import load_axis
+from nlfrf.io import load_bla, load_multisine, save_multisine, save_record
 
 
 @pytest.fixture

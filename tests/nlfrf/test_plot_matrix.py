@@ -21,7 +21,7 @@ MATRICES = {
     "frm": lambda ax: pictures.plot_frm(FRM, ax=ax),
     "phase": lambda ax: pictures.plot_frm_phase(FRM, ax=ax),
     "bounds": lambda ax: pictures.plot_frm_bounds(FRM, ax=ax),
-    "rga": lambda ax: pictures.plot_rga(nlfrf.rga(FRM), ax=ax),
+    "rga": lambda ax: pictures.plot_rga(nlfrf.bla.rga(FRM), ax=ax),
 }
 
 
@@ -91,7 +91,7 @@ def test_a_matrix_takes_the_place_that_it_is_given(name, how):
 
 
 def test_singular_values_in_their_bands(ax):
-    found = nlfrf.singular_values(FRM)
+    found = nlfrf.bla.singular_values(FRM)
     pictures.plot_singular_values(found, ax=ax)
     for i in range(2):
         np.testing.assert_allclose(curve(ax, f"singular value {i + 1}"), 20 * np.log10(found.sigma[i]))

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 RUN = {f"benchmarks.{command.split()[0]}" for command in COMMANDS}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
 MEASURED = (ROOT / "docs" / "guide" / "measured.md").read_text(encoding="utf-8")
-#: Attacks the page of `robust.shape` in a browser, which is not to be had everywhere.
+#: Attacks the page of `robust.shaping.shape` in a browser, which is not to be had everywhere.
 BY_HAND = {"benchmarks.attack_shaping_page"}
 
 

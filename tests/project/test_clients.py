@@ -12,9 +12,11 @@ import pandas
 import pytest
 from scipy.io import loadmat
 
-from nlfrf import export_csv, save_multisine
+from nlfrf import export_csv
+from nlfrf.io import save_multisine
 from nlfrf.signals.multisine import multisine
-from robust import controller_sections, export_matlab, fit_nominal, load_model, save_controller, save_model
+from robust import fit_nominal
+from robust.io import controller_sections, export_matlab, load_model, save_controller, save_model
 from robust.lti.lti import response
 from tests.robust.io.test_export import BLA, MODELS
 

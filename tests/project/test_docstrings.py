@@ -17,18 +17,31 @@ REFUSES = re.compile(r"\braise\b|\b(?:require|check)_\w+\(")
 
 #: Files, containers and our own bookkeeping: nothing in them comes from a book.
 OWN = {
-    *("nlfrf.DataWarning", "nlfrf.LineGrid", "nlfrf.LoopResponse", "nlfrf.Motion", "nlfrf.Record", "nlfrf.drive"),
-    "nlfrf.ServoTrace",
+    *(
+        "nlfrf.DataWarning",
+        "nlfrf.signals.LineGrid",
+        "nlfrf.rig.LoopResponse",
+        "nlfrf.rig.Motion",
+        "nlfrf.Record",
+        "nlfrf.rig.drive",
+    ),
+    "nlfrf.rig.ServoTrace",
     *("nlfrf.Record", "nlfrf.record_from_samples"),
-    *("nlfrf.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_record"),
-    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.load_bla", "nlfrf.save_bla"),
-    *("nlfrf.export_csv", "nlfrf.load_bla", "nlfrf.load_multisine", "nlfrf.load_record", "nlfrf.record_from_samples"),
-    *("nlfrf.run", "nlfrf.save_bla", "nlfrf.save_multisine", "nlfrf.save_record", "nlfrf.simulate"),
-    *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),
-    *("robust.load_controller", "robust.load_model", "robust.save_controller", "robust.save_model"),
-    "robust.save_certificate",
+    *("nlfrf.io.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_record"),
+    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.io.load_bla", "nlfrf.io.save_bla"),
+    *(
+        "nlfrf.export_csv",
+        "nlfrf.io.load_bla",
+        "nlfrf.io.load_multisine",
+        "nlfrf.load_record",
+        "nlfrf.record_from_samples",
+    ),
+    *("nlfrf.rig.run", "nlfrf.io.save_bla", "nlfrf.io.save_multisine", "nlfrf.io.save_record", "nlfrf.simulate"),
+    *("robust.DesignWarning", "robust.io.controller_sections", "robust.io.export_matlab", "robust.frd"),
+    *("robust.io.load_controller", "robust.io.load_model", "robust.io.save_controller", "robust.io.save_model"),
+    "robust.io.save_certificate",
     "robust.drive.load_gains",
-    *("robust.write_report", "nlfrf.hysteresis.Linear", "nlfrf.hysteresis.Table"),
+    *("robust.reports.write_report", "nlfrf.hysteresis.Linear", "nlfrf.hysteresis.Table"),
 }
 
 #: Names that always carry the same unit, wherever they are documented with a type of numbers.

@@ -14,7 +14,7 @@ import pytest
 
 from docs import gallery
 from docs.gallery import EXAMPLES, names, outputs, printed, title_and_text
-from robust import load_controller, load_model
+from robust.io import load_controller, load_model
 
 #: What each must have printed, as patterns in order.
 PRINTED = {

@@ -54,10 +54,17 @@ def things():
     sound |= {"f_max": 100, "n_samples": 512, "omega": np.array([1.0, 2.0]), "system": G, "level": 1.0, "fit": nominal}
     sound |= {"force": np.zeros(10), "blas": [bla] * 3, "omega_B": 1.0, "omega_c": 1.0, "radius": np.array([1.0, 2.0])}
     sound |= {"N": np.zeros((1, 1, 3)), "blocks": [(1, 1)], "N_ss": G, "systems": [G], "L": G, "P": G, "n_meas": 1}
-    sound |= {"n_con": 1, "frm": frm, "friction": robust.any_bounded(1.0), "mass": 1.0, "stiffness": 1e4, "K0": 1e5}
+    sound |= {
+        "n_con": 1,
+        "frm": frm,
+        "friction": robust.friction.any_bounded(1.0),
+        "mass": 1.0,
+        "stiffness": 1e4,
+        "K0": 1e5,
+    }
     sound |= {"machine": robust.friction_plant(1.0, 1e4, 10.0), "records": [record], "delay": 0.01}
     sound |= {"v": np.zeros(10), "omega_bc": 10.0, "content": model, "gain": 2.0, "phase": 30.0, "kp": 1.0, "Fs": 1.0}
-    sound |= {"signals": robust.LoopSignals(disturbance=robust.SineSignal(0.1, 10.0))}
+    sound |= {"signals": robust.analysis.LoopSignals(disturbance=robust.analysis.SineSignal(0.1, 10.0))}
     sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record), "f": np.array([1.0, 2.0])}
     axis = nlfrf.servo_axis("linear motor")
     sound |= {

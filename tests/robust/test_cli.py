@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf import save_bla
-from robust import UncertaintyModel, cli, load_controller, load_model, save_controller, save_model
+from nlfrf.io import save_bla
+from robust import UncertaintyModel, cli
+from robust.io import load_controller, load_model, save_controller, save_model
 from tests.support.bla import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(30) + 1, 8 * np.arange(30) + 3])) * 0.5
@@ -215,7 +216,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     y = np.fft.irfft(np.einsum("jik,impk->jmpk", G, np.fft.rfft(u)), 512)
     y += 2e-3 * y.std() * np.random.default_rng(0).standard_normal(y.shape)
     frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines), transient="none")
-    nlfrf.save_bla(frm, "G.npz")
+    nlfrf.io.save_bla(frm, "G.npz")
     command = "model G.npz --poles 4 --sample-time 0.00390625 --form additive --order 2 -o m.json --picture m.png"
     code, out, err = robust_command(command)
     assert not code, err

@@ -18,7 +18,7 @@ def random_loop(seed):
     delay = dt * rng.uniform(0, 2.5) if dt else rng.uniform(0, 0.3) / omega_c
     model = random_model(rng, omega_c)
     w_P = robust.performance_weight(omega_c * rng.uniform(0.05, 0.5), M_S=2.5, A=1e-2)
-    begin = robust.lead(omega_c, 0.5, dt=dt) if rng.random() < 0.3 else None
+    begin = robust.shaping.lead(omega_c, 0.5, dt=dt) if rng.random() < 0.3 else None
     state = {
         "gain": tidy(10 ** rng.uniform(-0.7, 0.3)),
         "elements": random_elements(rng, f_c, 0.4 / dt if dt else np.inf),

@@ -40,7 +40,8 @@ class Motion:
 
     Examples
     --------
-    >>> from nlfrf import paper_rig, run
+    >>> from nlfrf import paper_rig
+    >>> from nlfrf.rig import run
     >>> motion = run(paper_rig(), np.zeros(4), fs=1000)
     >>> motion.t.tolist(), motion.x.tolist()
     ([0.0, 0.001, 0.002, 0.003], [0.0, 0.0, 0.0, 0.0])

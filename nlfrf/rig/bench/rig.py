@@ -3,7 +3,7 @@
     m x'' + c x' + k x + friction(x') = force                                          one axis
     M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force, y = sensors @ q        several
 
-`Rig` is the machine; `nlfrf.run` takes it from rest through any force, `nlfrf.simulate` through multisines.
+`Rig` is the machine; `nlfrf.rig.run` takes it from rest through any force, `nlfrf.simulate` through multisines.
 """
 
 from __future__ import annotations

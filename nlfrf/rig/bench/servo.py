@@ -672,7 +672,7 @@ def servo_axis(preset: str) -> ServoAxis:
     Returns
     -------
     ServoAxis
-        With friction of the class `robust.any_maxwell_slip`, viscous friction beside it.
+        With friction of the class `robust.friction.any_maxwell_slip`, viscous friction beside it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Friction laws as plain values; `nlfrf.Rig` puts them under a mass.
+"""Friction laws as plain values; `nlfrf.rig.Rig` puts them under a mass.
 
 All here are point symmetric (`VaryingSliders` need not be): a motion turned around gives the force turned around.
 s(v) is the Stribeck curve,
@@ -77,7 +77,7 @@ class OwnFriction:
 
     Examples
     --------
-    >>> from nlfrf import Rig, run
+    >>> from nlfrf.rig import Rig, run
     >>> def derivative(x, v, z):
     ...     return v - 1e5 * np.abs(v) * z / 0.7
     >>> def force(x, v, z):
@@ -147,7 +147,7 @@ class VaryingSliders:
 
     m the product of what is asked for: exp(-(v/vs)^2) while it slips, 1 - exp(-rest/dwell) when it has stuck for a
     time, (1 + cos(2 pi x / wavelength)) / 2 along the way, 1 - asymmetry one way, and, where seeded, a number drawn
-    anew whenever it sticks. Every one of them lies in `robust.any_maxwell_slip(sum of stiffness, stiction)`.
+    anew whenever it sticks. Every one of them lies in `robust.friction.any_maxwell_slip(sum of stiffness, stiction)`.
 
     Parameters
     ----------
@@ -563,8 +563,32 @@ def check_stribeck(law: StribeckLaw) -> None:
 
 
 def stribeck(law: Friction, v: ArrayLike) -> np.ndarray:
-    """Return the Stribeck curve s(v) [N] of a law, without its viscous part; zero at v = 0.
+    """Return the Stribeck curve s(v) of a law, without its viscous part; zero at v = 0.
 
+    Parameters
+    ----------
+    law : Friction
+        Any law but `OwnFriction`.
+    v : array_like
+        Velocities [m/s].
+
+    Returns
+    -------
+    ndarray (of the shape of v)
+        Force in steady motion [N].
+
+    Raises
+    ------
+    ValueError
+        A law of the user's own, which has no such curve.
+
+    References
+    ----------
+    J. Swevers, F. Al-Bender, C. G. Ganseman, T. Prajogo, *An integrated friction model structure with improved
+    presliding behavior for accurate friction compensation*, IEEE Trans. Autom. Control 45, 2000.
+
+    Examples
+    --------
     >>> stribeck(Leuven(), [-0.01, 0.0, 1.0]).round(4)
     array([-0.8104,  0.    ,  0.7   ])
     """

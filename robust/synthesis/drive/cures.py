@@ -107,7 +107,8 @@ def friction_cures(
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, friction_plant
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import friction_plant
     >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     >>> cures = friction_cures(friction_plant(1.0, 0.0), settings, any_maxwell_slip(1e5, 3.0), Fs=1.0)
     >>> str(cures[0].verdict), cures[0].change

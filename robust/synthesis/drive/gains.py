@@ -112,7 +112,7 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
     A PID of kp (s + 1/tn)(s + kv)/s, with kp = 2 A/(m/s), tn = 10 ms, kv = 40 1/s, and with a derivative filter.
 
     >>> from robust.drive import DriveSettings
-    >>> from robust import pid
+    >>> from robust.shaping import pid
     >>> drive = DriveSettings(fs=4000, kv=1, kp=1, kp_unit="A/(m/s)")
     >>> found = gains(pid(280.0, 8000.0, 2.0, filter_time=0.5e-3), like=drive).settings
     >>> [round(number, 2) for number in (found.kv, 1e3 * found.tn, found.kp, 1e3 * found.velocity_lag)]

@@ -84,7 +84,7 @@ def design_frf(
     delay : float
         Computation delay [s] on top of what the plant contains.
     fixed : control system
-        A known factor of K on the same time base: a notch, a roll-off, a filter (`robust.notch`, ...).
+        A known factor of K on the same time base: a notch, a roll-off, a filter (`robust.shaping.notch`, ...).
     end_gain : float
         Largest |L| from the last line of an FRF on; above it the plant is taken to be no larger than there.
     integrators : int

@@ -176,7 +176,7 @@ def dk_iteration(
 
     The same by the names of its signals. K reads e and drives u, the last output and the last input:
 
-    >>> from robust import Block, interconnection
+    >>> from robust.models import Block, interconnection
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
     >>> drive = control.ss([], [], [], [[1.0]], inputs="u_in", outputs="u")      # what the block reads
     >>> error = control.summing_junction(["r", "-y"], "e")

@@ -356,7 +356,7 @@ class Pid(TunableBlock):
     def from_gains(cls, gains: Any, *, reads: str, drives: str) -> Pid:
         """Return the block of a `PidGains`, the same PID: `pid_gains` reads those of a design of `design_frf`.
 
-        >>> from robust import PidGains
+        >>> from robust.io import PidGains
         >>> Pid.from_gains(PidGains(kp=2.0, ki=10.0), reads="e", drives="u").ki
         10.0
         """
@@ -397,7 +397,7 @@ class Pid(TunableBlock):
 
 @value
 class Notch(TunableBlock):
-    """(s^2 + depth width omega s + omega^2)/(s^2 + width omega s + omega^2), as `robust.notch` has it.
+    """(s^2 + depth width omega s + omega^2)/(s^2 + width omega s + omega^2), as `robust.shaping.notch` has it.
 
     Fields
     ------
@@ -445,7 +445,7 @@ class Notch(TunableBlock):
 
 @value
 class Lead(TunableBlock):
-    """r (s + omega/r)/(s + omega r): phase lead at omega, gain one there, as `robust.lead` has it.
+    """r (s + omega/r)/(s + omega r): phase lead at omega, gain one there, as `robust.shaping.lead` has it.
 
     Fields
     ------
@@ -492,7 +492,7 @@ class Lead(TunableBlock):
 
 @value
 class Filter2(TunableBlock):
-    """omega^2/(s^2 + 2 zeta omega s + omega^2): a low-pass filter of second order, as `robust.roll_off` has it.
+    """omega^2/(s^2 + 2 zeta omega s + omega^2): a low-pass filter of second order, as `robust.shaping.roll_off` has it.
 
     Fields
     ------

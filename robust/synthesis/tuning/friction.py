@@ -69,7 +69,8 @@ class FrictionLimit:
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, friction_plant
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import friction_plant
     >>> str(FrictionLimit(friction_plant(1.0, 80e3), any_maxwell_slip(64e3)))
     'comes to rest with friction up to 64 kN/m'
     """

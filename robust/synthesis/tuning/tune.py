@@ -184,7 +184,7 @@ def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
         name = f"system[{k}]"
         part = multivariable(name, part)
         if not is_constant(part) and abs(timebase(part) - dt) > 1e-9 * max(dt, 1e-300):
-            cure = "Discretize it (robust.discretize)" if not timebase(part) else "Give dt"
+            cure = "Discretize it (robust.lti.discretize)" if not timebase(part) else "Give dt"
             raise ValueError(
                 f"{name} must have the sampling time of the design, {dt:g} s (0 is continuous), got "
                 f"{timebase(part):g} s. {cure}"

@@ -48,7 +48,7 @@ def join_by_name(
     """Join parts and ports by name: an input is the sum of all outputs and external inputs of its name.
 
     A signal that is looked at is the sum of all outputs of its name, without the external input of that name, as in
-    `robust.interconnection` and `control.interconnect`.
+    `robust.models.interconnection` and `control.interconnect`.
 
     Raises
     ------

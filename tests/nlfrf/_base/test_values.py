@@ -6,8 +6,9 @@ import pickle
 import numpy as np
 import pytest
 
-from nlfrf import LineGrid, multisine
+from nlfrf import multisine
 from nlfrf._base.values import field_names, value
+from nlfrf.signals import LineGrid
 
 
 @value

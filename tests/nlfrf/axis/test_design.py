@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf import identify, multisine, run_servo, servo_axis
+from nlfrf import identify, multisine, servo_axis
 from nlfrf.axis import AxisLimits, design_experiment, design_ramp, load_trace, play_experiment
 from nlfrf.axis.loop import closed_loop_poles, crossover_frequency, plant_frf
+from nlfrf.rig import run_servo
 
 N = 2000
 BAND = {"n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}
@@ -162,7 +163,7 @@ def test_sources_that_do_not_fit():
         u=np.ones((1, 1, 8)) * np.arange(8),
         y=np.ones((1, 1, 8)) * np.arange(8),
         fs=1,
-        lines=nlfrf.LineGrid(excited=[1]),
+        lines=nlfrf.signals.LineGrid(excited=[1]),
     )
     with pytest.raises(ValueError, match="source must be of type ServoAxis or Record, got 1"):
         design_experiment(1.0, **BAND, rms=1)

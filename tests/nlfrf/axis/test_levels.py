@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf import DataWarning, run_servo, servo_axis
+from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
 from nlfrf.axis import LevelState, design_experiment, design_ramp, find_levels, load_trace, play_experiment
+from nlfrf.rig import run_servo
 from tests.support.backlash import play_backlash
 
 N = 1000
@@ -117,8 +118,8 @@ FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
 
 
 def levels_with_play(tmp_path, **machine):
-    drive = nlfrf.ServoDrive(fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3)
-    rough = nlfrf.ServoAxis(
+    drive = nlfrf.rig.ServoDrive(fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3)
+    rough = nlfrf.rig.ServoAxis(
         motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, force_constant=1.0, drive=drive
     )
     band = {"n_samples": 1000, "f_min": 4, "f_max": 100, "rng": 1}

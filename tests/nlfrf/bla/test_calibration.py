@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.plants import played, wiener
-from nlfrf import LineGrid, multisine
+from nlfrf import multisine
 from nlfrf.bla.calibration import (
     COHERENT_SHARE,
     crest_correction,
@@ -16,6 +16,7 @@ from nlfrf.bla.calibration import (
 )
 from nlfrf.bla.distortion import cubic_count_ratios
 from nlfrf.bla.line_index import index_lines, nearest_lines
+from nlfrf.signals import LineGrid
 
 LINES = np.array([1, 3, 9, 11, 17, 19])
 

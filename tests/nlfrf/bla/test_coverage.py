@@ -6,9 +6,10 @@ import pytest
 from benchmarks.coverage import frfs, measure_hard, subset_of
 from benchmarks.drawn import drawn_case
 from benchmarks.plants import cubic, fifth_power, mode, played, spring
-from nlfrf import LineGrid, Record, identify, multisine, reduce_crest
+from nlfrf import Record, identify, multisine, reduce_crest
 from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.local_models import fit_locally
+from nlfrf.signals import LineGrid
 
 FINE = dict(n_samples=2048, f_min=0.5, f_max=90)
 

@@ -6,7 +6,7 @@ from scipy import special, stats
 
 from benchmarks.coverage import frfs, relative_loss
 from benchmarks.plants import PLANTS, played
-from nlfrf import LineGrid, Record, identify, multisine, reduce_crest
+from nlfrf import Record, identify, multisine, reduce_crest
 from nlfrf.bla.distortion import (
     WindowCoordinates,
     cubic_count_ratios,
@@ -20,6 +20,7 @@ from nlfrf.bla.distortion import (
     window_coordinates,
 )
 from nlfrf.bla.line_index import index_lines
+from nlfrf.signals import LineGrid
 
 GRID = LineGrid(
     excited=np.concatenate([8 * np.arange(25) + 1, 8 * np.arange(25) + 3])[

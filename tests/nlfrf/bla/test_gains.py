@@ -21,8 +21,8 @@ def measured(gains, *, noise, rng):
 
 
 def test_the_distillation_column():
-    assert nlfrf.rga(COLUMN)[0, 0] == pytest.approx(35.07, abs=0.005)
-    clean = nlfrf.singular_values(measured(COLUMN, noise=1e-6, rng=0))
+    assert nlfrf.bla.rga(COLUMN)[0, 0] == pytest.approx(35.07, abs=0.005)
+    clean = nlfrf.bla.singular_values(measured(COLUMN, noise=1e-6, rng=0))
     assert clean.sigma[:, 0] == pytest.approx([197.2, 1.39], rel=2e-3)
     assert str(clean).startswith("2 singular values on 75 lines; largest 197.2, smallest 1.39")
 
@@ -30,13 +30,15 @@ def test_the_distillation_column():
 def test_the_laws_of_relative_gains():
     rng = np.random.default_rng(0)
     G = rng.standard_normal((3, 3, 5)) + 1j * rng.standard_normal((3, 3, 5))
-    gains = nlfrf.rga(G)
+    gains = nlfrf.bla.rga(G)
     for axis in (0, 1):
         np.testing.assert_allclose(gains.sum(axis=axis), 1)
     D1, D2 = np.diag([2.0, 0.1, 30.0]), np.diag([5.0, 1.0, 0.3])
-    np.testing.assert_allclose(nlfrf.rga(np.einsum("ij,jkf,kl->ilf", D1, G, D2)), gains)  # no units
-    np.testing.assert_allclose(nlfrf.rga(np.tril(np.ones((3, 3)))), np.eye(3), atol=1e-12)  # triangular: one way only
-    tall = nlfrf.rga(G[:, :2])
+    np.testing.assert_allclose(nlfrf.bla.rga(np.einsum("ij,jkf,kl->ilf", D1, G, D2)), gains)  # no units
+    np.testing.assert_allclose(
+        nlfrf.bla.rga(np.tril(np.ones((3, 3)))), np.eye(3), atol=1e-12
+    )  # triangular: one way only
+    tall = nlfrf.bla.rga(G[:, :2])
     np.testing.assert_allclose(tall.sum(axis=0), 1)  # columns, where outputs are more than inputs
     # a relative change of an element by minus one over it makes the matrix singular
     at, j, i = G[:, :, 0].copy(), 1, 2
@@ -45,9 +47,9 @@ def test_the_laws_of_relative_gains():
     with pytest.raises(
         ValueError, match=r"G must be finite, of axes \(n_y, n_u\) or \(n_y, n_u, F\), got shape \(3,\)"
     ):
-        nlfrf.rga(np.ones(3))
+        nlfrf.bla.rga(np.ones(3))
     with pytest.raises(ValueError, match=r"got shape \(1, 1\) of <U1"):
-        nlfrf.rga([["a"]])
+        nlfrf.bla.rga([["a"]])
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 2), (2, 3), (3, 3)])
@@ -55,7 +57,7 @@ def test_no_plant_of_the_set_has_singular_values_outside(shape):
     rng = np.random.default_rng(3)
     gains = rng.standard_normal(shape) * np.geomspace(1, 0.02, shape[1])
     frm = measured(gains, noise=0.02, rng=4)
-    found = nlfrf.singular_values(frm)
+    found = nlfrf.bla.singular_values(frm)
     left, right = (np.moveaxis(part, 2, 0) for part in frm.block())
     G = np.moveaxis(frm.G, 2, 0)
     U, _, Vh = np.linalg.svd(G, full_matrices=False)
@@ -75,11 +77,11 @@ def test_no_plant_of_the_set_has_singular_values_outside(shape):
 
 
 def test_bounds_hold_the_truth_as_often_as_they_say():
-    sigma, gains = np.linalg.svd(COLUMN, compute_uv=False)[:, None], nlfrf.rga(COLUMN)[:, :, None]
+    sigma, gains = np.linalg.svd(COLUMN, compute_uv=False)[:, None], nlfrf.bla.rga(COLUMN)[:, :, None]
     of_gains, of_sigma = [], []
     for e in range(60):
         frm = measured(COLUMN, noise=0.03, rng=e)
-        found, relative = nlfrf.singular_values(frm), nlfrf.rga(frm)
+        found, relative = nlfrf.bla.singular_values(frm), nlfrf.bla.rga(frm)
         of_sigma.append(np.mean(np.all((found.low < sigma) & (sigma < found.high), axis=0)))
         of_gains.append(np.mean(np.abs(relative.gains - gains) < relative.radius, axis=2))
     assert np.mean(of_sigma) > 0.93  # a set that holds the matrix holds them
@@ -92,8 +94,8 @@ def test_bounds_hold_relative_gains_of_matrices_that_are_not_square(gains):
     """The inverse then moves with the conjugate of the error too, and of one input the element is a real number."""
     gains, held = np.array(gains, float), []
     for e in range(25):
-        relative = nlfrf.rga(measured(gains, noise=0.03, rng=e))
-        held.append(np.mean(np.abs(relative.gains - nlfrf.rga(gains)[:, :, None]) < relative.radius, axis=2))
+        relative = nlfrf.bla.rga(measured(gains, noise=0.03, rng=e))
+        held.append(np.mean(np.abs(relative.gains - nlfrf.bla.rga(gains)[:, :, None]) < relative.radius, axis=2))
     held = np.mean(held, axis=0)
     assert held.min() > 0.92
     assert held.mean() < 0.995
@@ -101,12 +103,14 @@ def test_bounds_hold_relative_gains_of_matrices_that_are_not_square(gains):
 
 def test_the_condition_of_a_singular_matrix_is_infinite():
     some = np.ones((2, 1))
-    found = nlfrf.SingularValues(f=np.ones(1), sigma=np.array([[1.0], [0.0]]), low=0 * some, high=some, confidence=0.95)
+    found = nlfrf.bla.SingularValues(
+        f=np.ones(1), sigma=np.array([[1.0], [0.0]]), low=0 * some, high=some, confidence=0.95
+    )
     assert "condition at most inf at 1 Hz" in unwrapped(found)
 
 
 def test_a_weak_direction_that_was_not_measured_is_said():
     frm = measured(np.array([[1.0, 1.0], [1.0, 1.0]]), noise=0.05, rng=2)
-    found = nlfrf.singular_values(frm)
+    found = nlfrf.bla.singular_values(frm)
     assert np.mean(found.low[1] == 0) > 0.9
     assert "the set may hold a matrix of lower rank: the weakest direction is not measured" in unwrapped(found)

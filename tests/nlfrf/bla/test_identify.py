@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from nlfrf import DataWarning, LineGrid, Record, identify, identify_noise, multisine, second_opinion
+from nlfrf import DataWarning, Record, identify, identify_noise, multisine, second_opinion
+from nlfrf.signals import LineGrid
 from tests.support.printed import unwrapped
 
 FS = N = 1024

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks import hum
-from nlfrf import DataWarning, LineGrid, identify, record_from_samples
+from nlfrf import DataWarning, identify, record_from_samples
 from nlfrf.bla.frf import warn_of_outlier_lines
 from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.local_models import fit_locally, leave_one_out_residual
+from nlfrf.signals import LineGrid
 
 GRID = LineGrid(excited=np.sort(np.concatenate([np.arange(1, 401, 8), np.arange(3, 401, 8)])))
 WHERE = index_lines(GRID)

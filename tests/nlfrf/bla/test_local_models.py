@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from nlfrf import LineGrid
 from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.local_models import fit_global_rational, fit_locally, is_stable
+from nlfrf.signals import LineGrid
 
 LINES = np.arange(5, 30, 2)  # thirteen
 N = 400

@@ -19,7 +19,7 @@ def test_the_second_half_of_the_mirrors_sets_lies_in_the_bound_of_the_first(meas
     """Floren and others, ISMA 2024, CC BY 4.0. A full grid: the level comes from the roughness of one set."""
     folder = measured / "fine_steering_mirror"
     u, y = (np.load(folder / f"{name}_{level}_train.npy").transpose(1, 2, 3, 0) for name in "uy")
-    lines = nlfrf.LineGrid(excited=np.arange(600, 1600))
+    lines = nlfrf.signals.LineGrid(excited=np.arange(600, 1600))
 
     def matrix(sets):
         record = nlfrf.Record(u=u[:, sets], y=y[:, sets], fs=6400, lines=lines)
@@ -39,7 +39,7 @@ def test_the_second_half_of_the_mirrors_sets_lies_in_the_bound_of_the_first(meas
 def test_the_beam_has_its_peaks_where_its_owner_says(measured):
     """F. Ribeiro 2015, BSD 2-clause: patches driven alike and in opposition by one sweep: no psi."""
     data = np.load(measured / "beam_ring" / "beam_ring_2x2.npz")
-    lines = nlfrf.LineGrid(excited=np.arange(1200, 4200))
+    lines = nlfrf.signals.LineGrid(excited=np.arange(1200, 4200))
     names = {"inputs": ("upper patch", "lower patch"), "outputs": ("upper", "lower")}
     record = nlfrf.Record(u=data["u"], y=data["y"], fs=1000, lines=lines, **names)
     with pytest.warns(nlfrf.DataWarning) as said:

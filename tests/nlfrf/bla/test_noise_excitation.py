@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from nlfrf import DataWarning, Record, identify, identify_noise, load_bla, multisine, save_bla
+from nlfrf import DataWarning, Record, identify, identify_noise, multisine
+from nlfrf.io import load_bla, save_bla
 
 
 @pytest.mark.parametrize("ratio", [2, 2.5, 8.7])

@@ -160,7 +160,7 @@ def test_warnings_and_refusals():
         signal[:, 1] = signal[:, 0] + 0.05 * signal[:, 1]
     with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly: condition"):
         nlfrf.identify(nlfrf.Record(u=near, y=answer, fs=512, lines=ms.lines))
-    silent = nlfrf.LineGrid(excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even)
+    silent = nlfrf.signals.LineGrid(excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even)
     with pytest.raises(
         ValueError, match="lines must be excited by every input, got line 253 with no input on it in u1"
     ):
@@ -178,7 +178,7 @@ def test_experiments_with_the_same_phases_are_counted_once():
     ms = nlfrf.multisine(**BAND, n_inputs=2, rng=9)
     phi = np.random.default_rng(1).uniform(0, 2 * np.pi, (2, 1, ms.f.size))
     signs = np.array([[0, 0], [0, np.pi]])[:, :, None]
-    plain = nlfrf.OrthogonalMultisine(
+    plain = nlfrf.signals.OrthogonalMultisine(
         fs=512,
         n_samples=512,
         kind=ms.kind,

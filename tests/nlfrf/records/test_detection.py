@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf import DataWarning, LineGrid, Record, identify, load_record, multisine, record_from_samples
+from nlfrf import DataWarning, Record, identify, load_record, multisine, record_from_samples
 from nlfrf.records.excited_lines import detect_lines
+from nlfrf.signals import LineGrid
 
 ACTUATORS = {
     "sound": lambda u: u,
@@ -58,7 +59,7 @@ def played():
 @pytest.mark.filterwarnings("ignore:u must have random phases")  # clipped peaks: a linear plant does not mind
 def test_the_design_lies_under_what_was_measured(played, tmp_path):
     ms, plant, us, ys = played
-    nlfrf.save_multisine(ms, tmp_path / "ms.csv")
+    nlfrf.io.save_multisine(ms, tmp_path / "ms.csv")
     for m, (u, y) in enumerate(zip(us, ys, strict=True)):
         np.savez(tmp_path / f"run{m}.npz", u=u, y=y, fs=1024.0)
     files = [tmp_path / f"run{m}.npz" for m in range(3)]

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from nlfrf import DataWarning, LineGrid, Record, multisine, record_from_samples
+from nlfrf import DataWarning, Record, multisine, record_from_samples
 from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.period import detect_period
+from nlfrf.signals import LineGrid
 
 
 def stream(kind="special-odd", *, n_periods=3, snr=None, amplitude=None, fs=1024, n_samples=1024, f_max=300, rng=0):

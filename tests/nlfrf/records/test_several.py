@@ -49,7 +49,7 @@ def test_refusals():
     with pytest.raises(ValueError, match="inputs must be 2 different names, got 'xy'"):
         nlfrf.Record(**make, inputs="xy")
     with pytest.raises(ValueError, match="lines must lie below the Nyquist line 128"):
-        nlfrf.Record(**{**make, "lines": nlfrf.LineGrid(excited=[1, 3, 200])})
+        nlfrf.Record(**{**make, "lines": nlfrf.signals.LineGrid(excited=[1, 3, 200])})
     with pytest.raises(ValueError, match="y must have the experiments and samples of u"):
         nlfrf.record_from_samples(u, [one[:, :-5] for one in y], fs=256)
     with pytest.raises(ValueError, match="u must have the same channels in every experiment"):

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nlfrf import DataWarning, LineGrid, multisine, reduce_crest
+from nlfrf import DataWarning, multisine, reduce_crest
+from nlfrf.signals import LineGrid
 from nlfrf.signals.crest import expected_peaks, is_improbable
 from nlfrf.signals.lines import KINDS, recognise_kind
 

@@ -158,7 +158,8 @@ def test_a_set_of_sampled_plants_speaks_of_the_samples():
 
 
 def test_a_loop_of_several_uncertainties_that_is_sampled_speaks_of_the_samples():
-    from robust import Block, check_structure, interconnection
+    from robust.analysis import check_structure
+    from robust.models import Block, interconnection
 
     plant = control.ss([[0.5]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "d"], outputs=["y"])
     K = control.ss([], [], [], [[-0.2]], 0.1, inputs=["y"], outputs=["u"])

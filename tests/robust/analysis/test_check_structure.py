@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from robust import Block, check_structure, interconnection
+from robust.analysis import check_structure
 from robust.lti.connections import upper_lft
+from robust.models import Block, interconnection
 
 
 def lag_loop(pole, actuator, gain=4.0, **block):

@@ -4,8 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, disk_margin, disk_margins
+from robust import UncertaintyModel, check
 from robust.analysis.disk import sensitivity_if_stable, smallest_margin
+from robust.margins import disk_margin, disk_margins
 from tests.support.printed import unwrapped
 
 L = control.tf([25], [1, 10, 10, 10])

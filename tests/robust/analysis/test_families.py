@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks.soundness import WRONG, judged
-from robust import check_structure, disk_margin, worst_case
+from robust import worst_case
+from robust.analysis import check_structure
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
+from robust.margins import disk_margin
 from robust.models.sets.interconnection import Block, interconnection
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import decide_stability

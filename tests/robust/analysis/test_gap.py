@@ -4,13 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from robust import (
-    ncf_margin,
-    ncfsyn,
-    nu_gap,
-    sampled,
-)
+from robust import ncfsyn, sampled
 from robust.lti.lti import response
+from robust.margins import ncf_margin, nu_gap
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust import UncertaintyModel, ncf_margin, ncfsyn, nu_gap, sampled
+from robust import UncertaintyModel, ncfsyn, sampled
 from robust.lti.lti import frequency_response_matrices
+from robust.margins import ncf_margin, nu_gap
 
 OMEGA = np.geomspace(1e-3, 1e4, 3000)
 

@@ -10,7 +10,8 @@ import pytest
 
 import nlfrf
 import robust
-from robust import LoopSignals, NoiseSignal, SineSignal, StepSignal, UncertaintyModel, cli
+from robust import UncertaintyModel, cli
+from robust.analysis import LoopSignals, NoiseSignal, SineSignal, StepSignal
 from tests.robust.analysis.test_loop_level import OMEGA, RADIUS, plant_set, record_of
 from tests.support.printed import unwrapped
 
@@ -22,18 +23,18 @@ def test_check_and_report_carry_the_level(tmp_path):
         LoopSignals(noise=SineSignal(0.1, 9.0)),
     )
     report = robust.check(model, 0.5, signals=signals, delay=1e-3)
-    alone = robust.predict_level(model, 0.5, signals, delay=1e-3)
+    alone = robust.analysis.predict_level(model, 0.5, signals, delay=1e-3)
     assert str(report.level) == str(alone)
     flat = unwrapped(report)
     assert f"level: {unwrapped(alone)}" in flat
     assert "level:" not in unwrapped(robust.check(model, 0.5))
     for known in ({"signals": signals}, {"report": robust.check(model, 0.5, signals=signals)}):
-        robust.write_report(tmp_path / "report.html", model, 0.5, **known)
+        robust.reports.write_report(tmp_path / "report.html", model, 0.5, **known)
         text = (tmp_path / "report.html").read_text(encoding="utf-8")
         assert "level of the loop" in text
         assert "below the measured 0.1" in text
     with pytest.raises(ValueError, match="signals must be given to the check whose report"):
-        robust.write_report(tmp_path / "report.html", model, 0.5, report=report, signals=signals, delay=1e-3)
+        robust.reports.write_report(tmp_path / "report.html", model, 0.5, report=report, signals=signals, delay=1e-3)
 
 
 def test_a_matrix_has_no_level(tmp_path):
@@ -43,7 +44,7 @@ def test_a_matrix_has_no_level(tmp_path):
     signals = LoopSignals(noise=SineSignal(0.1, 9.0))
     for refused in (
         lambda: robust.check(model, np.eye(2), signals=signals),
-        lambda: robust.write_report(tmp_path / "r.html", model, np.eye(2), signals=signals),
+        lambda: robust.reports.write_report(tmp_path / "r.html", model, np.eye(2), signals=signals),
     ):
         with pytest.raises(ValueError, match="model must be of one input and one output"):
             refused()
@@ -70,9 +71,9 @@ def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model, K = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2)), control.ss([], [], [], [[0.5]], 0.005)
-    robust.save_model(model, "m.json")
-    robust.save_controller(K, "K.json")
-    robust.save_controller(0.5, "continuous.json")
+    robust.io.save_model(model, "m.json")
+    robust.io.save_controller(K, "K.json")
+    robust.io.save_controller(0.5, "continuous.json")
 
     def told(command):
         monkeypatch.setattr(sys, "argv", ["robust", *command.split()])
@@ -83,12 +84,14 @@ def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):
     signals = LoopSignals(
         reference=StepSignal(0.2), disturbance=NoiseSignal(0.1, omega_max=2 * np.pi * 60), noise=NoiseSignal(0.0)
     )
-    level = robust.predict_level(model, K, replace(signals, noise=NoiseSignal(0.0, omega_max=2 * np.pi * 60)))
+    level = robust.analysis.predict_level(model, K, replace(signals, noise=NoiseSignal(0.0, omega_max=2 * np.pi * 60)))
     code, out, _ = told("check m.json K.json --reference-step 0.2 --disturbance 0.1 --noise 0 --up-to 60 --json")
     found = json.loads(out)["K.json"]["level"]
     assert (found["u"], found["y"], found["y_state"]) == (level.u, level.y, level.y_state.value)
     code, out, _ = told("check m.json K.json --disturbance 0.1")
-    assert unwrapped(robust.predict_level(model, K, LoopSignals(disturbance=NoiseSignal(0.1)))) in unwrapped(out)
+    assert unwrapped(robust.analysis.predict_level(model, K, LoopSignals(disturbance=NoiseSignal(0.1)))) in unwrapped(
+        out
+    )
     code, _, _ = told("report m.json K.json --disturbance 0.1 -o r.html")
     assert (code, "level of the loop" in (tmp_path / "r.html").read_text(encoding="utf-8")) == (0, True)
     for command, message in (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.level_of_loop import Outcome, behaves_table, bound_table, judge, state_table, study
-from robust import LevelState
+from robust.analysis import LevelState
 
 
 @pytest.mark.attack

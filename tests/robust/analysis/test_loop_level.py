@@ -12,7 +12,8 @@ from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 import nlfrf
 import robust
-from robust import LevelState, LoopSignals, NoiseSignal, SampledSignal, SineSignal, StepSignal, UncertaintyModel
+from robust import UncertaintyModel
+from robust.analysis import LevelState, LoopSignals, NoiseSignal, SampledSignal, SineSignal, StepSignal
 from robust.lti.lti import response
 from robust.models.sets.forms import FORMS
 from tests.support.printed import unwrapped
@@ -28,7 +29,7 @@ def plant_set(G=LAG, w=0.2, form="multiplicative", **known):
 
 
 def level_of(model, K, delay=0.0, **signals):
-    return robust.predict_level(model, K, LoopSignals(**signals), delay=delay)
+    return robust.analysis.predict_level(model, K, LoopSignals(**signals), delay=delay)
 
 
 def gains(G, K, omega, name):
@@ -74,7 +75,7 @@ def random_loop(seed, dt):
         K = control.ss(control.tf([gain * w0], [1, w0]))
         if dt:
             T = 0.3 / w0
-            closed = robust.sampled(G, T), robust.discretize(K, T), robust.discretize(F, T)
+            closed = robust.sampled(G, T), robust.lti.discretize(K, T), robust.lti.discretize(F, T)
         else:
             closed = G, K, F
         if (
@@ -190,7 +191,7 @@ def test_no_plant_of_the_set_moves_more_than_the_bound(dt):
     nominal = control.ss(control.tf([4], [1, 0.3, 4]))
     nominal = robust.sampled(nominal, dt) if dt else nominal
     w = control.ss(control.tf([0.3, 0.1], [1, 1]))
-    w = robust.discretize(w, dt) if dt else w
+    w = robust.lti.discretize(w, dt) if dt else w
     model = UncertaintyModel(nominal, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.1]))
     K = control.ss([], [], [], [[0.3]], dt)
     signals = {"disturbance": NoiseSignal(1.0, omega_max=20.0)}
@@ -274,19 +275,19 @@ def test_numbers_out_of_all_proportion_are_above():
 def test_what_is_not_known_is_said_so(tmp_path):
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
-    robust.save_model(model, tmp_path / "new.json")
+    robust.io.save_model(model, tmp_path / "new.json")
     content = json.loads((tmp_path / "new.json").read_text())
     for one in content["evidence"]:
         del one["rms_u"], one["rms_y"]  # as files of before are
     (tmp_path / "old.json").write_text(json.dumps(content))
     signals = {"disturbance": NoiseSignal(0.1, 2 * np.pi, 2 * np.pi * 60)}
-    new, old = (robust.load_model(tmp_path / name) for name in ("new.json", "old.json"))
+    new, old = (robust.io.load_model(tmp_path / name) for name in ("new.json", "old.json"))
     assert new.records[0].rms_u == model.records[0].rms_u
     assert level_of(new, 0.0, **signals).inside
     level = level_of(old, 0.0, **signals)
     assert (level.u_state, level.y_state, level.inside) == (UNKNOWN, UNKNOWN, False)
     assert "not known" in unwrapped(level)
-    assert robust.predict_level(old, 0.0, LoopSignals(**signals), bla=bla).inside
+    assert robust.analysis.predict_level(old, 0.0, LoopSignals(**signals), bla=bla).inside
     assert level_of(plant_set(), 1.0, **signals).u_state is UNKNOWN  # a radius of one's own
 
 
@@ -333,12 +334,15 @@ def test_signals_that_do_not_fit_the_loop(K, signals, message):
         (lambda: NoiseSignal(float("nan")), "rms must be finite"),
         (lambda: StepSignal(float("inf")), "height must be finite"),
         (lambda: SampledSignal(np.ones(1), 9.0), "samples must be at least two"),
-        (lambda: robust.predict_level(LAG, 1.0, LoopSignals(noise=SineSignal(1, 1))), "model"),
+        (lambda: robust.analysis.predict_level(LAG, 1.0, LoopSignals(noise=SineSignal(1, 1))), "model"),
         (
-            lambda: robust.predict_level(plant_set(), 1.0, LoopSignals(noise=SineSignal(1, 1)), bla=[1]),
+            lambda: robust.analysis.predict_level(plant_set(), 1.0, LoopSignals(noise=SineSignal(1, 1)), bla=[1]),
             "bla must be an",
         ),
-        (lambda: robust.predict_level(plant_set(), 1.0, SineSignal(1.0, 1.0)), "signals must be of type LoopSignals"),
+        (
+            lambda: robust.analysis.predict_level(plant_set(), 1.0, SineSignal(1.0, 1.0)),
+            "signals must be of type LoopSignals",
+        ),
     ],
 )
 def test_bad_signals(make, message):
@@ -352,7 +356,7 @@ def test_the_built_in_rig_moves_as_predicted_inside_its_level():
     bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=1))
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3))
     plant, fs = robust.sampled(model.nominal, 1e-3), 1000
-    K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * 20)).K
+    K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * 20)).K
     force = 0.5 * np.random.default_rng(0).standard_normal(30 * fs)
     motion = nlfrf.simulate_loop(nlfrf.paper_rig(), K, np.zeros(force.size), fs=fs, disturbance=force)
     level = level_of(model, K, disturbance=NoiseSignal(0.5))

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 import robust
-from robust import UncertaintyModel, check, disk_margins, interconnection, worst_case
+from robust import UncertaintyModel, check, worst_case
+from robust.margins import disk_margins
+from robust.models import interconnection
 
 T = 0.01
 LAG = control.ss([[0.9]], [[1.0]], [[0.1]], [[0.0]], T)
@@ -39,7 +41,7 @@ def test_so_it_is_with_several_channels():
     with pytest.raises(ValueError, match="systems must have one sampling time"):
         interconnection([control.ss(LAG, inputs="u", outputs="y"), control.ss(gain(0.02), inputs="y", outputs="u")], {})
     with pytest.raises(ValueError, match="sampling time"):
-        robust.ncf_margin(LAG, gain(0.02))
+        robust.margins.ncf_margin(LAG, gain(0.02))
 
 
 @pytest.mark.parametrize("K", [0.5, gain(None), gain(True), gain(T), gain(T * (1 + 1e-12)), gain(0)])

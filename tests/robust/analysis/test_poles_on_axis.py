@@ -4,8 +4,10 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, discretize, disk_margin, sampled, worst_case
+from robust import UncertaintyModel, check, sampled, worst_case
+from robust.lti import discretize
 from robust.lti.lti import response
+from robust.margins import disk_margin
 from robust.models.sets.forms import FORMS
 
 LEAD = ([0.5, 1.0], [0.05, 1.0])

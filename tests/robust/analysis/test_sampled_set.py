@@ -6,7 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, sample_loops, sampled, worst_case
+from robust import UncertaintyModel, check, sampled, worst_case
+from robust.analysis import sample_loops
 from robust.analysis.aliases import aliases_of_set
 from robust.analysis.sampled_set import sampled_set
 from robust.lti.lti import response, response_by_channel

@@ -4,22 +4,15 @@ import control
 import numpy as np
 import pytest
 
-from robust import (
-    UncertaintyModel,
-    check,
-    control_weight,
-    delay_weight,
-    discretize,
-    loop_bounds,
-    nu_gap,
-    performance_weight,
-    sample_loops,
-    scan_orders,
-    worst_case,
-)
+from robust import UncertaintyModel, check, performance_weight, worst_case
+from robust.analysis import sample_loops
+from robust.lti import discretize
 from robust.lti.lti import response
+from robust.margins import nu_gap
+from robust.models import control_weight, delay_weight, scan_orders
 from robust.models.sets import forms
 from robust.models.sets.perturbations import all_pass_of_poles, perturbed_plant, random_perturbation, with_phase
+from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
 

@@ -46,7 +46,7 @@ def levels(rms, *, mass=1.0, spring=80e3, damping=5.0, seed=0, law=None, noise=0
     """Records of a machine at several levels, with noise on the position."""
     rng = np.random.default_rng(seed)
     law = law or VaryingSliders(stiffness=[4e4, 1.6e4, 8e3], strength=[0.4, 0.3, 0.3])
-    rig, records = nlfrf.Rig(mass, spring, law, damping), []
+    rig, records = nlfrf.rig.Rig(mass, spring, law, damping), []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for i, level in enumerate(rms):
@@ -102,14 +102,14 @@ def test_what_is_no_motion_is_refused():
 
 @pytest.fixture(scope="module")
 def sprung():
-    return robust.identify_friction(levels(GOOD))
+    return robust.friction.identify_friction(levels(GOOD))
 
 
 @pytest.fixture(scope="module")
 def motor():
     """The linear motor preset at rest, in closed loop with delay, lag, an encoder and stiction."""
     plan = replace(AT_REST["linear motor"], rms=(1, 15, 30, 60), n_samples=4000)
-    return robust.identify_friction(measure_at_rest(nlfrf.servo_axis("linear motor"), plan, 3), free=True)
+    return robust.friction.identify_friction(measure_at_rest(nlfrf.servo_axis("linear motor"), plan, 3), free=True)
 
 
 def test_a_machine_on_a_spring_is_identified(sprung):
@@ -117,7 +117,7 @@ def test_a_machine_on_a_spring_is_identified(sprung):
     for name, true in truth.items():
         assert abs(getattr(sprung, name) - true) <= 4.5 * sprung.stds[name], name
         assert sprung.stds[name] < 0.05 * true, name
-    assert [question.kind for question in sprung.questions] == [robust.Gap.STICTION]
+    assert [question.kind for question in sprung.questions] == [robust.friction.Gap.STICTION]
     assert sprung.delay == pytest.approx(0.0, abs=4.5 * sprung.stds["delay"])
     z = np.array([5e-6, 1e-4])
     assert sprung.virgin_curve(z) == pytest.approx([64e3 * 5e-6, 1.0], rel=0.02)
@@ -165,21 +165,21 @@ def test_the_class_of_a_fit_holds_the_machine(motor):
 
 
 KINDS = {
-    "sticks": ((0.02, 0.05, 0.1), robust.Gap.HIGHEST_LEVEL_STICKS, "highest level still sticks: it swings"),
-    "slips": ((2.0, 4.0, 8.0), robust.Gap.LOWEST_LEVEL_SLIPS, "lowest level does not stick: it moves"),
-    "equal": ((0.1, 1.0, 1.05), robust.Gap.EQUAL_LEVELS, "count as 2, as neighbours differ by less than 1.3"),
+    "sticks": ((0.02, 0.05, 0.1), robust.friction.Gap.HIGHEST_LEVEL_STICKS, "highest level still sticks: it swings"),
+    "slips": ((2.0, 4.0, 8.0), robust.friction.Gap.LOWEST_LEVEL_SLIPS, "lowest level does not stick: it moves"),
+    "equal": ((0.1, 1.0, 1.05), robust.friction.Gap.EQUAL_LEVELS, "count as 2, as neighbours differ by less than 1.3"),
 }
 
 
 @pytest.mark.parametrize(("rms", "kind", "words"), KINDS.values(), ids=KINDS)
 def test_what_the_levels_leave_open_is_said_with_its_number(rms, kind, words):
-    fit = robust.identify_friction(levels(rms))
+    fit = robust.friction.identify_friction(levels(rms))
     question = next(one for one in fit.questions if one.kind is kind)
     assert words in question.description
-    if kind is robust.Gap.HIGHEST_LEVEL_STICKS:
+    if kind is robust.friction.Gap.HIGHEST_LEVEL_STICKS:
         assert np.isinf(fit.stds["Fs"])
         assert "Fs: left open" in str(fit)
-    if kind is robust.Gap.LOWEST_LEVEL_SLIPS:
+    if kind is robust.friction.Gap.LOWEST_LEVEL_SLIPS:
         assert np.isinf(fit.stds["K0"])
     with pytest.raises(ValueError, match="fit must leave neither machine nor K0 open, got: "):
         fit.assumed_class()
@@ -189,14 +189,14 @@ def test_two_masses_are_no_one_mass():
     """A load on a spring, 78 Hz, in a band up to 200 Hz."""
     masses, springs = np.diag([1.0, 0.5]), np.array([[2e5, -1.2e5], [-1.2e5, 1.2e5]])
     law = VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
-    rig = nlfrf.Rig(masses, springs, [law, None], 5e-5 * springs, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
+    rig = nlfrf.rig.Rig(masses, springs, [law, None], 5e-5 * springs, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
     grid = {"fs": 1024, "n_samples": 1024, "f_min": 2, "f_max": 200}
     played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate(GOOD[1:])]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         records = [nlfrf.simulate(rig, ms, n_periods=2, n_discard=4, oversampling=4) for ms in played]
-    fit = robust.identify_friction(records)
-    question = next(one for one in fit.questions if one.kind is robust.Gap.OTHER_MACHINE)
+    fit = robust.friction.identify_friction(records)
+    question = next(one for one in fit.questions if one.kind is robust.friction.Gap.OTHER_MACHINE)
     assert "more than 2 % beyond noise" in question.description
     assert "take masses=2, or give friction_class the BLAs and a nominal" in question.description
 
@@ -205,7 +205,7 @@ def test_two_masses_are_no_one_mass():
 def belt():
     """The belt preset to beyond its resonance, as motor and load."""
     plan = replace(TWO_MASSES["belt"], rms=(5, 40, 300), n_samples=4000, f_min=2)
-    return robust.identify_friction(measure_at_rest(nlfrf.servo_axis("belt"), plan, 0), free=True, masses=2)
+    return robust.friction.identify_friction(measure_at_rest(nlfrf.servo_axis("belt"), plan, 0), free=True, masses=2)
 
 
 def test_motor_and_load_are_told_apart(belt):
@@ -371,8 +371,8 @@ def test_a_load_far_above_the_band_makes_no_class(delay_periods, sign):
     records = measure_at_rest(
         replace(axis, drive=drive), replace(AT_REST["ball screw"], rms=(20, 150, 1200), n_samples=4000), 0
     )
-    fit = robust.identify_friction(records, free=True)
-    assert [question.kind for question in fit.questions] == [robust.Gap.FLEXIBLE]
+    fit = robust.friction.identify_friction(records, free=True)
+    assert [question.kind for question in fit.questions] == [robust.friction.Gap.FLEXIBLE]
     assert np.isinf(fit.stds["mass"])
     assert "m: left open" in str(fit)
     with pytest.raises(ValueError, match=sign):
@@ -382,7 +382,7 @@ def test_a_load_far_above_the_band_makes_no_class(delay_periods, sign):
 @pytest.mark.parametrize("name", list(IN_MOTION))
 def test_an_axis_in_motion_tells_mass_viscous_and_coulomb_friction(name):
     axis = nlfrf.servo_axis(name)
-    fit = robust.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], 0))
+    fit = robust.friction.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], 0))
     for key, (off, _) in pulls_of(fit, truth_of(axis)).items():
         assert abs(off) < 0.02, key
         assert abs(off) * truth_of(axis)[key] < 4 * fit.stds[key], key
@@ -394,28 +394,31 @@ def test_an_axis_in_motion_tells_mass_viscous_and_coulomb_friction(name):
 def test_what_makes_no_fit_is_refused():
     records = levels((0.05, 1.0, 4.0), n_periods=2)
     with pytest.raises(ValueError, match="records must hold at least three levels, from sticking to sliding, got 2"):
-        robust.identify_friction(records[:2])
+        robust.friction.identify_friction(records[:2])
     with pytest.raises(ValueError, match="records must be a list of Records of one input and output, got"):
-        robust.identify_friction([1.0, 2.0, 3.0])
+        robust.friction.identify_friction([1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
-        robust.identify_friction(records, masses=3)
+        robust.friction.identify_friction(records, masses=3)
     turned = [replace(record, y=-record.y) for record in records]
     with pytest.raises(ValueError, match=r"the output falls when the input rises\. Turn the sign of the sensor"):
-        robust.identify_friction(turned)
+        robust.friction.identify_friction(turned)
     scaled = [replace(record, output_units=("mm",), input_units=("N",)) for record in records]
     with pytest.raises(ValueError, match="records must be in m/N"):
-        robust.identify_friction(scaled)
+        robust.friction.identify_friction(scaled)
     with pytest.raises(ValueError, match="velocities must be one for each of the 3 records, none zero"):
-        robust.identify_sliding(records, (0.1, 0.0, 0.2))
+        robust.friction.identify_sliding(records, (0.1, 0.0, 0.2))
     with pytest.raises(ValueError, match="records must be a list of Records"):
-        robust.identify_sliding([], ())
+        robust.friction.identify_sliding([], ())
 
 
 def test_levels_under_a_soft_drive_are_read():
     """One of the sets of `benchmarks.read_machine --sets`, played and traced as files."""
     chosen = LevelSet(soft=True, f_max=100.0, n_discard=1, rms=(0.3, 4.0, 60.0))
     assert chosen in SETS
-    fit, truth = robust.identify_friction(measure_set(chosen, 1), free=True), truth_of(nlfrf.servo_axis("linear motor"))
+    fit, truth = (
+        robust.friction.identify_friction(measure_set(chosen, 1), free=True),
+        truth_of(nlfrf.servo_axis("linear motor")),
+    )
     assert judge_set(fit, truth) is Outcome.RIGHT
     assert judge_set(replace(fit, Fs=1.02 * truth["Fs"]), truth) is Outcome.WRONG
     assert judge_set(replace(fit, stds=fit.stds | {"Fs": np.inf}), truth) is Outcome.REFUSED

@@ -33,7 +33,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def found(records):
-    return robust.friction_class(records)
+    return robust.friction.friction_class(records)
 
 
 def test_the_class_of_records_holds_the_machine(found):
@@ -55,7 +55,7 @@ def test_the_evidence_says_what_was_read_how_and_how_surely(found):
 
 def test_a_margin_is_on_the_upper_end(records, found):
     """K0 = margin times the upper end, plus what k was lowered by."""
-    fit = robust.identify_friction(records)
+    fit = robust.friction.identify_friction(records)
     for margin in (1.0, 2.0):
         K0 = fit.assumed_class(margin=margin).friction.K0
         assert pytest.approx(margin * fit.interval("K0")[1] + fit.stiffness - found.stiffness_low) == K0
@@ -65,7 +65,7 @@ def test_a_margin_is_on_the_upper_end(records, found):
 
 def test_an_axis_that_turns_is_read_in_its_own_units(records):
     turned = [replace(record, **ROTARY) for record in records]
-    read = robust.friction_class(turned)
+    read = robust.friction.friction_class(turned)
     assert (read.machine.position_unit, read.friction.position_unit) == ("rad", "rad")
     proof = robust.prove_friction(read.machine, pid(20e3, 3e5, 60.0), read.friction)
     for text in (read, proof):
@@ -75,30 +75,30 @@ def test_an_axis_that_turns_is_read_in_its_own_units(records):
 
 def test_levels_of_one_axis_have_one_unit(records):
     with pytest.raises(ValueError, match="records must be of one axis, got positions in m and in rad"):
-        robust.friction_class([records[0], records[1], replace(records[2], **ROTARY)])
+        robust.friction.friction_class([records[0], records[1], replace(records[2], **ROTARY)])
 
 
 def test_what_makes_no_class_is_refused(records):
     blas = [nlfrf.identify(record) for record in records]
     with pytest.raises(ValueError, match="blas must be BLAs alone or Records alone, got 2 and 1: a BLA has lost"):
-        robust.friction_class([*blas[:2], records[2]])
+        robust.friction.friction_class([*blas[:2], records[2]])
     with pytest.raises(ValueError, match="nominal must be left out with Records, which are read as one mass"):
-        robust.friction_class(records, nominal=control.tf([1], [1, 2, 8e4]))
+        robust.friction.friction_class(records, nominal=control.tf([1], [1, 2, 8e4]))
     with pytest.raises(ValueError, match="free must be left out with BLAs"):
-        robust.friction_class(blas, free=True)
+        robust.friction.friction_class(blas, free=True)
     with pytest.raises(ValueError, match="records must hold at least three levels"):
-        robust.friction_class(records[:2])
+        robust.friction.friction_class(records[:2])
     with pytest.raises(ValueError, match="blas must be a list of BLAs of one input and output, or of Records, got 1"):
-        robust.friction_class(1.0)
+        robust.friction.friction_class(1.0)
 
 
 def test_a_spring_that_a_free_axis_cannot_have_leaves_K0_open():
     """What never slips of a free axis is friction: the class was made of its elements, without 109 of 144 kN/m."""
     stuck = levels((0.02, 0.05, 0.1))
-    fit = robust.identify_friction(stuck, free=True)
+    fit = robust.friction.identify_friction(stuck, free=True)
     assert np.isinf(fit.stds["K0"])
     with pytest.raises(ValueError, match=r"1\.\d+e\+05 N/m never slip"):
-        robust.friction_class(stuck, free=True)
+        robust.friction.friction_class(stuck, free=True)
 
 
 def test_an_element_between_two_swings_is_no_spring_of_the_machine():
@@ -106,17 +106,17 @@ def test_an_element_between_two_swings_is_no_spring_of_the_machine():
     case = draw_case(160, seed=1)
     swings = records_of(case, 160, (0.04, 0.12, 0.6))
     with pytest.raises(ValueError, match=r"the highest level still sticks: .* of Fs breaks away beyond 0\.2 of that"):
-        robust.friction_class(swings)
+        robust.friction.friction_class(swings)
 
 
 def test_records_in_motion_among_those_at_rest_are_refused():
     """In motion friction is a constant force, which the measured swing does not show."""
     axis, grid = nlfrf.servo_axis("linear motor"), {"fs": 4000, "n_samples": 4000, "f_min": 2, "f_max": 300}
     played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate((1, 15, 20))]
-    still = [nlfrf.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played[:2]]
-    moving = nlfrf.simulate_servo(axis, played[2], base_velocity=0.1, n_periods=3, n_discard=1)
+    still = [nlfrf.rig.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played[:2]]
+    moving = nlfrf.rig.simulate_servo(axis, played[2], base_velocity=0.1, n_periods=3, n_discard=1)
     with pytest.raises(ValueError, match=r"fit must leave neither .* one mass with Maxwell slip leaves"):
-        robust.friction_class([*still, moving], free=True)
+        robust.friction.friction_class([*still, moving], free=True)
 
 
 def test_what_the_class_proves_is_not_refuted_by_the_truth():
@@ -132,11 +132,11 @@ def run(records, monkeypatch, capsys, tmp_path):
     """Run a command in a folder of records, traces as tables, BLAs and a controller."""
     monkeypatch.chdir(tmp_path)
     for name, record in zip(("low", "mid", "high"), records, strict=True):
-        nlfrf.save_record(record, f"{name}.npz")
-        nlfrf.save_bla(nlfrf.identify(record), f"{name}-known.npz")
+        nlfrf.io.save_record(record, f"{name}.npz")
+        nlfrf.io.save_bla(nlfrf.identify(record), f"{name}-known.npz")
         columns = [record.u.ravel(), record.y.ravel()]
         np.savetxt(f"{name}.csv", np.transpose(columns), delimiter=",", header="force [N],place [m]", comments="")
-    robust.save_controller(pid(20e3, 3e5, 60.0), "K.json")
+    robust.io.save_controller(pid(20e3, 3e5, 60.0), "K.json")
 
     def run(line):
         program = shlex.split(line)
@@ -156,7 +156,7 @@ def test_the_command_proves_from_records(run, tmp_path):
     assert "identified from 3 records of 0.05 to 5 N rms" in unwrapped(out)
     assert "proved: Comes to rest from every state" in out
     assert "Two standard deviations. Frequency test, not a proof" in unwrapped(out)
-    assert robust.verify_certificate("proof.certificate.json").verified
+    assert robust.io.verify_certificate("proof.certificate.json").verified
     assert run("robust verify proof.certificate.json --controller K.json")[0] == 0
     source = json.loads((tmp_path / "proof.certificate.json").read_text())["read from"]
     assert [(one["file"], one["kind"]) for one in source["files"]] == [
@@ -167,7 +167,7 @@ def test_the_command_proves_from_records(run, tmp_path):
     certificate = tmp_path / "proof.certificate.json"
     certificate.write_text(certificate.read_text().replace('"kind": "record"', '"kind": "BLA"'))
     with pytest.raises(ValueError, match="whose digest does not fit"):
-        robust.verify_certificate(certificate)
+        robust.io.verify_certificate(certificate)
 
 
 def test_the_command_reads_traces_by_the_options_of_identify(run, tmp_path):
@@ -183,7 +183,7 @@ def test_the_command_reads_traces_by_the_options_of_identify(run, tmp_path):
         "--period": "2048",
         "--hold": "band-limited",
     }
-    assert robust.verify_certificate("proof.certificate.json").verified
+    assert robust.io.verify_certificate("proof.certificate.json").verified
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, performance_weight, save_certificate, verify_certificate
+from robust import UncertaintyModel, check, performance_weight
+from robust.io import save_certificate, verify_certificate
 from robust.proofs.exact.claim import ALIASED, content_digest
 from tests.support.random_loops import random_case, tf_response
 

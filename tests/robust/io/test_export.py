@@ -11,21 +11,11 @@ from scipy.io import loadmat
 from scipy.signal import sosfilt
 
 from nlfrf import DataWarning
-from robust import (
-    UncertaintyModel,
-    controller_sections,
-    discretize,
-    export_matlab,
-    fit_nominal,
-    frd,
-    load_controller,
-    load_model,
-    pid,
-    save_controller,
-    save_model,
-    uncertainty,
-)
+from robust import UncertaintyModel, fit_nominal, frd, uncertainty
+from robust.io import controller_sections, export_matlab, load_controller, load_model, save_controller, save_model
+from robust.lti import discretize
 from robust.lti.lti import response
+from robust.shaping import pid
 from tests.support.bla import make_bla
 
 F = np.arange(1, 80, 2) * 0.3

@@ -38,8 +38,8 @@ K = control.ss([[0.5, 0.1], [0.0, 0.9]], np.eye(2), [[1 / 3, 0.0], [0.1, 1.0]], 
 @pytest.mark.parametrize("form", MODELS)
 def test_a_model_comes_back_to_the_bit(form, tmp_path):
     one = MODELS[form]
-    robust.save_model(one, tmp_path / "m.json")
-    back = robust.load_model(tmp_path / "m.json")
+    robust.io.save_model(one, tmp_path / "m.json")
+    back = robust.io.load_model(tmp_path / "m.json")
     for name in ("omega", "radius"):
         np.testing.assert_array_equal(getattr(back, name), getattr(one, name))
     for name in ("form", "confidence", "simultaneous", "perturbation", "inputs", "outputs", "extrapolation", "source"):
@@ -48,14 +48,14 @@ def test_a_model_comes_back_to_the_bit(form, tmp_path):
     for a, b in zip((back.nominal, *back.left, *back.right), (one.nominal, *one.left, *one.right), strict=True):
         assert a.dt == b.dt
         assert all(np.array_equal(getattr(a, part), getattr(b, part)) for part in "ABCD")
-    robust.save_model(back, tmp_path / "again.json")
+    robust.io.save_model(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
     first, second = (robust.check(m, np.eye(2), certify=False) for m in (one, back))
     np.testing.assert_array_equal(first.mu, second.mu)
 
 
 def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
-    robust.save_model(MODELS["additive"], tmp_path / "m.json")
+    robust.io.save_model(MODELS["additive"], tmp_path / "m.json")
     whole = json.loads((tmp_path / "m.json").read_text())
     assert (whole["schema"], whole["version"], whole["units"]["omega"]) == ("robust-matrix-model", 1, "rad/s")
 
@@ -63,7 +63,7 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
         content = {name: part for name, part in (whole | changes).items() if part != "gone"}
         (tmp_path / "bad.json").write_text(json.dumps(content))
         with pytest.raises(ValueError) as error:  # noqa: PT011 - its message is what is looked at
-            robust.load_model(tmp_path / "bad.json")
+            robust.io.load_model(tmp_path / "bad.json")
         assert "\n" not in str(error.value)
         return str(error.value)
 
@@ -80,20 +80,20 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     for cut in (10, len(text) // 2, len(text) - 3):
         (tmp_path / "cut.json").write_text(text[:cut])
         with pytest.raises(ValueError, match="path must be a whole JSON file"):
-            robust.load_model(tmp_path / "cut.json")
-    robust.save_controller(K, tmp_path / "K.json")
+            robust.io.load_model(tmp_path / "cut.json")
+    robust.io.save_controller(K, tmp_path / "K.json")
     with pytest.raises(ValueError, match=r"path must hold a model, got .* which is a controller"):
-        robust.load_model(tmp_path / "K.json")
+        robust.io.load_model(tmp_path / "K.json")
     with pytest.raises(ValueError, match="model must be an UncertaintyModel, got 1"):
-        robust.save_model(1, tmp_path / "n.json")
+        robust.io.save_model(1, tmp_path / "n.json")
 
 
 @pytest.mark.parametrize("one", [K, control.ss([], [], [], np.ones((2, 3))), np.eye(2)])
 def test_a_controller_matrix_comes_back_to_the_bit(one, tmp_path):
-    robust.save_controller(one, tmp_path / "K.json")
-    back = robust.load_controller(tmp_path / "K.json")
+    robust.io.save_controller(one, tmp_path / "K.json")
+    back = robust.io.load_controller(tmp_path / "K.json")
     np.testing.assert_array_equal(back.D, one.D if hasattr(one, "D") else one)
-    robust.save_controller(back, tmp_path / "again.json")
+    robust.io.save_controller(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "K.json").read_bytes()
     assert "sections" not in json.loads((tmp_path / "K.json").read_text())
 
@@ -101,7 +101,7 @@ def test_a_controller_matrix_comes_back_to_the_bit(one, tmp_path):
 @pytest.mark.parametrize("form", MODELS)
 def test_matlab_reads_a_model(form, tmp_path):
     one = MODELS[form]
-    robust.export_matlab(one, tmp_path / "stage.mat")
+    robust.io.export_matlab(one, tmp_path / "stage.mat")
     content = loadmat(tmp_path / "stage.mat", squeeze_me=True, struct_as_record=False)["content"]
     np.testing.assert_array_equal(content.nominal.A, one.nominal.A)
     assert content.form == form
@@ -118,7 +118,7 @@ def test_matlab_reads_a_model(form, tmp_path):
     assert "strcmp(model.form, 'elements')" in loader
     opened = len(re.findall(r"^\s*(?:function|if|for)\b", loader, re.MULTILINE))
     assert len(re.findall(r"^\s*end\s*$", loader, re.MULTILINE)) == opened
-    robust.export_matlab(K, tmp_path / "K.mat")
+    robust.io.export_matlab(K, tmp_path / "K.mat")
     kept = loadmat(tmp_path / "K.mat", squeeze_me=True, struct_as_record=False)["content"].K
     np.testing.assert_array_equal(kept.C, K.C)
 
@@ -128,7 +128,7 @@ def test_matlab_reads_a_model(form, tmp_path):
 def test_the_loader_makes_the_same_plants(form, tmp_path):
     """Run by Octave, with numbers in the place of systems: responses at 2 rad/s, 0.3 for every perturbation."""
     one = MODELS[form]
-    robust.export_matlab(one, tmp_path / "stage.mat")
+    robust.io.export_matlab(one, tmp_path / "stage.mat")
     (tmp_path / "ss.m").write_text("function s = ss(A, B, C, D, T)\ns = C*((2i*eye(size(A)) - A)\\B) + D;\nend\n")
     (tmp_path / "ultidyn.m").write_text("function d = ultidyn(name, n)\nd = 0.3*ones(n);\nend\n")
     command = "Gu = load_stage(); printf('%.15g ', real(Gu), imag(Gu))"

@@ -34,7 +34,7 @@ FRM = nlfrf.identify(RECORD, transient="none")
 FIT = robust.fit_nominal(FRM, n_poles=2, rank=2, dt=T)  # both axes have one mode
 MODEL = robust.uncertainty(FRM, FIT, form="additive", order=2)
 SMALL = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
-W_P = robust.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
+W_P = robust.lti.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
 
 
 @pytest.mark.parametrize(
@@ -44,12 +44,12 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     monkeypatch.setattr(
         report_parts, "draw_picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
-    report = robust.write_report(tmp_path / "r.html", MODEL, K, bla=FRM, nominal=FIT, w_P=w_P)
+    report = robust.reports.write_report(tmp_path / "r.html", MODEL, K, bla=FRM, nominal=FIT, w_P=w_P)
     again = robust.check(MODEL, K, w_P=w_P)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "worst", "settings"]
     text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
-    rows = [FRM, nlfrf.singular_values(FRM), FIT, MODEL, again, *([again.margins] if again.margins else [])]
+    rows = [FRM, nlfrf.bla.singular_values(FRM), FIT, MODEL, again, *([again.margins] if again.margins else [])]
     said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
     said += [again.reason, again.proved, again.not_proved, again.probability, MODEL.source, MODEL.extrapolation]
     seen = robust.validate(MODEL, FRM)
@@ -77,14 +77,14 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
 
 def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     report = robust.check(MODEL, SMALL)
-    robust.write_report(tmp_path / "r.html", MODEL, SMALL, record=RECORD, report=report)
+    robust.reports.write_report(tmp_path / "r.html", MODEL, SMALL, record=RECORD, report=report)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert len(page.images) == 9
     assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
     with pytest.raises(ValueError, match="w_P must be that of the report"):
-        robust.write_report(tmp_path / "n.html", MODEL, SMALL, report=report, w_P=W_P)
+        robust.reports.write_report(tmp_path / "n.html", MODEL, SMALL, report=report, w_P=W_P)
     with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
-        robust.write_report(tmp_path / "n.html", MODEL, SMALL, delay=0.1)
+        robust.reports.write_report(tmp_path / "n.html", MODEL, SMALL, delay=0.1)
     single = robust.UncertaintyModel(
         control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", FRM.omega[:2], np.array([0.05, 0.05])
     )
@@ -97,7 +97,7 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
         (single, 2.0, {"bla": FRM}, "of one input and output, got one of 2 x 2"),
     ):
         with pytest.raises(ValueError, match=message):
-            robust.write_report(tmp_path / "n.html", model, K, **parts)
+            robust.reports.write_report(tmp_path / "n.html", model, K, **parts)
     assert not (tmp_path / "n.html").exists()
 
 
@@ -107,5 +107,5 @@ def test_a_report_of_another_loop_is_refused(tmp_path):
     wider = robust.uncertainty(FRM, FIT, form="additive", order=2, confidence=0.999)
     for model, K in ((MODEL, 1.01 * SMALL), (MODEL, -SMALL), (wider, SMALL)):
         with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
-            robust.write_report(tmp_path / "r.html", model, K, report=report)
+            robust.reports.write_report(tmp_path / "r.html", model, K, report=report)
     assert not list(tmp_path.iterdir())

@@ -9,7 +9,9 @@ import pytest
 from scipy.signal import dlsim
 
 import robust
-from robust import cli, design_frf, fit_nominal, pid, pid_gains, save_controller, save_model, uncertainty
+from robust import cli, design_frf, fit_nominal, uncertainty
+from robust.io import pid_gains, save_controller, save_model
+from robust.shaping import pid
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
 
@@ -156,13 +158,13 @@ def test_a_controller_of_several_loops_has_the_gains_of_each(dt):
     for found, wanted in zip(pid_gains(mixed), map(pid_gains, loops), strict=True):
         assert (found.kp, found.ki, found.kd) == pytest.approx((wanted.kp, wanted.ki, wanted.kd))
     if dt:
-        for found, loop in zip(robust.controller_sections(mixed), loops, strict=True):
-            np.testing.assert_allclose(found, robust.controller_sections(loop), atol=1e-9)
+        for found, loop in zip(robust.io.controller_sections(mixed), loops, strict=True):
+            np.testing.assert_allclose(found, robust.io.controller_sections(loop), atol=1e-9)
 
 
 def test_a_controller_that_couples_its_channels_is_refused():
     K = control.ss([], [], [], [[1.0, 0.2], [0.0, 1.0]], inputs=["x", "y"], outputs=["fx", "fy"])
-    for of in (pid_gains, robust.controller_sections):
+    for of in (pid_gains, robust.io.controller_sections):
         with pytest.raises(
             ValueError, match="K must be diagonal, a loop for each channel, got a coupling from y to fx"
         ):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import robust
-from nlfrf import save_bla
+from nlfrf.io import save_bla
 from robust import cli
 from tests.support.bla import make_bla
 
@@ -39,7 +39,7 @@ def prove(monkeypatch, capsys, tmp_path):
         G, f = two_masses(spring), F[F > 75]
         size = np.abs(G(2j * np.pi * f))
         save_bla(make_bla(G, f, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
-    robust.save_controller(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
+    robust.io.save_controller(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
 
     def run(line):
         monkeypatch.setattr(sys, "argv", shlex.split(line))

@@ -11,25 +11,14 @@ import control
 import numpy as np
 import pytest
 
-from nlfrf import Record, identify, multisine, save_record
-from robust import (
-    UncertaintyModel,
-    check,
-    cli,
-    crossover_weight,
-    fit_nominal,
-    frd,
-    ncfsyn,
-    performance_weight,
-    sampled,
-    save_controller,
-    save_model,
-    uncertainty,
-    write_report,
-    write_shaping_page,
-)
+from nlfrf import Record, identify, multisine
+from nlfrf.io import save_record
+from robust import UncertaintyModel, check, cli, fit_nominal, frd, ncfsyn, performance_weight, sampled, uncertainty
+from robust.io import save_controller, save_model
 from robust.reports import parts as report_parts
 from robust.reports import sections as report_sections
+from robust.reports import write_report
+from robust.shaping import crossover_weight, write_shaping_page
 from tests.support.browser import browser
 
 SECTIONS = ["verdict", "record", "bla", "opinion", "nominal", "set", "loop", "check", "worst", "settings"]

@@ -6,16 +6,9 @@ import control
 import numpy as np
 import pytest
 
-from robust import (
-    UncertaintyModel,
-    any_maxwell_slip,
-    check,
-    friction_plant,
-    performance_weight,
-    prove_friction,
-    worst_case,
-    write_report,
-)
+from robust import UncertaintyModel, check, friction_plant, performance_weight, prove_friction, worst_case
+from robust.friction import any_maxwell_slip
+from robust.reports import write_report
 from robust.reports.parts import describe_roots
 
 PLANT = control.tf([1], [1, 1])

@@ -13,18 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nlfrf._base.files import parse_json
-from robust import (
-    any_maxwell_slip,
-    check,
-    load_controller,
-    load_model,
-    prove_friction,
-    save_certificate,
-    save_controller,
-    save_model,
-    verify_certificate,
-)
+from robust import check, prove_friction
+from robust.friction import any_maxwell_slip
 from robust.friction.exact.claim import read_friction_claim
+from robust.io import load_controller, load_model, save_certificate, save_controller, save_model, verify_certificate
 from robust.proofs.exact.claim import content_digest, read_claim
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model

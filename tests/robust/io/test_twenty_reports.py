@@ -12,24 +12,22 @@ from nlfrf import Record, identify, multisine, second_opinion
 from robust import (
     UncertaintyModel,
     check,
-    controller_sections,
-    crossover_weight,
     fit_nominal,
     frd,
     ncfsyn,
     performance_weight,
-    pid,
-    pid_gains,
-    sample_loops,
     sampled,
     step_response,
     uncertainty,
     validate,
     worst_case,
-    write_report,
 )
+from robust.analysis import sample_loops
+from robust.io import controller_sections, pid_gains
 from robust.lti.lti import poles, response, timebase, zeros
 from robust.reports import parts as report_parts
+from robust.reports import write_report
+from robust.shaping import crossover_weight, pid
 from tests.support.bla import make_bla
 
 T = 0.02

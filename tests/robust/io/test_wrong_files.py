@@ -92,4 +92,4 @@ def test_a_file_in_the_wrong_place_is_named_with_the_command_that_takes_it(folde
 def test_a_table_of_someone_else_is_to_be_looked_at(tmp_path):
     (tmp_path / "run.csv").write_text("t,u,y\n0,1,2\n")
     with pytest.raises(ValueError, match=r"path must hold a model, got .*run.csv, which is of a kind .* nlfrf inspect"):
-        robust.load_model(tmp_path / "run.csv")
+        robust.io.load_model(tmp_path / "run.csv")

@@ -26,7 +26,7 @@ def lag(s):
 BLA = make_bla(lag, np.arange(1.0, 31.0), f0=1.0, sigma_noise=0.01, sigma_distortion=0.03, rng=1, fs=500)
 FIT = robust.fit_nominal(BLA, n_poles=1)
 MODEL = robust.uncertainty(BLA, FIT, order=2)
-K = robust.pid(0.5, 4.0)
+K = robust.shaping.pid(0.5, 4.0)
 N = control.ss([[-1.0]], [[0.3, 0.2]], [[1.0], [0.5]], np.zeros((2, 2)))
 DELTA = [(1, 1), (1, 1)]
 
@@ -35,36 +35,41 @@ def values_of_nlfrf():
     ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_realizations=2, rng=1)
     u = ms.u[:, None]
     record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
-    rig = nlfrf.Rig(mass=1.0, stiffness=100.0, damping=2.0, friction=friction.Coulomb(Fc=0.1))
+    rig = nlfrf.rig.Rig(mass=1.0, stiffness=100.0, damping=2.0, friction=friction.Coulomb(Fc=0.1))
     band = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=60, rng=1)
     yield from (BLA, BLA.levels, BLA.lines, ms, record, rig, nlfrf.second_opinion(record))
     yield nlfrf.level_study(rig, band, [0.5, 1.0], n_discard=10)
     axis = nlfrf.servo_axis("linear motor")
-    yield from (axis, axis.drive, nlfrf.run_servo(axis, position=np.zeros(40)))
-    yield nlfrf.run(rig, np.zeros(20), fs=512.0)
+    yield from (axis, axis.drive, nlfrf.rig.run_servo(axis, position=np.zeros(40)))
+    yield nlfrf.rig.run(rig, np.zeros(20), fs=512.0)
     yield nlfrf.simulate_loop(rig, control.ss([], [], [], [[1.0]], 0.01), np.ones(20), fs=100.0)
     two = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(two.u[:, :, None], 2, axis=2)
     several = nlfrf.Record(u=u, y=u[::-1], fs=256, lines=two.lines)
     frm = nlfrf.identify(replace(several, y=several.y + 0.1 * several.u**3))
-    yield from (two, several, frm, nlfrf.singular_values(frm), nlfrf.rga(frm))
+    yield from (two, several, frm, nlfrf.bla.singular_values(frm), nlfrf.bla.rga(frm))
     yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
     with tempfile.TemporaryDirectory() as folder:
-        nlfrf.save_record(record, Path(folder) / "record.mat")
+        nlfrf.io.save_record(record, Path(folder) / "record.mat")
         yield nlfrf.inspect_file(Path(folder) / "record.mat")
     yield hysteresis.MaxwellSlip(stiffness=[1.0, 2.0], strength=[0.3, 0.7])
 
 
 def values_of_robust():
     band = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=60, rng=1)
-    yield from (robust.StepSignal(1.0), robust.SineSignal(1.0, 2.0), robust.NoiseSignal(0.3), robust.LevelState.INSIDE)
-    signals = robust.LoopSignals(disturbance=robust.NoiseSignal(0.3, omega_max=100.0))
-    level = robust.predict_level(MODEL, K, signals)
-    yield from (signals, robust.SampledSignal(band.u[0], fs=512.0), level, level.signals[0])
+    yield from (
+        robust.analysis.StepSignal(1.0),
+        robust.analysis.SineSignal(1.0, 2.0),
+        robust.analysis.NoiseSignal(0.3),
+        robust.analysis.LevelState.INSIDE,
+    )
+    signals = robust.analysis.LoopSignals(disturbance=robust.analysis.NoiseSignal(0.3, omega_max=100.0))
+    level = robust.analysis.predict_level(MODEL, K, signals)
+    yield from (signals, robust.analysis.SampledSignal(band.u[0], fs=512.0), level, level.signals[0])
     two = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
     loop = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
-    block = robust.Block("y", "pole", 2.5, kind="real")
-    system = robust.interconnection([two, loop], {"pole": block})
+    block = robust.models.Block("y", "pole", 2.5, kind="real")
+    system = robust.models.interconnection([two, loop], {"pole": block})
     P = control.ss([[-1.0]], [[1, 0, 1]], [[0], [-0.5], [-1]], [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
     w, two_by_two = control.ss([], [], [], [[0.5]]), control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     several = robust.UncertaintyModel(
@@ -75,36 +80,36 @@ def values_of_robust():
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     frm = nlfrf.identify(nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=256, lines=ms.lines))
     yield robust.validate(frm, frm)
-    yield robust.loop_gains(two_by_two, np.eye(2))
-    yield from (several, robust.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))
-    yield robust.disk_margins(several, np.eye(2))
-    yield from (BLA, FIT, MODEL, K, block, system, robust.check_structure(system))
-    yield from (robust.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))
-    yield from (robust.fit_weight(MODEL.omega, MODEL.radius, order=2), robust.disk_margin(FIT.G * K))
+    yield robust.analysis.loop_gains(two_by_two, np.eye(2))
+    yield from (several, robust.analysis.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))
+    yield robust.margins.disk_margins(several, np.eye(2))
+    yield from (BLA, FIT, MODEL, K, block, system, robust.analysis.check_structure(system))
+    yield from (robust.models.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))
+    yield from (robust.fit_weight(MODEL.omega, MODEL.radius, order=2), robust.margins.disk_margin(FIT.G * K))
     yield from (robust.check(MODEL, K), robust.check(BLA, K), robust.worst_case(MODEL, K))
-    yield from (robust.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
+    yield from (robust.analysis.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
     yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
     PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
-    machine, slip = robust.friction_plant(1.0, 80e3, 0.4), robust.any_maxwell_slip(64e3)
+    machine, slip = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.any_maxwell_slip(64e3)
     levels = {"mass": np.ones(3), "stiffness": np.full(3, 80e3), "damping": np.zeros(3)}
     known = {"mass_std": 0.01, "stiffness_std": 100.0, "evidence": "three levels"}
     yield from (
         robust.prove_friction(machine, PD, slip),
-        robust.FrictionClass(machine=machine, friction=slip, **levels, **known),
+        robust.friction.FrictionClass(machine=machine, friction=slip, **levels, **known),
     )
-    yield robust.prove_saturated(machine, 1e3, slip, Fs=1.0, limit=20.0)
-    yield robust.quasi_linear(friction.Coulomb(Fc=1.0), machine, PD)
-    yield robust.friction_frequency_test(machine, PD, slip, mass=0.02, stiffness=800.0)
-    yield robust.ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))
-    yield from (robust.pid_gains(K), robust.step_response(FIT.G, K), robust.check(MODEL, K).classical)
+    yield robust.friction.prove_saturated(machine, 1e3, slip, Fs=1.0, limit=20.0)
+    yield robust.friction.quasi_linear(friction.Coulomb(Fc=1.0), machine, PD)
+    yield robust.friction.friction_frequency_test(machine, PD, slip, mass=0.02, stiffness=800.0)
+    yield robust.synthesis.ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))
+    yield from (robust.io.pid_gains(K), robust.step_response(FIT.G, K), robust.check(MODEL, K).classical)
     lag, exact = control.tf([1], [1, 1]), control.tf([0.1], [1])
     small = robust.UncertaintyModel(lag, exact, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     PI = control.tf([2, 2], [1, 0])
-    yield robust.feedforward(small, 2.0, control.tf([1], [0.5, 1]))
-    yield from (robust.prefilter(small, PI, lag), robust.check(small, PI).certificates[0].verify())
+    yield robust.synthesis.feedforward(small, 2.0, control.tf([1], [0.5, 1]))
+    yield from (robust.synthesis.prefilter(small, PI, lag), robust.check(small, PI).certificates[0].verify())
     yield robust.reduce_controller(control.tf([1], [1e-4, 1]) * control.tf([3], [1e-3, 1]), small)
-    yield robust.parameter_margin(control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")])
-    yield from (robust.mu_upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
+    yield robust.mu.parameter_margin(control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")])
+    yield from (robust.mu.mu_upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.proofs.certify_norm(FIT.G, 10.0))
 
 
 def same(a, b):
@@ -158,7 +163,7 @@ def test_a_function_that_names_robust_can_be_sent_to_a_worker():
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of fork, by joblib and dask on some Pythons
 def test_models_and_controllers_go_to_workers():
-    controllers = [robust.pid(gain, 4.0) for gain in (0.2, 0.4)] + [0.5]
+    controllers = [robust.shaping.pid(gain, 4.0) for gain in (0.2, 0.4)] + [0.5]
     here = [peak(K) for K in controllers]
     with ProcessPoolExecutor(2) as pool:
         assert list(pool.map(peak, controllers)) == here

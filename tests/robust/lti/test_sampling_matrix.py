@@ -4,7 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import discretize, sampled
+from robust import sampled
+from robust.lti import discretize
 from robust.lti.sampling import delayed
 
 DT = 0.1

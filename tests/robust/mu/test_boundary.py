@@ -5,7 +5,9 @@ import control
 import numpy as np
 import pytest
 
-from robust import Block, certify_mu, check_structure, interconnection
+from robust.analysis import check_structure
+from robust.models import Block, interconnection
+from robust.mu import certify_mu
 
 
 def turned(rng, A, B, C):

@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import mu_bounds, mu_lower, mu_upper, worst_gain_bounds
 from robust.lti.connections import lower_lft
+from robust.mu import mu_bounds, mu_lower, mu_upper, worst_gain_bounds
 from tests.robust.mu.test_mu import SP_8_5, along
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
 

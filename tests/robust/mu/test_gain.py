@@ -4,7 +4,7 @@ import cvxpy
 import numpy as np
 import pytest
 
-from robust import mu_upper, worst_gain, worst_gain_bounds
+from robust.mu import mu_upper, worst_gain, worst_gain_bounds
 from robust.mu.blocks import block_structure
 from tests.robust.mu.test_mu import random_matrix, size
 

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from robust import certify_mu, mu_lower, mu_upper
 from robust.lti.connections import lower_lft
 from robust.lti.lti import evaluate_transfer
+from robust.mu import certify_mu, mu_lower, mu_upper
 from robust.mu.upper import bound_from_scalings
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
 

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from robust import parameter_margin
+from robust.mu import parameter_margin
 
 
 def loop(rng, n, sizes, damping=0.1):

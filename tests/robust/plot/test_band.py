@@ -12,8 +12,9 @@ from matplotlib import pyplot as plt
 
 import nlfrf
 from nlfrf import plot as measured_pictures
-from robust import UncertaintyModel, check, fit_nominal, ncfsyn, sample_loops, uncertainty, validate
+from robust import UncertaintyModel, check, fit_nominal, ncfsyn, uncertainty, validate
 from robust import plot as pictures
+from robust.analysis import sample_loops
 from robust.shaping_plot import plot_loop_bounds
 from tests.support.bla import make_bla
 from tests.support.pictures import labels

@@ -104,7 +104,7 @@ def test_a_plant_that_is_not_square_leaves_places_empty():
 
 
 def test_singular_values_of_a_loop(ax):
-    gains = robust.loop_gains(G, K, omega=OMEGA)
+    gains = robust.analysis.loop_gains(G, K, omega=OMEGA)
     k = int(np.searchsorted(gains.omega, 10.0))
     s = 1j * gains.omega[k]
     L = np.asarray(G(s)) @ (0.1 * np.eye(2))
@@ -116,14 +116,14 @@ def test_singular_values_of_a_loop(ax):
     pictures.plot_loop(gains, ax=ax)
     np.testing.assert_allclose(curve(ax, "S, largest")[1], 20 * np.log10(gains.S[0]))
     assert len(labels(ax)) == 6
-    bad = robust.loop_gains(G, -10 * np.eye(2))
+    bad = robust.analysis.loop_gains(G, -10 * np.eye(2))
     assert not bad.stable
     ax.clear()
     pictures.plot_loop(bad, ax=ax)
     assert ax.get_title() == "Nominal loop, not stable"
     with pytest.raises(ValueError, match=r"K must have the sampling time of G, 0 s, got 0\.1 s"):
-        robust.loop_gains(G, control.ss([[0.5, 0], [0, 0.5]], np.eye(2), np.eye(2), np.eye(2), 0.1))
-    sampled = robust.loop_gains(robust.sampled(G, 0.01), control.ss([], [], [], 0.1 * np.eye(2)))
+        robust.analysis.loop_gains(G, control.ss([[0.5, 0], [0, 0.5]], np.eye(2), np.eye(2), np.eye(2), 0.1))
+    sampled = robust.analysis.loop_gains(robust.sampled(G, 0.01), control.ss([], [], [], 0.1 * np.eye(2)))
     assert sampled.omega.max() < np.pi / 0.01
 
 

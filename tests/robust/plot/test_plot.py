@@ -8,20 +8,12 @@ import pytest
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-from robust import (
-    check,
-    fit_nominal,
-    frd,
-    loop_bounds,
-    ncfsyn,
-    performance_weight,
-    sample_loops,
-    scan_orders,
-    uncertainty,
-    validate,
-)
+from robust import check, fit_nominal, frd, ncfsyn, performance_weight, uncertainty, validate
 from robust import plot as pictures
+from robust.analysis import sample_loops
 from robust.lti.lti import response
+from robust.models import scan_orders
+from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
 from tests.support.pictures import labels
 
@@ -154,7 +146,8 @@ def test_family_orders_fit_nominal_bounds(ax):
 def test_friction_crosses_the_boundary_where_the_motion_begins_to_grow(ax):
     """An integrator alone on the rig grows from a kick that the proof is sure of, and the picture names both."""
     from nlfrf.friction import Coulomb
-    from robust import friction_plant, quasi_linear
+    from robust import friction_plant
+    from robust.friction import quasi_linear
 
     K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)
     machine = friction_plant(1.0, 80e3, 0.4)

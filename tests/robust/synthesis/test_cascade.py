@@ -4,8 +4,10 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, cascade, check, disk_margin, feedforward, sampled
+from robust import UncertaintyModel, check, sampled
 from robust.lti.lti import response
+from robust.margins import disk_margin
+from robust.synthesis import cascade, feedforward
 
 LINES = np.array([1.0, 10.0])
 INTEGRATOR = control.tf([1], [1, 0])

@@ -5,21 +5,12 @@ import cvxpy
 import numpy as np
 import pytest
 
-from robust import (
-    UncertaintyModel,
-    certify_mu,
-    check,
-    dk_iteration,
-    mixsyn,
-    mu_upper,
-    mu_upper_lmi,
-    performance_weight,
-    worst_gain,
-)
+from robust import UncertaintyModel, check, dk_iteration, mixsyn, performance_weight
 from robust.lti.connections import lower_lft
 from robust.lti.lti import response
 from robust.lti.norms import to_discrete
 from robust.models.fit.weights import minimum_phase
+from robust.mu import certify_mu, mu_upper, mu_upper_lmi, worst_gain
 from robust.proofs.search.stability import decide_stability
 from tests.robust.mu.test_mu import along, random_matrix, size
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant

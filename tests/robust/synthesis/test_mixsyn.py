@@ -4,7 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, discretize, mixsyn, performance_weight, sampled
+from robust import UncertaintyModel, check, mixsyn, performance_weight, sampled
+from robust.lti import discretize
 from robust.lti.connections import weighted_plant
 from robust.lti.lti import response
 

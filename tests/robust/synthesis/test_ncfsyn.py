@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from robust import crossover_weight, ncf_margin, ncfsyn, sampled
+from robust import ncfsyn, sampled
 from robust.lti.lti import evaluate_transfer, response
+from robust.margins import ncf_margin
 from robust.models.sets.coprime import coprime_factors
+from robust.shaping import crossover_weight
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

@@ -4,9 +4,10 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, feedforward
+from robust import UncertaintyModel
 from robust.lti.lti import response
 from robust.models.sets.forms import FORMS
+from robust.synthesis import feedforward
 
 LINES = np.array([0.1, 1.0, 10.0])
 LAG, WANTED = control.ss(control.tf([2], [1, 1])), control.tf([1], [0.5, 1])

@@ -10,7 +10,6 @@ import nlfrf
 from robust import (
     UncertaintyModel,
     check,
-    crossover_weight,
     fit_nominal,
     mixsyn,
     ncfsyn,
@@ -21,6 +20,7 @@ from robust import (
 )
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
+from robust.shaping import crossover_weight
 from robust.synthesis.reduction import balanced_candidates, coprime_factor_candidates, weighted_candidates
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))

@@ -29,13 +29,13 @@ def test_a_model_and_what_a_sampled_controller_sees_keep_the_names_of_the_record
     for G in (model.nominal, robust.sampled(model.nominal, 1e-3), robust.sampled(model.nominal, 1e-3, 1.5e-3)):
         assert (tuple(G.input_labels), tuple(G.output_labels)) == (INPUTS, OUTPUTS)
     assert (model.inputs, model.outputs) == (INPUTS, OUTPUTS)
-    assert robust.disk_margins(model.nominal, 0.1 * np.eye(2)).input_names == INPUTS
+    assert robust.margins.disk_margins(model.nominal, 0.1 * np.eye(2)).input_names == INPUTS
 
 
 @pytest.mark.parametrize("design", [lambda G: robust.ncfsyn(G).K, lambda G: robust.mixsyn(G, 0.5).K])
 def test_a_controller_runs_from_the_outputs_of_its_plant_to_its_inputs(model, design):
     K = design(model.nominal)
-    for one in (K, robust.discretize(K, 1e-3)):
+    for one in (K, robust.lti.discretize(K, 1e-3)):
         assert (tuple(one.input_labels), tuple(one.output_labels)) == (OUTPUTS, INPUTS)
 
 
@@ -88,10 +88,15 @@ def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
 def test_what_takes_one_loop_names_what_several_channels_take(model):
     w = robust.performance_weight(1.0)
     for call, cure in (
-        (lambda: robust.feedforward(model, 0.1 * np.eye(2), w), "take prefilter, or dk_iteration or hinfsyn with"),
-        (lambda: robust.loop_bounds(model, w), "loop_gains has its singular values"),
         (
-            lambda: robust.predict_level(model, 0.1, robust.LoopSignals(reference=robust.StepSignal(1.0))),
+            lambda: robust.synthesis.feedforward(model, 0.1 * np.eye(2), w),
+            "take prefilter, or dk_iteration or hinfsyn with",
+        ),
+        (lambda: robust.shaping.loop_bounds(model, w), "loop_gains has its singular values"),
+        (
+            lambda: robust.analysis.predict_level(
+                model, 0.1, robust.analysis.LoopSignals(reference=robust.analysis.StepSignal(1.0))
+            ),
             "simulate its loop",
         ),
     ):

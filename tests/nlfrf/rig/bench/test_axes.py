@@ -7,9 +7,10 @@ from scipy.linalg import expm
 
 import nlfrf
 from benchmarks.bench_axes import attack
-from nlfrf import Rig, multisine, paper_rig, run, simulate, two_axis_stage
+from nlfrf import multisine, paper_rig, simulate
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, OwnFriction, VaryingSliders
 from nlfrf.hysteresis import Exponential, Table, Tanh, fit_maxwell_slip
+from nlfrf.rig import Rig, run, two_axis_stage
 
 FS = 1024.0
 LUGRE = LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)

@@ -6,9 +6,10 @@ import control
 import numpy as np
 import pytest
 
-from nlfrf import LoopResponse, Rig, paper_rig, simulate_loop, simulate_loops, two_axis_stage
+from nlfrf import paper_rig, simulate_loop
 from nlfrf.friction import Coulomb, LuGre
-from robust import pid
+from nlfrf.rig import LoopResponse, Rig, simulate_loops, two_axis_stage
+from robust.shaping import pid
 
 FS, N = 1024.0, 400
 RNG = np.random.default_rng(0)

@@ -10,11 +10,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from nlfrf import paper_rig, simulate_loops
+from nlfrf import paper_rig
+from nlfrf.rig import simulate_loops
 from nlfrf.rig.bench import closed_loop as loop_results
 from nlfrf.rig.bench import simulate as runs
 from nlfrf.rig.bench.closed_loop import simulate_runs, stack_runs
-from robust import pid
+from robust.shaping import pid
 
 FS, N = 1000, 300
 
@@ -130,7 +131,7 @@ def stacked(r):
 KILLED = """
 import os, signal, sys
 from tests.nlfrf.rig.bench.test_many_loops import arguments
-from nlfrf import simulate_loops
+from nlfrf.rig import simulate_loops
 
 simulate_loops(**arguments(), resume=sys.argv[1], progress=lambda done, total: os.kill(os.getpid(), signal.SIGKILL))
 """

@@ -10,19 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from nlfrf import (
-    DataWarning,
-    Rig,
-    ServoAxis,
-    ServoDrive,
-    identify,
-    multisine,
-    run_servo,
-    servo_axis,
-    simulate_loop,
-    simulate_servo,
-)
+from nlfrf import DataWarning, identify, multisine, servo_axis, simulate_loop
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
+from nlfrf.rig import Rig, ServoAxis, ServoDrive, run_servo, simulate_servo
 
 FS = 4000.0
 TS = 1 / FS

@@ -5,8 +5,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import nlfrf
-from nlfrf import Rig, drive, run, simulate, simulate_loop
+from nlfrf import simulate, simulate_loop
 from nlfrf.friction import LuGre, OwnFriction, stribeck
+from nlfrf.rig import Rig, drive, run
 
 SIGMA0, SIGMA1, SIGMA2, FC, FS, VS = 64e3, 13.0, 0.4, 0.7, 1.0, 0.01
 BUILT_IN = LuGre(sigma0=SIGMA0, sigma1=SIGMA1, sigma2=SIGMA2, Fc=FC, Fs=FS, vs=VS)

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.signal import dlsim
 
-from robust import UncertaintyModel, check, pid, sampled, step_response
+from robust import UncertaintyModel, check, sampled, step_response
 from robust.analysis.performance import classical_margins
+from robust.shaping import pid
 from tests.support.printed import unwrapped
 
 OMEGA = np.geomspace(1e-3, 1e3, 3000)

@@ -8,7 +8,8 @@ import pytest
 
 import nlfrf
 from nlfrf.friction import Coulomb, VaryingSliders
-from robust import friction_plant, prove_friction, quasi_linear
+from robust import friction_plant, prove_friction
+from robust.friction import quasi_linear
 from robust.friction.classes import any_maxwell_slip
 from robust.friction.describing_function import describing_function
 from robust.friction.passivity import measured_impedances
@@ -102,7 +103,7 @@ def test_outcomes_are_those_of_the_bench(rms, least):
     controllers += [pid(2e4, g, 40.0) for g in np.geomspace(1e4, 3e7, 6)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        seen = nlfrf.simulate_loops(
+        seen = nlfrf.rig.simulate_loops(
             nlfrf.paper_rig(), controllers, np.zeros(force.size), fs=1 / T, disturbance=force, saturation=1e3
         )
     moves = np.array([response.outcome(0.3) in ("limit cycle", "ran away") for response in seen])

@@ -6,11 +6,13 @@ import control
 import numpy as np
 import pytest
 
-from robust import any_bristle, any_maxwell_slip, friction_plant, prove_friction, save_certificate, verify_certificate
+from robust import friction_plant, prove_friction
+from robust.friction import any_bristle, any_maxwell_slip
 from robust.friction.exact.claim import claim_from_dict, claim_to_dict
 from robust.friction.exact.loops import equilibrium, exact_loop
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop
+from robust.io import save_certificate, verify_certificate
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
 

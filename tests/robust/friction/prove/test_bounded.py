@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.bench_friction_attack import bang_bang, fast_machine, hunted, stopping_kick
-from robust import any_bounded, any_maxwell_slip, friction_plant, prove_friction
+from robust import friction_plant, prove_friction
+from robust.friction import any_bounded, any_maxwell_slip
 from robust.friction.plant import friction_loop, steady_error_bound
 from tests.support.friction_loops import T
 

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from robust import any_bristle, friction_plant, prove_friction
+from robust import friction_plant, prove_friction
+from robust.friction import any_bristle
 from robust.friction.dissipation import bristle_dissipation
 from robust.friction.multipliers import bristle_multipliers, bristle_terms, enlarge_block, filter_rates, largest_share
 from robust.friction.plant import friction_loop, loop_frequencies, mobility

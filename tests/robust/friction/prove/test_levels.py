@@ -11,7 +11,7 @@ import pytest
 
 import nlfrf
 import robust
-from nlfrf import save_bla
+from nlfrf.io import save_bla
 from robust import cli
 from robust.friction.levels import fit_level, one_mass_reaction, require_si
 from robust.friction.plant import friction_loop
@@ -42,7 +42,7 @@ def level(k, force, c=10.0, m=1.0, seed=0):
 
 def test_closed_form_levels_are_read():
     blas = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1), level(110e3, 0.7, 60.0)]
-    found = robust.friction_class(blas)
+    found = robust.friction.friction_class(blas)
     assert found.mass == pytest.approx(1.0, rel=1e-2)
     assert found.stiffness == pytest.approx([80e3, 110e3, 142e3, 144e3], rel=1e-2)
     assert 0.7 * 80e3 < found.stiffness_low < 80e3
@@ -91,7 +91,7 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
 )
 def test_levels_that_do_not_reach_are_refused(levels, message):
     with pytest.raises(ValueError, match=message):
-        robust.friction_class(levels())
+        robust.friction.friction_class(levels())
 
 
 @pytest.mark.parametrize("tau", [1e-4, 5e-4, 2e-3])
@@ -100,9 +100,9 @@ def test_a_delay_is_refused_without_a_nominal_and_kept_with_one(tau):
     blas = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1)]
     late = [bla.times(np.exp(-1j * bla.omega * tau)) for bla in blas]
     with pytest.raises(ValueError, match=rf"no other delay than one mass, got {1e3 * tau:.2g}\d* \+- .* ms more"):
-        robust.friction_class(late)
+        robust.friction.friction_class(late)
     nominal = robust.fit_nominal(late[-1], n_poles=2, n_zeros=0, delay="estimate")
-    found = robust.friction_class(late, nominal=nominal)
+    found = robust.friction.friction_class(late, nominal=nominal)
     assert [machine.delay for machine in found.machines] == pytest.approx([tau, tau], rel=2e-2)
     assert f"{1e3 * found.machine.delay:.4g} ms of delay" in unwrapped(found)
     loop, K = robust.prove_friction(found.machine, pid(20e3, 3e5, 60.0), found.friction), pid(20e3, 3e5, 60.0)
@@ -110,7 +110,7 @@ def test_a_delay_is_refused_without_a_nominal_and_kept_with_one(tau):
     assert loop.verdict == robust.prove_friction(same, K, found.friction, delay=found.machine.delay).verdict
     dropped = control.tf([1], [1, 2.0, 80e3])
     with pytest.raises(ValueError, match="no other delay than the nominal"):
-        robust.friction_class(late, nominal=dropped)
+        robust.friction.friction_class(late, nominal=dropped)
 
 
 def test_a_hold_is_no_delay():
@@ -118,7 +118,7 @@ def test_a_hold_is_no_delay():
     blas = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1)]
     w = blas[0].omega / 1000
     held = [replace(bla.times((1 - np.exp(-1j * w)) / (1j * w)), hold="zoh") for bla in blas]
-    one, other = robust.friction_class(blas), robust.friction_class(held)
+    one, other = robust.friction.friction_class(blas), robust.friction.friction_class(held)
     assert pytest.approx(other.friction.K0, rel=1e-3) == one.friction.K0
     assert one.mass == pytest.approx(other.mass, rel=1e-3)
 
@@ -130,7 +130,7 @@ def test_a_second_mode_is_a_misfit_with_its_number(coupling, load):
 
     blas = [made(G(80e3), 3.0), made(G(142e3), 0.2), made(G(144e3), 0.05)]
     with pytest.raises(ValueError, match=r"misses this model by [\d.e+]+ times the variance of its lines \(1\.[3-9]"):
-        robust.friction_class(blas)
+        robust.friction.friction_class(blas)
 
 
 def test_the_misfit_of_a_right_model_is_refused_as_seldom_as_it_says():
@@ -166,7 +166,7 @@ def measured_levels():
 
 def test_the_rig_is_read_from_three_levels(measured_levels):
     """The machine is in the class: mass to 1 %, and springs from below its own to above its own and its friction's."""
-    found = robust.friction_class(measured_levels)
+    found = robust.friction.friction_class(measured_levels)
     assert found.mass == pytest.approx(1.0, rel=0.02)
     assert found.machine.B_port[1] == pytest.approx(1.0, rel=0.01)
     assert found.stiffness[0] == pytest.approx(80e3, rel=0.05)
@@ -176,8 +176,8 @@ def test_the_rig_is_read_from_three_levels(measured_levels):
 
 def test_what_is_proved_from_levels_is_true(measured_levels):
     """Most of what the truth lets be proved, and nothing that it refutes."""
-    found, rng = robust.friction_class(measured_levels), np.random.default_rng(3)
-    truth = robust.any_maxwell_slip(64e3, 1.5)
+    found, rng = robust.friction.friction_class(measured_levels), np.random.default_rng(3)
+    truth = robust.friction.any_maxwell_slip(64e3, 1.5)
     counts = {}
     for _ in range(24):
         K = pid(rng.uniform(-20e3, 60e3), 10 ** rng.uniform(4.5, 6.5), rng.uniform(10, 200))
@@ -195,7 +195,7 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     for i, bla in enumerate(measured_levels):
         save_bla(bla, f"{i}.npz")
-    robust.save_controller(pid(20e3, 3e5, 60.0), "K.json")
+    robust.io.save_controller(pid(20e3, 3e5, 60.0), "K.json")
 
     def run(words):
         monkeypatch.setattr(sys, "argv", ["robust", "prove", *words.split()])
@@ -210,9 +210,9 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     text = (tmp_path / "proof.txt").read_text()
     assert text.removesuffix("\n\n(written by 'robust prove')\n") in out
     assert "Two standard deviations. Frequency test, not a proof" in unwrapped(out)
-    assert robust.verify_certificate("proof.certificate.json").verified
+    assert robust.io.verify_certificate("proof.certificate.json").verified
     nominal = robust.fit_nominal(measured_levels[2], n_poles=2, n_zeros=0)
-    robust.save_model(robust.uncertainty(measured_levels[2], nominal), "m.json")
+    robust.io.save_model(robust.uncertainty(measured_levels[2], nominal), "m.json")
     code, out, _ = run("m.json K.json --stiffness 74e3 --stiction 1.2")
     assert code == 0
     assert "model of order 2" in unwrapped(out)
@@ -252,7 +252,7 @@ def flexible_levels():
 def test_a_flexible_machine_is_read_around_its_nominal(flexible_levels):
     for level_of_nominal, stuck in ((0, 0.0), (2, 60e3)):
         nominal = robust.fit_nominal(flexible_levels[level_of_nominal], n_poles=4, n_zeros=2)
-        found = robust.friction_class(flexible_levels[::-1], nominal=nominal)
+        found = robust.friction.friction_class(flexible_levels[::-1], nominal=nominal)
         assert found.mass == pytest.approx(1.0, rel=5e-3)  # what the motor feels beyond every resonance
         assert found.stiffness + stuck == pytest.approx([0.0, 52e3, 60e3], rel=5e-3, abs=200)
         assert -20e3 < found.stiffness_low + stuck < 0
@@ -263,9 +263,9 @@ def test_a_flexible_machine_is_read_around_its_nominal(flexible_levels):
         assert np.linalg.eigvals(damped.A).real.max() < -0.1
     nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
     with pytest.raises(ValueError, match=r"so low that the stiffness no longer rises: it is 40.* and 60"):
-        robust.friction_class([flexible_levels[0], flexible_levels[2], stiffer(40e3)], nominal=nominal)
+        robust.friction.friction_class([flexible_levels[0], flexible_levels[2], stiffer(40e3)], nominal=nominal)
     with pytest.raises(ValueError, match="blas must span from sticking to sliding"):
-        robust.friction_class([flexible_levels[0]] * 3, nominal=nominal)
+        robust.friction.friction_class([flexible_levels[0]] * 3, nominal=nominal)
 
 
 def stiffer(k):
@@ -276,7 +276,7 @@ def stiffer(k):
 def test_a_flexible_machine_is_proved_with_each_damping_and_comes_to_rest(flexible_levels):
     """The proof of a fit speaks of the machine behind it: random members of the class around the true one settle."""
     nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
-    found = robust.friction_class(flexible_levels, nominal=nominal)
+    found = robust.friction.friction_class(flexible_levels, nominal=nominal)
     clock = 2.5e-4
     K = control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[3e5 * clock, -60 / clock]], [[20e3 + 60 / clock]], clock)
     proofs = [robust.prove_friction(machine, K, found.friction) for machine in found.machines]
@@ -307,7 +307,7 @@ def test_levels_in_units_with_a_prefix_are_refused(unit):
     y_unit, u_unit = unit.split("/")
     blas = [replace(level(80e3, force), y_unit=y_unit, u_unit=u_unit) for force in (0.1, 0.3, 3.0)]
     with pytest.raises(ValueError, match=r"blas must be in m/N .* got"):
-        robust.friction_class(blas)
+        robust.friction.friction_class(blas)
 
 
 def test_levels_in_si_units_are_no_reason_to_refuse():
@@ -325,25 +325,30 @@ def turning(bla):
 def test_levels_of_an_axis_that_turns_are_read_in_its_own_units(flexible_levels):
     """The same numbers as in m and N, in kg m^2 and kNm/rad, refusals included."""
     straight = [level(80e3, 3.0, 2.0), level(142e3, 0.2), level(144e3, 0.05, seed=1)]
-    read, turned = robust.friction_class(straight), robust.friction_class(list(map(turning, straight)))
+    read, turned = (
+        robust.friction.friction_class(straight),
+        robust.friction.friction_class(list(map(turning, straight))),
+    )
     assert (turned.friction.K0, turned.friction.position_unit) == (read.friction.K0, "rad")
     assert "kNm/rad" in str(turned)
     assert not IN_METRES.search(unwrapped(turned))
     nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
-    around = robust.friction_class(list(map(turning, flexible_levels)), nominal=nominal)
+    around = robust.friction.friction_class(list(map(turning, flexible_levels)), nominal=nominal)
     assert {machine.position_unit for machine in around.machines} == {around.friction.position_unit} == {"rad"}
     with pytest.raises(ValueError, match=r"it is 110 and 144 kNm/rad at the two lowest levels"):
-        robust.friction_class([turning(level(k, f)) for k, f in ((80e3, 2.0), (110e3, 0.2), (144e3, 0.1))])
+        robust.friction.friction_class([turning(level(k, f)) for k, f in ((80e3, 2.0), (110e3, 0.2), (144e3, 0.1))])
     with pytest.raises(ValueError, match=r"a mass of -1 kg m\^2: the output falls"):
-        robust.friction_class([turning(level(-k, f, m=-1)) for k, f in ((80e3, 2.0), (143e3, 0.1), (144e3, 0.03))])
+        robust.friction.friction_class(
+            [turning(level(-k, f, m=-1)) for k, f in ((80e3, 2.0), (143e3, 0.1), (144e3, 0.03))]
+        )
     with pytest.raises(ValueError, match="blas must be of one axis, got positions in m and in rad"):
-        robust.friction_class([turning(straight[0]), *(replace(bla, y_unit="m") for bla in straight[1:])])
+        robust.friction.friction_class([turning(straight[0]), *(replace(bla, y_unit="m") for bla in straight[1:])])
 
 
 def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(measured_levels, tmp_path):
     bla = turning(measured_levels[2])
     nominal = robust.fit_nominal(bla, n_poles=2, n_zeros=0)
-    robust.save_model(robust.uncertainty(bla, nominal), tmp_path / "m.json")
+    robust.io.save_model(robust.uncertainty(bla, nominal), tmp_path / "m.json")
     basis = class_from_files([tmp_path / "m.json"], tmp_path / "K.json", stiffness=74e3, stiction=1.2)
     proof = prove_all(basis.machines, pid(20e3, 3e5, 60.0), basis.friction)[0]
     assert "74 kNm/rad" in unwrapped(proof)
@@ -351,4 +356,4 @@ def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(measured_level
     written = json.loads((tmp_path / "p.certificate.json").read_text())
     assert written["units"]["K0"] == "Nm/rad"
     assert [one["kind"] for one in written["read from"]["files"]] == ["model"]
-    assert robust.verify_certificate(tmp_path / "p.certificate.json").verified
+    assert robust.io.verify_certificate(tmp_path / "p.certificate.json").verified

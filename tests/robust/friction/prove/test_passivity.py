@@ -10,7 +10,8 @@ from benchmarks.bench_friction_attack import (
     passive_attack,
     sampled_resonance,
 )
-from robust import any_bounded, any_passive, friction_plant, prove_friction
+from robust import friction_plant, prove_friction
+from robust.friction import any_bounded, any_passive
 from robust.friction.plant import friction_loop
 from tests.support.friction_loops import RIG, T, pd
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from robust import any_bounded, any_maxwell_slip, friction_plant, prove_friction, sampled
+from robust import friction_plant, prove_friction, sampled
 from robust.drive import DriveSettings, cascade
+from robust.friction import any_bounded, any_maxwell_slip
 from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
 from robust.friction.plant import friction_loop, loop_frequencies, mobility

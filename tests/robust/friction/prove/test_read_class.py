@@ -16,7 +16,7 @@ def element(levels, **changes):
     """One elastic-plastic element of 64 kN/m and 1 N on 1 kg and 80 kN/m."""
     friction = VaryingSliders(stiffness=[K0_TRUE], strength=[1.0])
     known = {"mass": 1.0, "stiffness": K_TRUE, "delay": 0.0, "noise": 0.0, "good": False, "flexible": False} | changes
-    rig = nlfrf.Rig(1.0, known["stiffness"], friction, 4.0)
+    rig = nlfrf.rig.Rig(1.0, known["stiffness"], friction, 4.0)
     truth = robust.friction_plant(1.0, known["stiffness"], 4.0)
     return Case(family="Maxwell", rig=rig, K0=K0_TRUE, truth=truth, levels=levels, **known)
 

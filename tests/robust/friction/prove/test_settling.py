@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from benchmarks.settling import FS, Axis, attack, cascade, draw_axis, draw_law, hunting, settling_proof
-from robust import any_maxwell_slip, friction_plant, prove_friction, save_certificate, verify_certificate
+from robust import friction_plant, prove_friction
 from robust._base.states import FrictionVerdict
+from robust.friction import any_maxwell_slip
 from robust.friction.exact.claim import Settling
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop, steady_error_bound
 from robust.friction.prove import Finding, settling_verdict
 from robust.friction.settling import largest_rest
+from robust.io import save_certificate, verify_certificate
 
 T = 1 / 4000
 MACHINE = friction_plant(10.0, 0.0)

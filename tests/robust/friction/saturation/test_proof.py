@@ -9,8 +9,9 @@ import pytest
 
 import nlfrf
 from nlfrf.friction import Leuven, VaryingSliders
-from robust import any_bristle, any_maxwell_slip, any_passive, prove_saturated, save_certificate, verify_certificate
+from robust.friction import any_bristle, any_maxwell_slip, any_passive, prove_saturated
 from robust.friction.plant import friction_plant
+from robust.io import save_certificate, verify_certificate
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
 
@@ -20,7 +21,7 @@ SLIP = any_maxwell_slip(64e3, 1.05)
 
 def played(law, K, delay, kick, c=0.4, force=0.0):
     """Largest force of the actuator, and swing of the last tenth over the largest, after a kick."""
-    rig = nlfrf.Rig(1.0, 80e3, law, c)
+    rig = nlfrf.rig.Rig(1.0, 80e3, law, c)
     options = {"fs": 1 / T, "delay": delay, "initial": (0.0, kick), "oversampling": 16, "saturation": LIMIT}
     disturbance = np.where(np.arange(4000) < 40, force, 0.0)
     response = nlfrf.simulate_loop(rig, K, np.zeros(4000), disturbance=disturbance, **options)

@@ -114,17 +114,17 @@ def test_a_scan_names_poles_that_the_data_do_not_carry():
         3600 / (S**2 + 4 * S + 3600) * np.exp(-S / 2000)
     )  # half a sample of hold: a scan answers with a pole that it cannot place
     frd = control.FrequencyResponseData(G + noise(rng, 1e-3), OMEGA)
-    scan = robust.scan_orders(frd, n_poles=(2, 3), delay=0.0, std=np.full(OMEGA.size, 1e-3))
+    scan = robust.models.scan_orders(frd, n_poles=(2, 3), delay=0.0, std=np.full(OMEGA.size, 1e-3))
     assert "3 poles" in unwrapped(scan).partition("poles of no significance: ")[0]
     assert "poles of" not in unwrapped(
-        robust.scan_orders(frd, n_poles=(2,), delay=1 / 2000, std=np.full(OMEGA.size, 1e-3))
+        robust.models.scan_orders(frd, n_poles=(2,), delay=1 / 2000, std=np.full(OMEGA.size, 1e-3))
     )
 
 
 def scan_of(G, sigma=1e-3, n_poles=range(1, 6)):
     rng = np.random.default_rng(4)
     frd = control.FrequencyResponseData(G + noise(rng, sigma), OMEGA)
-    return robust.scan_orders(frd, n_poles=n_poles, std=np.full(OMEGA.size, sigma))
+    return robust.models.scan_orders(frd, n_poles=n_poles, std=np.full(OMEGA.size, sigma))
 
 
 def test_a_delay_is_tried_where_the_phase_asks_for_one_and_compared():
@@ -151,7 +151,7 @@ def test_poles_that_the_data_do_not_carry_are_not_recommended():
     for _ in range(20):
         G = 3600 / (S**2 + 4 * S + 3600) + noise(rng, 1e-3)
         frd = control.FrequencyResponseData(G, OMEGA)
-        scan = robust.scan_orders(frd, n_poles=(2, 3, 5), std=np.full(OMEGA.size, 1e-3))
+        scan = robust.models.scan_orders(frd, n_poles=(2, 3, 5), std=np.full(OMEGA.size, 1e-3))
         assert not describe_doubtful_poles(scan.fit)
 
 

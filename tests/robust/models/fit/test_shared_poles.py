@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust import fit_nominal, frd, scan_orders, uncertainty
+from robust import fit_nominal, frd, uncertainty
+from robust.models import scan_orders
 from robust.models.fit.shared_poles import fit_shared_poles
 from tests.support.printed import unwrapped
 

@@ -11,7 +11,7 @@ LAG = control.ss(control.tf([1], [1, 1]))
 SAMPLED = robust.sampled(LAG, DT)
 OMEGA = np.geomspace(1, 0.99 * np.pi / DT, 60)
 LINES = np.geomspace(0.1, 100, 20)
-PI, PI_SAMPLED = control.tf([1, 1], [1, 0]), robust.discretize(control.tf([1, 1], [1, 0]), DT)
+PI, PI_SAMPLED = control.tf([1, 1], [1, 0]), robust.lti.discretize(control.tf([1, 1], [1, 0]), DT)
 FRF = control.frd(SAMPLED(np.exp(1j * OMEGA * DT)), OMEGA, dt=DT)
 
 
@@ -27,7 +27,7 @@ def matrix_set(nominal):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("K", [PI, robust.discretize(PI, 2e-3)])
+@pytest.mark.parametrize("K", [PI, robust.lti.discretize(PI, 2e-3)])
 def test_a_sampled_frf_takes_its_own_clock_only(K):
     for model in (FRF, around(FRF, OMEGA)):
         with pytest.raises(ValueError, match=r"K must have the sampling time of the FRF, 0.01 s, got"):
@@ -35,10 +35,10 @@ def test_a_sampled_frf_takes_its_own_clock_only(K):
         assert robust.check(model, PI_SAMPLED).nominally_stable
         assert robust.check(model, 0.5).nominally_stable  # a gain goes with any
     with pytest.raises(ValueError, match=r"K must have the sampling time of G, 0.01 s, got"):
-        robust.disk_margins(FRF, K)
-    assert robust.disk_margins(FRF, PI_SAMPLED).inputs[0].alpha > 0.5
+        robust.margins.disk_margins(FRF, K)
+    assert robust.margins.disk_margins(FRF, PI_SAMPLED).inputs[0].alpha > 0.5
     with pytest.raises(ValueError, match=r"w_P must have the sampling time of the loop, 0.01 s, got 0.02 s"):
-        robust.check(FRF, PI_SAMPLED, w_P=robust.discretize(control.tf([0.1], [1, 1]), 0.02))
+        robust.check(FRF, PI_SAMPLED, w_P=robust.lti.discretize(control.tf([0.1], [1, 1]), 0.02))
     assert around(FRF, OMEGA).sample(1, rng=1)[0].dt == DT  # and its plants keep it
 
 
@@ -88,7 +88,7 @@ def test_a_matrix_set_has_one_clock():
         matrix_set(robust.sampled(G, DT)).perturbed(Delta)
     assert matrix_set(G).perturbed(Delta).dt == 0
     with pytest.raises(ValueError, match="w_P must be continuous as the model"):
-        matrix_set(G).loop(np.eye(2), w_P=robust.discretize(control.tf([1], [1, 1]), DT))
+        matrix_set(G).loop(np.eye(2), w_P=robust.lti.discretize(control.tf([1], [1, 1]), DT))
 
 
 def test_a_weight_without_a_clock_leaves_the_plants_theirs():

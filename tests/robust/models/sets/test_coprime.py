@@ -7,29 +7,26 @@ import pytest
 from robust import (
     UncertaintyModel,
     check,
-    discretize,
-    export_matlab,
     fit_nominal,
     frd,
-    load_model,
-    loop_bounds,
-    ncf_margin,
     ncfsyn,
-    nu_gap,
     performance_weight,
-    sample_loops,
     sampled,
-    save_model,
     uncertainty,
     worst_case,
 )
+from robust.analysis import sample_loops
 from robust.analysis.curves import loop_curves
+from robust.io import export_matlab, load_model, save_model
+from robust.lti import discretize
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
+from robust.margins import ncf_margin, nu_gap
 from robust.models.sets.coprime import chord, factor_systems, tangent_system
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 from robust.proofs.exact.claim import LoopClaim, to_matrices
 from robust.proofs.exact.loops import verify_loop
+from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
 from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, tf_response, zpk
 

@@ -54,11 +54,11 @@ def test_a_set_of_it_holds_the_next_measurement_line_by_line():
 def test_orders_validation_and_files_take_it(tmp_path):
     (G, std), (again, _) = measured(1), measured(2)
     bla, second = (nlfrf.bla_from_frf(F, one, std=std) for one in (G, again))
-    assert robust.scan_orders(bla, n_poles=(1, 2, 3)).best == 2
+    assert robust.models.scan_orders(bla, n_poles=(1, 2, 3)).best == 2
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0))
     assert robust.validate(model, second).p_value > 1e-3
-    robust.save_model(model, tmp_path / "model.json")
-    assert robust.load_model(tmp_path / "model.json").radius == pytest.approx(model.radius)
+    robust.io.save_model(model, tmp_path / "model.json")
+    assert robust.io.load_model(tmp_path / "model.json").radius == pytest.approx(model.radius)
     with pytest.raises(
         ValueError, match=r"bla must be an nlfrf.Bla of one input and output, got .* nlfrf.bla_from_frf makes one"
     ):
@@ -84,4 +84,4 @@ def test_friction_needs_amplitudes_that_nobody_noted():
     with pytest.raises(
         ValueError, match=r"blas must know the amplitude of the output, .*take BLAs that nlfrf.identify"
     ):
-        robust.friction_class([nlfrf.bla_from_frf(F, G, std=std)] * 3)
+        robust.friction.friction_class([nlfrf.bla_from_frf(F, G, std=std)] * 3)

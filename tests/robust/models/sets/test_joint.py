@@ -12,7 +12,8 @@ import nlfrf
 import robust
 from benchmarks import joint as harness
 from benchmarks.coverage_matrix import static_record
-from robust import UncertaintyModel, check, frd, load_model, save_model, uncertainty
+from robust import UncertaintyModel, check, frd, uncertainty
+from robust.io import load_model, save_model
 from robust.lti.lti import response
 from robust.models.sets import joint
 from robust.models.sets.joint import attach_records, probability_of_frf
@@ -125,7 +126,7 @@ def test_every_verdict_says_it(tmp_path):
     assert said in " ".join(str(report).split("because")[0].split())
     assert said in unwrapped(model)
     page = tmp_path / "report.html"
-    robust.write_report(page, model, control.tf([0.5], [1, 0]), report=report)
+    robust.reports.write_report(page, model, control.tf([0.5], [1, 0]), report=report)
     assert page.read_text(encoding="utf-8").count(said) >= 2
     on_lines = check(uncertainty(bla, frd(bla), order=2), control.tf([0.1], [1, 1.0]))
     assert "each line of another realisation" in str(on_lines).replace("\n", " ").replace("  ", " ")

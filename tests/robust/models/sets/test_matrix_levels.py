@@ -19,7 +19,7 @@ def measured(rms, seed, f_min=2):
     ms = nlfrf.multisine("random-odd", **band, rms=rms, rng=seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        record = nlfrf.simulate(nlfrf.two_axis_stage(), ms, n_periods=2, n_discard=3, oversampling=4, hold="zoh")
+        record = nlfrf.simulate(nlfrf.rig.two_axis_stage(), ms, n_periods=2, n_discard=3, oversampling=4, hold="zoh")
         return nlfrf.identify(record)
 
 
@@ -95,8 +95,8 @@ def test_lines_that_only_one_level_has_are_in_the_set():
 
 @pytest.mark.parametrize("form", ["elements", "auto"])
 def test_it_comes_back_from_its_file(form, tmp_path):
-    robust.save_model(around(form), tmp_path / "m.json")
-    back = robust.load_model(tmp_path / "m.json")
+    robust.io.save_model(around(form), tmp_path / "m.json")
+    back = robust.io.load_model(tmp_path / "m.json")
     assert len(back.records) == 2
     frm = measured(HIGH, 12)
     one, other = robust.validate(around(form), frm), robust.validate(back, frm)
@@ -110,7 +110,7 @@ def test_a_picture_shows_both(tmp_path):
 
 
 def test_orders_are_scanned_over_both():
-    scan = robust.scan_orders([measured(LOW, 1), measured(HIGH, 2)], n_poles=(2, 4))
+    scan = robust.models.scan_orders([measured(LOW, 1), measured(HIGH, 2)], n_poles=(2, 4))
     assert scan.best == 4
 
 

@@ -111,7 +111,7 @@ def test_no_verdict_is_contradicted_by_brute_force(seed):
 
 def test_the_breaking_plant_replays():
     model, K, _ = random_case(1)
-    worst = robust.breaking_perturbation(model, K)
+    worst = robust.analysis.breaking_perturbation(model, K)
     n = model.n_outputs
     for factor, stable in ((0.98, True), (1.02, False)):
         loop = (worst.plant(factor) * K).feedback(np.eye(n))
@@ -168,8 +168,8 @@ def test_two_forms_may_be_tried_for_their_price(tmp_path):
     model = robust.uncertainty(frm, fit, form="auto", **options)
     assert (model.form, model.alternative_form.form) == ("elements", "additive")
     assert (model.confidence, model.alternative_form.confidence) == (0.975, 0.975)
-    robust.save_model(model, tmp_path / "m.json")
-    again = robust.load_model(tmp_path / "m.json")
+    robust.io.save_model(model, tmp_path / "m.json")
+    again = robust.io.load_model(tmp_path / "m.json")
     np.testing.assert_array_equal(again.alternative_form.radius, model.alternative_form.radius)
     assert str(again) == str(model)
     alone = {form: robust.uncertainty(frm, fit, form=form, **options) for form in ("elements", "additive")}
@@ -210,7 +210,7 @@ def test_refusals():
     with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
         robust.check(model, control.ss([], [], [], np.eye(2)), delay=0.1)
     with pytest.raises(ValueError, match="K must leave the nominal loop stable"):
-        robust.breaking_perturbation(model, control.ss([], [], [], -100 * np.eye(2)))
+        robust.analysis.breaking_perturbation(model, control.ss([], [], [], -100 * np.eye(2)))
     frm, _ = stage_frm()
     with pytest.raises(
         ValueError, match="form must be one of 'elements', 'additive', 'input', 'auto', got 'inverse-additive'"

@@ -37,7 +37,7 @@ def model(request):
 def test_the_names_of_before_are_names_of_it():
     assert robust.UncertaintyModel is robust.UncertaintyModel
     assert robust.RobustnessReport is robust.RobustnessReport
-    assert robust.Validation is robust.Validation
+    assert robust.models.Validation is robust.models.Validation
 
 
 def equal(one, other):
@@ -54,11 +54,11 @@ def equal(one, other):
 
 
 def test_every_field_comes_back_from_a_file(model, tmp_path):
-    robust.save_model(model, tmp_path / "m.json")
-    back = robust.load_model(tmp_path / "m.json")
+    robust.io.save_model(model, tmp_path / "m.json")
+    back = robust.io.load_model(tmp_path / "m.json")
     different = [f.name for f in fields(model) if not equal(getattr(model, f.name), getattr(back, f.name))]
     assert not different
-    robust.save_model(back, tmp_path / "again.json")
+    robust.io.save_model(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
 
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import robust
-from robust import Block, UncertaintyModel, check, dk_iteration, interconnection
+from robust import UncertaintyModel, check, dk_iteration
+from robust.models import Block, interconnection
 
 G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.3], [0.2, 1.0]], np.zeros((2, 2)))
 OMEGA = np.logspace(-2, 2)
@@ -86,8 +87,8 @@ def test_what_takes_no_interconnection_names_what_does(tmp_path):
     for call in (
         lambda: check(system, 1.0),
         lambda: robust.worst_case(system, 1.0),
-        lambda: robust.write_report(tmp_path / "r.html", system, 1.0),
+        lambda: robust.reports.write_report(tmp_path / "r.html", system, 1.0),
     ):
         with pytest.raises(ValueError, match=r"got an UncertainSystem: check_structure\(system\) checks it"):
             call()
-    assert robust.check_structure(system).worst is not None
+    assert robust.analysis.check_structure(system).worst is not None

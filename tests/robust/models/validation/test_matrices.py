@@ -87,13 +87,13 @@ def test_a_set_from_a_file_remembers_its_record(form, tmp_path):
     frm, other = matrix(1), matrix(2)
     nominal = control.append(*[control.ss(control.tf([1.0], [1 / (2 * np.pi * 50), 1.0]))] * 2)
     model = robust.uncertainty(frm, control.ss(nominal.A, nominal.B, G0 @ nominal.C, np.zeros((2, 2))), form=form)
-    robust.save_model(model, tmp_path / "m.json")
-    back = robust.load_model(tmp_path / "m.json")
+    robust.io.save_model(model, tmp_path / "m.json")
+    back = robust.io.load_model(tmp_path / "m.json")
     assert robust.validate(back, frm).p_value == 1.0
     kept, read = robust.validate(model, other), robust.validate(back, other)
     assert (read.p_value, read.n_outside) == (kept.p_value, kept.n_outside)
     np.testing.assert_array_equal(read.p_values, kept.p_values)
-    robust.save_model(back, tmp_path / "again.json")
+    robust.io.save_model(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
 
 
@@ -159,7 +159,7 @@ def test_the_halves_of_the_mirrors_sets_agree_both_ways(measured, level):
     """At 100 mV two experiments of the first half were disturbed: its noise is thirty times that of the second half."""
     folder = measured / "fine_steering_mirror"
     u, y = (np.load(folder / f"{name}_{level}_train.npy").transpose(1, 2, 3, 0) for name in "uy")
-    lines = nlfrf.LineGrid(excited=np.arange(1600, 2600))
+    lines = nlfrf.signals.LineGrid(excited=np.arange(1600, 2600))
     halves = []
     for sets in (slice(0, 3), slice(3, 6)):
         record = nlfrf.Record(u=u[:, sets], y=y[:, sets], fs=6400, lines=lines)

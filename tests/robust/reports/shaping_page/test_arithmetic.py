@@ -114,7 +114,7 @@ def test_pid_gains_are_those_of_the_controller(kinds, dt, ask):
     model = random_loop([3])[0]
     gains = ask(page_content(model, w_P=None, K=None, dt=dt, delay=0, sources=PartSources()), state)["pid"]
     assert gains.pop("rest") == []
-    K, shaped = robust.pid(**gains, dt=dt), shaped_controller(state, 1.0, dt)
+    K, shaped = robust.shaping.pid(**gains, dt=dt), shaped_controller(state, 1.0, dt)
     at = np.array([0.3, 3.0, 30.0, 200.0])
     z = np.exp(1j * at * dt) if dt else 1j * at
     assert K(z) == pytest.approx(shaped(z), rel=1e-9)
@@ -132,7 +132,7 @@ def test_a_shape_that_is_no_pid_has_no_gains(ask):
 def test_the_python_to_paste_makes_the_same_loop(seed, ask, tmp_path, monkeypatch, capsys):
     model, w_P, begin, dt, delay, state = random_loop([seed])
     monkeypatch.chdir(tmp_path)
-    robust.save_model(model, "model.json")
+    robust.io.save_model(model, "model.json")
     text = ask(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), state)["python"]
     names: dict = {}
     exec(compile(text, "pasted", "exec"), names)
@@ -141,4 +141,4 @@ def test_the_python_to_paste_makes_the_same_loop(seed, ask, tmp_path, monkeypatc
     at = np.array([0.5, 5.0, 20.0])
     z = np.exp(1j * at * dt) if dt else 1j * at
     assert names["K"](z) == pytest.approx(K(z), rel=1e-9)
-    assert robust.load_controller("controller.json").dt == pytest.approx(dt)
+    assert robust.io.load_controller("controller.json").dt == pytest.approx(dt)

@@ -36,7 +36,7 @@ def chromium(tmp_path_factory):
 @pytest.fixture
 def page(chromium, tmp_path):
     """The page of two levels, sampled with a delay, as a desktop shows it."""
-    robust.write_shaping_page(tmp_path / "shape.html", [level(1), level(1.3)], w_P=W_P, dt=2e-3, delay=1e-3)
+    robust.shaping.write_shaping_page(tmp_path / "shape.html", [level(1), level(1.3)], w_P=W_P, dt=2e-3, delay=1e-3)
     screen(chromium, 1300, 1100)
     chromium.open(tmp_path / "shape.html")
     yield chromium
@@ -207,7 +207,7 @@ def test_it_prints(page):
 
 def test_a_title_cannot_break_out_of_the_page(chromium, tmp_path):
     evil = "</script><script>document.title = 'broken'</script>"
-    robust.write_shaping_page(tmp_path / "shape.html", level(1), title=evil)
+    robust.shaping.write_shaping_page(tmp_path / "shape.html", level(1), title=evil)
     chromium.open(tmp_path / "shape.html")
     assert chromium.run("document.title") == evil == chromium.run("document.querySelector('h1').textContent")
 
@@ -217,15 +217,17 @@ def test_the_controller_of_the_page_is_a_file_that_check_reads(page, tmp_path):
     page.run("globalThis.blobs = []; URL.createObjectURL = blob => { blobs.push(blob); return 'data:,'; }")
     page.run("[...document.querySelectorAll('button')].find(b => b.textContent === 'Save controller.json').click()")
     (tmp_path / "controller.json").write_text(page.run("blobs[0].text()"), encoding="utf-8")
-    K, at = robust.load_controller(tmp_path / "controller.json"), np.exp(2e-3j * np.array([1.0, 30.0, 300.0]))
+    K, at = robust.io.load_controller(tmp_path / "controller.json"), np.exp(2e-3j * np.array([1.0, 30.0, 300.0]))
     lead = state(page)["elements"][0]
-    assert K(at) == pytest.approx(robust.lead(2 * np.pi * lead["f"], np.radians(lead["phase"]), dt=2e-3)(at), rel=1e-9)
+    assert K(at) == pytest.approx(
+        robust.shaping.lead(2 * np.pi * lead["f"], np.radians(lead["phase"]), dt=2e-3)(at), rel=1e-9
+    )
 
 
 def test_the_command_writes_it_with_the_command_that_proves(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    robust.save_model(level(1), "low.json")
-    robust.save_model(level(1.3), "high.json")
+    robust.io.save_model(level(1), "low.json")
+    robust.io.save_model(level(1.3), "high.json")
     words = "robust shape low.json high.json --bandwidth 0.5 --sample-time 0.002 --delay 0.001 -o shape.html"
     monkeypatch.setattr(sys, "argv", words.split())
     with pytest.raises(SystemExit) as stop:
@@ -239,12 +241,12 @@ def test_the_command_writes_it_with_the_command_that_proves(tmp_path, monkeypatc
 
 def test_the_widget_holds_the_page_and_gives_the_controller_back():
     pytest.importorskip("anywidget")
-    made = robust.shape(level(1), w_P=W_P, dt=2e-3)
+    made = robust.shaping.shape(level(1), w_P=W_P, dt=2e-3)
     assert made._esm.rstrip().endswith("} };")
     assert json.loads(json.dumps(made.content))["dt"] == 2e-3
     assert made.K.dt == 2e-3
     made.state = {"gain": 2.0, "elements": [{"kind": "lead", "f": 5.0, "phase": 40.0}]}
-    K = 2.0 * robust.lead(2 * np.pi * 5, np.radians(40), dt=2e-3)
+    K = 2.0 * robust.shaping.lead(2 * np.pi * 5, np.radians(40), dt=2e-3)
     at = np.exp(2e-3j * np.array([1.0, 30.0]))
     assert made.K(at) == pytest.approx(K(at))
     assert isinstance(made, widget_class())
@@ -253,7 +255,7 @@ def test_the_widget_holds_the_page_and_gives_the_controller_back():
 def test_the_widget_runs_as_a_module(chromium, tmp_path):
     """As a notebook does it: the module is imported, `render` is given a model of traits and an element."""
     pytest.importorskip("anywidget")
-    made = robust.shape(level(1), w_P=W_P)
+    made = robust.shaping.shape(level(1), w_P=W_P)
     (tmp_path / "empty.html").write_text("<!DOCTYPE html><title>cell</title><body></body>", encoding="utf-8")
     chromium.open(tmp_path / "empty.html")
     chromium.run(
@@ -274,8 +276,8 @@ def test_the_widget_runs_as_a_module(chromium, tmp_path):
     [
         ({"model": []}, "model must be an UncertaintyModel or a list of them"),
         ({"model": 3}, "model must be an UncertaintyModel"),
-        ({"K": robust.lead(5.0, 0.5, dt=0.01), "dt": 0.02}, "dt must be one for models and controller"),
-        ({"K": robust.lead(5.0, 0.5), "dt": 0.02}, "K must be sampled at 0.02 s"),
+        ({"K": robust.shaping.lead(5.0, 0.5, dt=0.01), "dt": 0.02}, "dt must be one for models and controller"),
+        ({"K": robust.shaping.lead(5.0, 0.5), "dt": 0.02}, "K must be sampled at 0.02 s"),
         ({"path": "shape.txt"}, "path must end in .html"),
         ({"delay": -1.0}, "delay must be zero or positive"),
         ({"w_P": control.tf([1], [1, 0])}, "w_P must be stable"),
@@ -285,7 +287,7 @@ def test_what_does_not_fit_is_refused_in_one_line(change, said, tmp_path):
     asked = {"path": "shape.html", "model": level(1)} | change
     path = tmp_path / asked.pop("path")
     with pytest.raises(ValueError, match=said) as refused:
-        robust.write_shaping_page(path, asked.pop("model"), **asked)
+        robust.shaping.write_shaping_page(path, asked.pop("model"), **asked)
     assert "\n" not in str(refused.value)
     assert not path.exists()
 

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from robust import any_maxwell_slip, friction_plant, prove_friction
+from robust import friction_plant, prove_friction
 from robust.drive import DriveSettings, cascade, friction_cures
+from robust.friction import any_maxwell_slip
 
 SETTINGS = DriveSettings(fs=1000, kv=31, kp=1.26, kp_unit="Nm/(rad/s)", tn=0.04)
 MACHINE = friction_plant(0.01, 0.0, position_unit="rad")

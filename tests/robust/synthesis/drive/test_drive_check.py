@@ -57,7 +57,7 @@ AT_REST = [f"{name}-trace.csv" for name in LEVELS]
 
 def trace(axis, rms, *, base_velocity=0.0, f_min=5, f_max=400, n_samples=4000):
     ms = nlfrf.multisine(fs=4000, n_samples=n_samples, f_min=f_min, f_max=f_max, rms=rms, rng=1)
-    record = nlfrf.simulate_servo(axis, ms, n_periods=3, base_velocity=base_velocity)
+    record = nlfrf.rig.simulate_servo(axis, ms, n_periods=3, base_velocity=base_velocity)
     if axis.resolution:
         return record
     noise = 1e-3 * np.std(record.y) * np.random.default_rng(0).standard_normal(record.y.shape)
@@ -71,9 +71,9 @@ def folder(tmp_path_factory):
     axis = nlfrf.servo_axis("linear motor")
     axis = replace(axis, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
     for name, rms, velocity in (("low", 0.7, 0), ("mid", 2.0, 0), ("slide", 60.0, 0), ("moving", 60.0, 0.1)):
-        nlfrf.save_record(trace(axis, rms, base_velocity=velocity), folder / f"{name}.npz")
+        nlfrf.io.save_record(trace(axis, rms, base_velocity=velocity), folder / f"{name}.npz")
     joint = frictionless("joint", kv=2.0, kp=4.0, tn=0.5)
-    nlfrf.save_record(trace(joint, 5.0, f_min=3, f_max=200, n_samples=8000), folder / "joint.npz")
+    nlfrf.io.save_record(trace(joint, 5.0, f_min=3, f_max=200, n_samples=8000), folder / "joint.npz")
     (folder / "gains.toml").write_text(LINEAR)
     (folder / "joint.toml").write_text(ROTARY)
     return folder
@@ -211,7 +211,7 @@ def test_margins_and_step_are_those_of_the_axis(actual):
     assert ("assumed: delay 0.25 ms and lag 0.3 ms" in str(found)) is actual
     r = np.full(1200, 1e-3)
     r[0] = 0.0
-    moved = nlfrf.run_servo(axis, position=r).position[1:] / 1e-3
+    moved = nlfrf.rig.run_servo(axis, position=r).position[1:] / 1e-3
     if not actual:
         assert found.step.y == pytest.approx(moved[: found.step.y.size], abs=2e-3)
         assert found.step.y.size > 100
@@ -221,7 +221,7 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
     settings = load_gains(folder / "gains.toml")
     record = nlfrf.load_record(folder / "moving.npz")
     named = replace(record, u=record.u / 52.8, y=record.y * 1e3, input_units=("A",), output_units=("mm",))
-    nlfrf.save_record(named, folder / "amperes.npz")
+    nlfrf.io.save_record(named, folder / "amperes.npz")
     one, other = (read_trace(folder / name, settings) for name in ("moving.npz", "amperes.npz"))
     assert np.allclose(one.u, other.u, rtol=1e-12)
     assert np.allclose(one.y, other.y, rtol=1e-12)
@@ -379,7 +379,7 @@ def test_a_proof_holds_with_the_added_delay_and_no_sixteenth_of_a_period_more(fo
     """The loop at the ends is proved with what the page names, and one of them is not with the next step."""
     settings = load_gains(folder / "gains.toml")
     plants = [robust.friction_plant(mass, 0.0) for mass in (11.9, 12.1)]
-    K, friction = cascade(settings, output_unit="N"), robust.any_maxwell_slip(2.5e6)
+    K, friction = cascade(settings, output_unit="N"), robust.friction.any_maxwell_slip(2.5e6)
     added = largest_added_delay(plants, K, friction, delay=settings.delay, period=settings.dt)
     late = [settings.delay + added, settings.delay + added + settings.dt / 16]
     held = [[robust.prove_friction(one, K, friction, delay=delay).verdict for one in plants] for delay in late]

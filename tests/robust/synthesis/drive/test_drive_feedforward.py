@@ -70,7 +70,7 @@ def test_what_friction_leaves_for_a_verdict():
     plant, K = robust.friction_plant(10.0, 0.0), cascade(DRIVE, output_unit="N")
     whole, left = (
         robust.prove_friction(plant, K, friction, delay=DRIVE.delay)
-        for friction in (robust.any_bounded(22.0), compensated(22.0, found.relative_error))
+        for friction in (robust.friction.any_bounded(22.0), compensated(22.0, found.relative_error))
     )
     assert left.error_bound == pytest.approx(whole.error_bound / 11)
 
@@ -88,7 +88,7 @@ def test_the_simulated_axis_follows():
     mass_only = feedforward(mass=axis.motor_inertia, viscous=axis.motor_damping)
     moving = slice(200, 1400)  # between the rise and the end, where it sticks
     errors = [
-        np.abs((nlfrf.run_servo(axis, position=r, force=force).position - r)[moving]).max()
+        np.abs((nlfrf.rig.run_servo(axis, position=r, force=force).position - r)[moving]).max()
         for force in (np.zeros_like(r), mass_only.force(v, a), gains.force(v, a, j))
     ]
     assert errors[0] > 4 * errors[1] > 20 * errors[2]
@@ -113,7 +113,7 @@ def test_the_error_over_the_set_holds_every_plant_and_is_reached(fraction):
     omega = found.omega[slow]
     z = np.exp(1j * omega * K.dt)
     s = 1j * omega
-    T_ref = robust.discretize(reference, K.dt)(z)
+    T_ref = robust.lti.discretize(reference, K.dt)(z)
     m, c, T = 12.0, 20.0, gains.lead
     f = T_ref * ((m + c * T) * s**2 + c * s + m * T * s**3)
     for scale in (1 - fraction, 1 + fraction):
@@ -139,9 +139,9 @@ def test_a_plant_is_read():
 
 def test_a_class_of_friction_gives_the_mass_with_its_interval():
     known = robust.friction_plant(12.0, 0.0)
-    friction = robust.FrictionClass(
+    friction = robust.friction.FrictionClass(
         machine=known,
-        friction=robust.any_maxwell_slip(1e6),
+        friction=robust.friction.any_maxwell_slip(1e6),
         evidence="",
         mass=np.array([12.0, 12.2, 11.8]),
         stiffness=np.zeros(3),
@@ -158,7 +158,7 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
     )
     K, reference = control.tf([600, 12000], [1e-3, 1]), control.tf([1], [1e-6, 3e-4, 3e-2, 1])
     with pytest.raises(ValueError, match=r"model must have a stable nominal.*robust\.drive\.feedforward"):
-        robust.feedforward(model, K, reference)
+        robust.synthesis.feedforward(model, K, reference)
     assert feedforward_error(feedforward(model), model, K, reference).error.max() < 1e-6
 
 

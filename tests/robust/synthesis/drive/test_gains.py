@@ -70,7 +70,7 @@ def test_both_solutions_are_the_same_controller():
 @pytest.mark.parametrize("sampled", [False, True])
 def test_a_pid_is_the_cascade_of_the_derivation(sampled):
     Kp, Ki, Kd, Tf, dt = 280.0, 8000.0, 2.0, 2e-3, BASE.dt
-    K = robust.pid(Kp, Ki, Kd, filter_time=Tf, dt=dt if sampled else 0.0)
+    K = robust.shaping.pid(Kp, Ki, Kd, filter_time=Tf, dt=dt if sampled else 0.0)
     found = gains(K, like=BASE).settings
     # the sampled low-pass on the velocity is half a period faster than the filter
     assert found.velocity_lag == pytest.approx(Tf - dt / 2, rel=1e-6)
@@ -85,12 +85,12 @@ def test_a_pid_is_the_cascade_of_the_derivation(sampled):
 def test_a_design_from_the_frf_is_read():
     """The gain at zero frequency is largest with complex zeros; behind a PI that is given they are real."""
     ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=4, f_max=400, rms=5.0, rng=1)
-    bla = nlfrf.identify(nlfrf.simulate_servo(frictionless("linear motor"), ms))
+    bla = nlfrf.identify(nlfrf.rig.simulate_servo(frictionless("linear motor"), ms))
     dt, like = 1 / 4000, replace(BASE, **BLANK)
     free = robust.design_frf(bla, "PID", M_S=2.0, dt=dt, positive=True)
     with pytest.raises(ValueError, match=r"two real zeros.*got 1\.\d+ times as much.*fixed PI"):
         gains(free.K, like=like, output_unit="N")
-    design = robust.design_frf(bla, "PD", M_S=2.0, dt=dt, fixed=robust.pid(1.0, 100.0, dt=dt))
+    design = robust.design_frf(bla, "PD", M_S=2.0, dt=dt, fixed=robust.shaping.pid(1.0, 100.0, dt=dt))
     found = gains(design.K, like=like, output_unit="N").settings
     z = np.exp(1j * np.geomspace(1e-4, 3, 50))
     assert np.allclose(cascade(found, output_unit="N")(z), design.K(z), rtol=1e-9)
@@ -102,17 +102,20 @@ def test_complex_zeros_are_refused_with_the_number():
     Kp, Ki, Kd, Tf = 180.0, 4000.0, 2.0, 0.5e-3  # in the sampled filter the number is that of continuous time
     number = 4 * Ki * (Kp * Tf + Kd) / (Kp + Ki * Tf) ** 2
     with pytest.raises(ValueError, match=rf"K must have two real zeros .*got {number:.3g}\d? times as much"):
-        gains(robust.pid(Kp, Ki, Kd, filter_time=Tf), like=BASE)
+        gains(robust.shaping.pid(Kp, Ki, Kd, filter_time=Tf), like=BASE)
 
 
 @pytest.mark.parametrize(
     ("K", "message"),
     [
-        (robust.pid(1.0, 0.0, -1e-2, filter_time=0.1), "zeros between the pole of its derivative filter"),
-        (robust.pid(280.0, 8000.0, 2.0, filter_time=0.5e-4), "pole 0 to 1, got a pole at -0.4286.*half the sampling"),
+        (robust.shaping.pid(1.0, 0.0, -1e-2, filter_time=0.1), "zeros between the pole of its derivative filter"),
+        (
+            robust.shaping.pid(280.0, 8000.0, 2.0, filter_time=0.5e-4),
+            "pole 0 to 1, got a pole at -0.4286.*half the sampling",
+        ),
         (-cascade(BASE), "gains of one sign to be a cascade, got kp = -143 A/"),
         (2.0, "zeros between the pole|one sign|real zeros|act on the velocity"),
-        (robust.pid(1.0, 3.0), "zeros between the pole|one sign|real zeros|pole 0 to 1"),
+        (robust.shaping.pid(1.0, 3.0), "zeros between the pole|one sign|real zeros|pole 0 to 1"),
         (cascade(replace(BASE, filters=(notch(100.0, bandwidth=20.0),))), "."),
         (control.ss(control.tf([1.0], [1.0, -0.5], 0.1)), "K must be sampled as the drive is, 0.00025 s, got 0.1 s"),
         (np.ones((1, 2)), "K must have one output and 1 position for a drive.*got 1 and 2"),

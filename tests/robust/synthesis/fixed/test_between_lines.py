@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks.attack_design_frf import judged
-from robust import ControllerStructure, check, design_frf, performance_weight
+from robust import check, design_frf, performance_weight
 from robust.lti.grids import controller_mode_lines
 from robust.lti.stability import winding_number
+from robust.synthesis import ControllerStructure
 from robust.synthesis.fixed.sequential import MatrixOnLines, check_sequential_stability
 
 LAG = control.tf([1], [1, 1])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nlfrf import save_bla
+from nlfrf.io import save_bla
 from robust import cli
 from tests.support.bla import make_bla
 

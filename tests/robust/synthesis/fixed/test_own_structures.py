@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robust
-from robust import ControllerStructure
+from robust.synthesis import ControllerStructure
 
 PLANT = control.tf([1], [0.1, 1])
 

@@ -18,7 +18,7 @@ OMEGA = 2 * np.pi * np.geomspace(0.1, 50.0, 60)
 
 
 def gains_of(K):
-    found = robust.pid_gains(K)
+    found = robust.io.pid_gains(K)
     return np.array([found.kp, found.ki, found.kd])
 
 
@@ -72,7 +72,10 @@ def test_gains_that_are_positive_of_themselves_are_not_touched():
         ({"structure": "lead"}, "positive must be asked of P, I, PI, PD, PID, got it with 'lead'"),
         ({"structure": 2}, "positive must be asked of"),
         ({"structure": "PI", "fixed": control.tf([1], [0.01, 1])}, "positive must be left out with a factor"),
-        ({"structure": "PID", "start": robust.pid(-0.1, 1.0, 1e-3, filter_time=1e-3), "filter_time": 1e-3}, "negative"),
+        (
+            {"structure": "PID", "start": robust.shaping.pid(-0.1, 1.0, 1e-3, filter_time=1e-3), "filter_time": 1e-3},
+            "negative",
+        ),
     ],
 )
 def test_what_positive_is_not_asked_of(asked, refusal):
@@ -123,7 +126,7 @@ def test_the_command_warns_and_positive_cures(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     omega = np.geomspace(1, 600, 20)
     model = robust.UncertaintyModel(PLANT, control.tf([0.01], [1]), "multiplicative", omega, np.full(20, 0.01))
-    robust.save_model(model, "m.json")
+    robust.io.save_model(model, "m.json")
 
     def run(line):
         monkeypatch.setattr(sys, "argv", line.split())
@@ -158,12 +161,18 @@ def test_a_proportional_gain_that_does_nothing_is_named_and_an_integrator_is_as_
 
 
 def test_an_integrator_and_a_derivative_are_no_integrator():
-    K = robust.pid(1e-4, 1.3e8, 930.0, filter_time=1.3e-3)
+    K = robust.shaping.pid(1e-4, 1.3e8, 930.0, filter_time=1.3e-3)
     assert advice_on_structure(K, OMEGA).endswith("Use the parallel form, or ask for --structure PI or I")
 
 
 @pytest.mark.parametrize(
-    "K", [robust.pid(2.0, 3.0), robust.pid(1.0), control.tf([1], [1, 1]), robust.pid(0.0, 0.0, 1.0, filter_time=0.1)]
+    "K",
+    [
+        robust.shaping.pid(2.0, 3.0),
+        robust.shaping.pid(1.0),
+        control.tf([1], [1, 1]),
+        robust.shaping.pid(0.0, 0.0, 1.0, filter_time=0.1),
+    ],
 )
 def test_other_controllers_get_no_advice(K):
     assert advice_on_structure(K, OMEGA) == ""

@@ -6,7 +6,8 @@ import control
 import pytest
 
 import robust
-from robust import any_maxwell_slip, any_passive, design_frf, friction_plant, prove_friction
+from robust import design_frf, friction_plant, prove_friction
+from robust.friction import any_maxwell_slip, any_passive
 from robust.synthesis.fixed import one_loop
 
 RIG = friction_plant(1.0, 80e3, 0.4)

@@ -4,10 +4,11 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, loop_bounds, performance_weight
+from robust import UncertaintyModel, performance_weight
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
 from robust.models.sets.forms import perturbed_sensitivity_terms
+from robust.shaping import loop_bounds
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")

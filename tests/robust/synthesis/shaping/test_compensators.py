@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robust import lag, lead, notch, pid, roll_off
 from robust.lti.lti import response
+from robust.shaping import lag, lead, notch, pid, roll_off
 
 
 def test_elements_do_what_they_say():

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import robust
-from robust import any_bounded, any_maxwell_slip, friction_plant, tuning
+from robust import friction_plant, tuning
+from robust.friction import any_bounded, any_maxwell_slip
 from robust.friction.plant import friction_loop, mobility
 from robust.lti.sampling import sampled
 from robust.synthesis.tuning.friction import FrictionChannel

@@ -345,7 +345,7 @@ def test_a_design_of_one_loop_is_a_start():
     """The PID of `design_frf` as a block: the same controller, a start that only gets better, and back as a start."""
     dt, G = 1e-3, control.tf([400.0], [1, 8, 400])
     first = robust.design_frf(robust.sampled(G, dt), "PID", M_S=1.8, dt=dt, delay=dt)
-    block = tuning.Pid.from_gains(robust.pid_gains(first.K), reads="e", drives="u")
+    block = tuning.Pid.from_gains(robust.io.pid_gains(first.K), reads="e", drives="u")
     z = np.exp(1j * np.array([0.5, 20.0, 300.0]) * dt)
     assert np.allclose(block.system(dt)(z), first.K(z), rtol=1e-9)
     design = robust.tune(
@@ -363,7 +363,7 @@ def test_a_design_of_one_loop_is_a_start():
     again = robust.design_frf(
         robust.sampled(G, dt), "PID", M_S=1.8, dt=dt, delay=dt, start=design.blocks["K"].system(dt)
     )
-    assert robust.pid_gains(again.K).kp > 0
+    assert robust.io.pid_gains(again.K).kp > 0
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.01])

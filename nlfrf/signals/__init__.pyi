@@ -1,0 +1,2 @@
+from .lines import LineGrid as LineGrid
+from .orthogonal import OrthogonalMultisine as OrthogonalMultisine
