@@ -13,7 +13,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import nlfrf
 import robust
 
 DOCS = Path(__file__).resolve().parent
