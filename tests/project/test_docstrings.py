@@ -6,9 +6,8 @@ import re
 from enum import Enum
 from pathlib import Path
 
-import pytest
-
 from docs.api import pictures, things
+from tests.support.rules import each
 
 ROOT = Path(__file__).parents[2]
 
@@ -82,7 +81,7 @@ def entries(text):
 ALL = [(f"{module}.{name}", thing) for module, name, thing in things()]
 
 
-@pytest.mark.parametrize(("name", "thing"), ALL, ids=[name for name, _ in ALL])
+@each(ALL)
 def test_docstring(name, thing):
     found = sections(thing)
     summary = found[""].split("\n\n")[0].split("\n>>>")[0].rstrip()
@@ -113,8 +112,8 @@ def test_docstring(name, thing):
                 assert UNITS[one] in description, f"{one} : {kind} without its unit {UNITS[one]}: {description}"
 
 
-@pytest.mark.parametrize(("module", "name", "thing"), pictures(), ids=[f"{m}.{n}" for m, n, _ in pictures()])
-def test_pictures_document_their_arguments(module, name, thing):
+@each((f"{module}.{name}", thing) for module, name, thing in pictures())
+def test_pictures_document_their_arguments(name, thing):
     found = sections(thing)
     assert found[""].strip(), "no summary"
     if "Parameters" in found:

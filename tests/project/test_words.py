@@ -6,9 +6,8 @@ Each was a name that only those who had written the code could read. `docs/guide
 import ast
 import re
 
-import pytest
-
 from tests.project.test_architecture import ROOT
+from tests.support.rules import each
 
 #: Parts of identifiers: a text was `said` or `told`, a neighbour `beside`, a module a `room`, a package a `wing`, ...
 WORDS = {
@@ -63,7 +62,7 @@ def parts(name):
     return re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+@each((path,) for path in FILES)
 def test_no_private_word(path):
     text = path.read_text(encoding="utf-8")
     names = {name for name in identifiers(ast.parse(text)) if set(parts(name)) & WORDS} - REVIEWED
