@@ -13,6 +13,7 @@ from robust.lti.lti import Matrices, balance_matrix, evaluate_transfer, scale_st
 __all__ = [
     "EPS",
     "continuous_image",
+    "continuous_matrices",
     "crossings",
     "from_half_plane",
     "hinf_norm",
@@ -329,3 +330,16 @@ def riccati_by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.nd
     if n_stable != n:
         raise ValueError("eigenvalues on the imaginary axis")
     return np.asarray(np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T * size)
+
+
+def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
+    """Return the system in s, or under a clock in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
+    matrices = (system.A, system.B, system.C, system.D)
+    if not dt or not system.nstates:
+        return matrices
+    try:
+        A, B, C, D = to_continuous(*matrices)
+    except np.linalg.LinAlgError as error:
+        raise ValueError(str(error)) from None
+    root = np.sqrt(2 / dt)
+    return A * 2 / dt, B * root, C * root, D

@@ -16,10 +16,10 @@ import numpy as np
 from nlfrf._base.arguments import require_choice, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
-from robust.lti.connections import block_diagonal, lower_lft, upper_lft
-from robust.lti.lti import is_clockless, timebase
+from robust.lti.connections import block_diagonal, upper_lft
 from robust.lti.realisation import multivariable
 from robust.lti.stability import is_stable
+from robust.lti.wiring import join_by_name, shared_timebase
 from robust.models.sets.forms import PERTURBATIONS
 from robust.mu.blocks import KINDS
 
@@ -250,13 +250,13 @@ def interconnection(
         raise ValueError("outputs must be given together with inputs, got only one of them")
     parts = [multivariable(f"systems[{k}]", system) for k, system in enumerate(systems)]
     weights = [block.size for block in blocks.values() for _ in block.reads]
-    dt = common_timebase([*parts, *weights])
+    dt = shared_timebase([*parts, *weights])
     named_in = [label for part in parts for label in part.input_labels]
     named_out = [label for part in parts for label in part.output_labels]
     read = [*(label for block in blocks.values() for label in block.reads), *outputs]
     external = [*(label for block in blocks.values() for label in block.drives), *inputs]
     require_known_signals(named_in, named_out, read=read, external=external)
-    N = join_parts_by_name(block_diagonal(parts, dt), (named_in, named_out), external=external, read=read)
+    N = join_by_name(parts, (), external=external, looked_at=read).system
     if weights:
         size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
         N = scale_outputs(size, N, dt)
@@ -279,40 +279,6 @@ def require_known_signals(named_in: list[str], named_out: list[str], *, read: li
     for label in named_in:
         if label not in {*named_out, *external}:
             raise ValueError(f"systems must have every input driven, got nobody who drives {label!r}")
-
-
-def join_parts_by_name(
-    parts: control.StateSpace, names: tuple[list[str], list[str]], *, external: list[str], read: list[str]
-) -> control.StateSpace:
-    """From the external signals to those that are read: an input is what outputs and external signals add up to."""
-    named_in, named_out = names
-    inside, into, out = (
-        name_matches(named_in, named_out),
-        name_matches(named_in, external),
-        name_matches(read, named_out),
-    )
-    # (external, all inputs) -> (read, all outputs)
-    P = control.StateSpace(
-        parts.A,
-        np.hstack([parts.B @ into, parts.B]),
-        np.vstack([out @ parts.C, parts.C]),
-        np.vstack([np.hstack([out @ parts.D @ into, out @ parts.D]), np.hstack([parts.D @ into, parts.D])]),
-        parts.dt,
-    )
-    return lower_lft(P, control.StateSpace([], [], [], inside, parts.dt))
-
-
-def common_timebase(parts: list[control.StateSpace]) -> float:
-    """Return the sampling time of all parts that have one, or a refusal."""
-    steps = {timebase(part) for part in parts if not is_clockless(part)}
-    if len(steps) > 1:
-        raise ValueError(f"systems must have one sampling time, got {', '.join(f'{s:g} s' for s in sorted(steps))}")
-    return steps.pop() if steps else 0.0
-
-
-def name_matches(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """Return ones where the names agree."""
-    return np.array([[float(row == column) for column in columns] for row in rows]).reshape(len(rows), len(columns))
 
 
 def scale_outputs(size: control.StateSpace, N: control.StateSpace, dt: float) -> control.StateSpace:

@@ -11,6 +11,5 @@ parameters  all blocks as one matrix of the coordinates of the search, and its s
 plants      plants behind hold and delay, or on their lines
 problem     poles, peaks and slopes of all plants at given coordinates
 tune        the entry point
-wiring      fixed parts joined by names, blocks left out
 worst       the worst gain over a set: a disc in closed form, several blocks by scalings
 """

@@ -17,7 +17,8 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.lti.lti import Matrices, evaluate_transfer
-from robust.synthesis.tuning.wiring import continuous_matrices, is_well_posed
+from robust.lti.norms import continuous_matrices
+from robust.lti.wiring import is_well_posed
 
 __all__ = ["ClosedLoop", "StatePlant", "state_plant"]
 

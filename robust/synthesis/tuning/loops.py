@@ -11,13 +11,13 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.lti.grids import cluster_at_modes
 from robust.lti.lti import evaluate_transfer
-from robust.lti.norms import crossings, to_discrete, well_conditioned
+from robust.lti.norms import continuous_matrices, crossings, to_discrete, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
+from robust.lti.wiring import is_well_posed
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
 from robust.synthesis.tuning.friction import FrictionChannel, Multipliers
 from robust.synthesis.tuning.limits import Channel
 from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_bounded
-from robust.synthesis.tuning.wiring import continuous_matrices, is_well_posed
 from robust.synthesis.tuning.worst import Perturbation, Scalings
 
 __all__ = ["CloseLook", "MeasuredLoop", "ModelledLoop", "Peak", "bilinear_frequency", "true_frequency"]

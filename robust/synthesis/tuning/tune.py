@@ -23,6 +23,7 @@ from robust.lti.lti import is_constant, timebase
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import multivariable
 from robust.lti.stability import assess_stability, poles_with_rounding
+from robust.lti.wiring import Port, join_by_name
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.tuning.blocks import Pid, TunableBlock, require_blocks
 from robust.synthesis.tuning.closing import ClosedLoop, state_plant
@@ -41,7 +42,6 @@ from robust.synthesis.tuning.plants import (
     stated_sampling_time,
 )
 from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better
-from robust.synthesis.tuning.wiring import Port, join_by_name
 
 __all__ = ["tune"]
 

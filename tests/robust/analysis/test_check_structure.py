@@ -200,7 +200,7 @@ G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
         (lambda: interconnection([G], {"d": Block("y", "u")}).at(e=1.0), "values must be of the blocks d, got e"),
         (
             lambda: interconnection([G, control.ss(0.5, 1, 1, 0, 0.1, inputs="y", outputs="u")], {}),
-            "systems must have one sampling time, got 0 s, 0.1 s",
+            "systems must have one sampling time .*, got 0 s and 0.1 s",
         ),
         (
             lambda: interconnection([control.ss([], [], [], 1.0, inputs="y", outputs="y")], {"d": Block("y", "y")}),

@@ -1,4 +1,4 @@
-"""Fixed parts joined by the names of their signals, with the blocks (and a plant known on lines) left out as ports."""
+"""Systems joined by the names of their signals, with what is tuned or known on lines left out as ports."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ import numpy as np
 from nlfrf._base.arguments import join_names
 from nlfrf._base.values import value
 from robust.lti.connections import block_diagonal
-from robust.lti.lti import Matrices, is_clockless, timebase
-from robust.lti.norms import to_continuous
+from robust.lti.lti import is_clockless, timebase
 
-__all__ = ["OpenLoop", "Port", "continuous_matrices", "is_well_posed", "join_by_name"]
+__all__ = ["OpenLoop", "Port", "is_well_posed", "join_by_name", "shared_timebase"]
 
 #: Determinant of I - D K from which on an algebraic loop has a solution.
 WELL_POSED = 1e-9
@@ -48,7 +47,7 @@ def join_by_name(
     """Join parts and ports by name: an input is the sum of all outputs and external inputs of its name.
 
     A signal that is looked at is the sum of all outputs of its name, without the external input of that name, as in
-    `robust.models.interconnection` and `control.interconnect`.
+    `control.interconnect`.
 
     Raises
     ------
@@ -131,7 +130,7 @@ def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
     steps = sorted({timebase(part) for part in parts if not is_clockless(part)})
     if len(steps) > 1 and max(abs(step / steps[-1] - 1) for step in steps) > 1e-9:
         raise ValueError(
-            f"system must have one sampling time, got {join_names([f'{step:g} s' for step in steps])} (0 is continuous)"
+            f"systems must have one sampling time (0: continuous), got {join_names([f'{step:g} s' for step in steps])}"
         )
     return steps[-1] if steps else 0.0
 
@@ -140,16 +139,3 @@ def same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
     """Return ones where the names agree."""
     ones = [[float(row == column) for column in columns] for row in rows]
     return np.array(ones).reshape(len(rows), len(columns))
-
-
-def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
-    """Return the system in s, or under a clock in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
-    matrices = (system.A, system.B, system.C, system.D)
-    if not dt or not system.nstates:
-        return matrices
-    try:
-        A, B, C, D = to_continuous(*matrices)
-    except np.linalg.LinAlgError as error:
-        raise ValueError(str(error)) from None
-    root = np.sqrt(2 / dt)
-    return A * 2 / dt, B * root, C * root, D
