@@ -14,6 +14,7 @@ import time
 #: Each command by itself takes other numbers of records, loops and files than the few of here; it prints how many.
 COMMANDS = (
     "machine",
+    "size",
     "bench_identify",
     "peers_matrix",
     "bench_files",
