@@ -7,13 +7,14 @@ TESTS := $(VENV)/.ready-test
 DOCS := $(VENV)/.ready-docs
 RELEASE := $(VENV)/.ready-release
 
-.PHONY: demo test attack lint docs picture bench release-check clean help
+.PHONY: demo test attack lint pages docs picture bench release-check clean help
 
 help:
 	@echo "make demo           the main job on the built-in rig: files and pictures in demo/"
 	@echo "make test           format, lint, types and every test"
 	@echo "make attack         the cases of the statistics that make test leaves out"
-	@echo "make docs           examples, guide and reference as pages in build/docs/index.html"
+	@echo "make docs           every example, guide and reference as pages in build/docs/index.html, and their tests"
+	@echo "make pages          the pages alone, without their tests"
 	@echo "make picture        the picture of the README, from the first example"
 	@echo "make bench          every measured figure again, beside the peers that install: about half an hour"
 	@echo "make release-check  build wheel and source distribution, look into them, try them in clean environments"
@@ -53,9 +54,13 @@ test: lint
 attack: $(TESTS)
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest --attack -n 2 --dist worksteal
 
-# The examples run once: what they print and draw lies in build/examples, and the tests look at the same.
-docs: $(DOCS)
+# The examples run once: what they print and draw lies in build/examples, and the tests look at the same. A page that
+# warns is a failure.
+pages: $(DOCS)
 	MPLBACKEND=Agg $(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees docs build/docs
+
+docs: $(TESTS)
+	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest --docs -n 2 --dist worksteal tests/project
 	@echo "wrote build/docs/index.html"
 
 # The picture of the README, from what the first example measured.

@@ -40,11 +40,13 @@ PACKAGES = (
     *("robust.lti", "robust.io", "robust.plot", "robust.reports"),
 )
 #: What most scripts need, `identify` first.
-FIRST = {
-    "nlfrf": "identify multisine load_record inspect_file simulate Bla Record Multisine",
-    "robust": "fit_nominal uncertainty UncertaintyModel sampled performance_weight ncfsyn design_frf tune check "
-    "RobustnessReport worst_case prove_friction write_report export_matlab",
-}
+FIRST = (
+    *("nlfrf.identify", "nlfrf.multisine", "nlfrf.load_record", "nlfrf.inspect_file", "nlfrf.simulate", "nlfrf.Bla"),
+    *("nlfrf.Record", "nlfrf.Multisine", "robust.fit_nominal", "robust.uncertainty", "robust.UncertaintyModel"),
+    *("robust.sampled", "robust.performance_weight", "robust.ncfsyn", "robust.design_frf", "robust.tune"),
+    *("robust.check", "robust.RobustnessReport", "robust.worst_case", "robust.prove_friction"),
+    *("robust.reports.write_report", "robust.io.export_matlab"),
+)
 #: Modules of pictures: every plot_ function is public.
 PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
 
@@ -108,7 +110,7 @@ def write_index(path: Path) -> None:
     page = ["Reference", "=========", ""]
     page += ["Arrays and units are those of the :doc:`nomenclature </guide/nomenclature>`.", ""]
     page += ["What most scripts need", "----------------------", ""]
-    page += summary_table([f"{module}.{name}" for module, names in FIRST.items() for name in names.split()])
+    page += summary_table([*FIRST])
     for package, full_names in by_package().items():
         title = package.replace("._base", ": shared").replace(".", ": ")
         summary = (inspect.getdoc(import_module(package)) or "").split("\n\n")[0]

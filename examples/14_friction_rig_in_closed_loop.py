@@ -32,10 +32,7 @@ import robust
 LEVELS = {"one level": (0.5,), "three levels": (0.25, 0.5, 2.0)}  # rms of the force [N]
 BAND = {"fs": 4096, "n_samples": 16384, "f_min": 1.25, "f_max": 250}
 KICKS = {"gentle": 0.5, "hard": 2.0, "very hard": 20.0}  # rms of the burst [N]
-MACHINE, CLASS = (
-    robust.friction_plant(1.0, 80e3, 0.4),
-    robust.friction.any_maxwell_slip(64e3),
-)  # while it slides; its friction
+MACHINE, CLASS = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.any_maxwell_slip(64e3)  # it slides; friction
 T, BURST, QUIET = 1e-3, 0.3, 1.2  # sample time of the controller, how long the burst and the silence last [s]
 OUTCOMES = {"settled": "#009E73", "stable": "#0072B2", "limit cycle": "#D55E00", "ran away": "#000000"}
 
@@ -58,9 +55,8 @@ def played(name, crossovers, gains, pool):
         tried += [control.StateSpace(K.A, K.B, g * K.C, g * K.D, T) for g in np.geomspace(0.25, 8, gains)]
     said = list((pool.map if pool else map)(partial(verdicts, model), tried))
     force = np.pad(np.random.default_rng(0).standard_normal(round(BURST / T)), (0, round(QUIET / T)))
-    run = partial(
-        nlfrf.rig.simulate_loops, nlfrf.paper_rig(), tried, 0 * force, fs=1 / T, saturation=5.0, executor=pool
-    )
+    rig, quiet = nlfrf.paper_rig(), 0 * force
+    run = partial(nlfrf.rig.simulate_loops, rig, tried, quiet, fs=1 / T, saturation=5.0, executor=pool)
     for kick, rms in KICKS.items():
         for (words, rs, sure), r in zip(said, run(disturbance=rms * force), strict=True):
             yield name, words, kick, r.outcome(BURST), rs, np.clip(r.residual(BURST), 1e-8, 1e3), sure

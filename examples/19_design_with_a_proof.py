@@ -39,8 +39,7 @@ def identified(rms):
     return nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 
 
-def spring(stiffness):
-    """The mass of the machine on a spring."""
+def spring(stiffness):  # with the mass of the machine on it
     return control.ss(control.tf([1], [1 / assumed.machine.B_force[1], 0, stiffness]))
 
 
@@ -79,17 +78,12 @@ model = robust.uncertainty(blas[0.5], robust.fit_nominal(blas[0.5], n_poles=3), 
 plant = robust.sampled(model.nominal, T)
 found = {f"shaped for {crossover} Hz": shaped(crossover) for crossover in (40, 120)}
 found["PID, proved"] = proved.K, robust.check(model, proved.K).verdict
-text = [str(assumed), "", str(proved), ""]
-head = f"{'':20}{'check':22}{'proof':10}{'band, stuck':>12}{'sliding':>10}"
-text += [head, f"{'':20}by friction: hardest kick that comes to rest [m/s], swing left after it [m]"]
+text = [str(assumed), "", str(proved), "", f"{'':20}{'check':22}{'proof':10}{'band, stuck':>12}{'sliding':>10}"]
+text += [f"{'':20}by friction: hardest kick that comes to rest [m/s], swing left after it [m]"]
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), sharey=True, layout="constrained")
 for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
-    proof = robust.prove_friction(assumed.machine, K, assumed.friction, Fs=1.0)
-    k = assumed.stiffness_low
-    kicks, row = (
-        [],
-        f"{name:20}{checked:22}{proof.verdict:10}{band(K, k + assumed.friction.K0):9.3g} Hz{band(K, k):7.3g} Hz",
-    )
+    proof, k = robust.prove_friction(assumed.machine, K, assumed.friction, Fs=1.0), assumed.stiffness_low
+    kicks, bands = [], f"{band(K, k + assumed.friction.K0):9.3g} Hz{band(K, k):7.3g} Hz"
     for law, rig in laws():
         starts = np.column_stack([np.zeros(KICKS.size), KICKS])
         responses = nlfrf.rig.simulate_loops(rig, [K], np.zeros(3000), fs=1 / T, initial=starts)
@@ -103,7 +97,7 @@ for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
     if np.isfinite(proof.kick_sure):
         ax.axvline(proof.kick_sure, color="k", ls="--", label="surely runs away from here")
     ax.legend(fontsize="small")
-    text += [row, f"{'':20}{'   '.join(kicks)}"]
+    text += [f"{name:20}{checked:22}{proof.verdict:10}{bands}", f"{'':20}{'   '.join(kicks)}"]
     text.append(f"{'':20}{proof.reason or 'comes to rest from every state with every friction of the class'}")
 figure.savefig(args.out / "designed.png", dpi=110)
 (args.out / "designed.txt").write_text("\n".join(text) + "\n")

@@ -12,14 +12,25 @@ settings.register_profile("patient", deadline=None)  # how long a case takes say
 settings.load_profile("patient")
 
 
+#: What `make test` leaves out, by the option that runs it: long statistics; examples of one path more, and the pages.
+LATER = ("attack", "docs")
+
+
 def pytest_addoption(parser):
-    parser.addoption("--attack", action="store_true", help="run only the cases that `make test` leaves out")
+    for name in LATER:
+        parser.addoption(f"--{name}", action="store_true", help=f"run only what `make test` leaves to `make {name}`")
 
 
-def is_left_to_attack(item, number):
-    """Whether the case of this number of its test runs in `make attack` only: all but the first of every so many."""
-    mark = item.get_closest_marker("attack")
-    return mark is not None and (number % mark.kwargs["every"] != 0 if "every" in mark.kwargs else True)
+def left_to(item, number):
+    """Return what runs the case of this number of its test: "attack", "docs", or "" where `make test` does.
+
+    Of a test with every=3 it is the first case of every three.
+    """
+    for name in LATER:
+        mark = item.get_closest_marker(name)
+        if mark is not None and (number % mark.kwargs["every"] != 0 if "every" in mark.kwargs else True):
+            return name
+    return ""
 
 
 def pytest_collection_modifyitems(config, items):
@@ -27,16 +38,33 @@ def pytest_collection_modifyitems(config, items):
 
     The documentation takes what the tests of the examples have run, each in its own process.
     """
-    seen = collections.Counter()
+    wanted = next((name for name in LATER if config.getoption(f"--{name}")), "")
+    seen, left = collections.Counter(), collections.Counter()
     chosen, others = [], []
     for item in items:
         test = item.nodeid.partition("[")[0]
-        runs = is_left_to_attack(item, seen[test]) == config.getoption("--attack")
-        (chosen if runs else others).append(item)
+        later = left_to(item, seen[test])
+        (chosen if later == wanted else others).append(item)
+        left[later] += 1
         seen[test] += 1
     if others:
         config.hook.pytest_deselected(items=others)
+    if not wanted:
+        note = ", ".join(f"{left[name]} cases to make {name}" for name in LATER if left[name])
+        getattr(config, "workeroutput", {})["left"] = config.left_out = note
     items[:] = sorted(chosen, key=lambda item: item.path.name == "test_docs.py")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node):
+    """Take what a worker of xdist says it left out."""
+    node.config.left_out = getattr(node, "workeroutput", {}).get("left", "")
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Say what this run left out, and which command runs it."""
+    if left := getattr(config, "left_out", ""):
+        terminalreporter.write_line(f"left {left}")
 
 
 @pytest.fixture(scope="session")

@@ -174,7 +174,15 @@ def test_examples_are_short_and_have_a_title():
     assert set(PRINTED) <= set(names())
 
 
-@pytest.mark.parametrize("name", names())
+#: Examples that `make test` runs, one path each; `make docs` runs the others.
+FIRST = {
+    *("00_thirty_lines", "01_identify_then_design", "03_identify_one_record", "09_pid_from_the_frf"),
+    *("18_proof_with_friction", "20_tune_a_cascade"),
+}
+EACH = [pytest.param(name, marks=() if name in FIRST else pytest.mark.docs) for name in names()]
+
+
+@pytest.mark.parametrize("name", EACH)
 def test_example(name):
     text, place = printed(name), 0
     for pattern in PRINTED.get(name, ["[0-9]"]):
@@ -186,7 +194,7 @@ def test_example(name):
     assert all(picture.stat().st_size > 10_000 for picture in pictures)
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", EACH)
 def test_what_an_example_prints_fits_a_hundred_columns(name):
     assert [line for line in printed(name).splitlines() if len(line) > 100] == []
 
@@ -226,6 +234,7 @@ def test_the_first_example_takes_a_file(tmp_path, monkeypatch):
     assert (tmp_path / "report.html").is_file()
 
 
+@pytest.mark.docs
 def test_processes_that_share_the_controllers_change_nothing(tmp_path):
     name, few = "14_friction_rig_in_closed_loop", ["--crossovers", "1", "--gains", "2", "--processes"]
     said = run(name, *few, "1", "--out", str(tmp_path / "1"))
