@@ -196,7 +196,8 @@ class DataWarning(UserWarning):
 
 #: Texts of the warnings so far, in order, of each function at work that `keep_warnings` decorates.
 WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=())
-Given, Made = ParamSpec("Given"), TypeVar("Made")
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
 
 
 def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
@@ -225,9 +226,9 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
             made: Any = make(*args, **kwargs)
         finally:
             WARNED.reset(token)
-        if isinstance(made, list | tuple):
-            return type(made)(add_warnings(one, texts) for one in made)
-        return add_warnings(made, texts)
+        several = isinstance(made, list | tuple)
+        kept: Any = type(made)(add_warnings(one, texts) for one in made) if several else add_warnings(made, texts)
+        return kept
 
     return keeping
 

@@ -107,7 +107,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
         scaling=found[-1].claim.scaling,
     )
     how = [{"subject": c.subject, "found by": c.method} for c in found]
-    write_claim(path, claim, found=how, warnings=report.warnings)
+    write_claim(path, claim, found=how, warnings=getattr(report, "warnings", ()))
 
 
 def save_friction_proof(

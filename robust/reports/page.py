@@ -122,7 +122,8 @@ def write_report(
         raise ValueError("friction must be left out for several channels: it is proved of a single loop")
     blas = as_list(bla) or [nlfrf.identify(one) for one in records]
     # records and BLAs may know more than the model: its file may be older than their warnings
-    model = add_warnings(model, [text for one in (*records, *blas, *as_list(nominal)) for text in one.warnings])
+    known: list[Record | Bla | NominalFit] = [*records, *blas, *as_list(nominal)]
+    model = add_warnings(model, [text for one in known for text in one.warnings])
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay, signals=signals)
     elif signals is not None:
