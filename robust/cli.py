@@ -365,7 +365,7 @@ def prove(
     with spinner("proving"):
         proofs = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force, limits=limits)
         tested = certificates.describe_frequency_test(basis, K, late)
-    text = f"{basis.description}\n" + "\n\n".join(map(str, proofs)) + tested
+    text = f"{basis}\n" + "\n\n".join(map(str, proofs)) + tested
     say = printer(json)
     say(text)
     if out is not None:

@@ -6,8 +6,12 @@ import numbers
 import re
 import sys
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextvars import ContextVar
+from dataclasses import replace
+from functools import wraps
 from textwrap import wrap
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -18,6 +22,7 @@ __all__ = [
     "HOLDS",
     "SCREEN_WIDTH",
     "DataWarning",
+    "add_warnings",
     "channel_names",
     "data_warning",
     "format_count",
@@ -26,11 +31,13 @@ __all__ = [
     "format_small_count",
     "inverse_unit",
     "join_names",
+    "keep_warnings",
     "label_with_unit",
     "one_line",
     "printable",
     "random_generator",
     "ratio_unit",
+    "repeat_warnings",
     "require_choice",
     "require_integer",
     "require_kind",
@@ -187,12 +194,56 @@ class DataWarning(UserWarning):
     """
 
 
-def data_warning(text: str) -> None:
-    """A `DataWarning` that points at the line of the user's that led to it, however many of ours lie between."""
+#: Texts of the warnings so far, in order, of each function at work that `keep_warnings` decorates.
+WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=())
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+
+
+def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
+    """Warn, with the line of the user's that led to it, however many of ours lie between; `keep_warnings` keeps it."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ("nlfrf", "robust"):
         level, frame = level + 1, frame.f_back
-    warnings.warn(text, DataWarning, stacklevel=level)
+    warnings.warn(text, category, stacklevel=level)
+    for texts in WARNED.get():  # not of a warning that raises: who stops at it goes another way
+        texts[text] = None
+
+
+def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
+    """Let the value, or the list of values, that a function makes keep the warnings behind it in its field `warnings`.
+
+    These are the ones that its arguments keep, those that it has already, and what `data_warning` says while the
+    function runs, whether a filter shows it or not.
+    """
+
+    @wraps(make)
+    def keeping(*args: Given.args, **kwargs: Given.kwargs) -> Made:
+        given = [one for arg in (*args, *kwargs.values()) for one in (arg if isinstance(arg, list | tuple) else [arg])]
+        texts = dict.fromkeys(text for one in given for text in getattr(one, "warnings", ()))
+        token = WARNED.set((*WARNED.get(), texts))
+        try:
+            made: Any = make(*args, **kwargs)
+        finally:
+            WARNED.reset(token)
+        several = isinstance(made, list | tuple)
+        kept: Any = type(made)(add_warnings(one, texts) for one in made) if several else add_warnings(made, texts)
+        return kept
+
+    return keeping
+
+
+def add_warnings(made: Any, texts: Iterable[str]) -> Any:
+    """Return a value that keeps these warnings too, each once; the value itself where it has them all."""
+    warned = tuple(dict.fromkeys((*texts, *made.warnings)))
+    return made if warned == made.warnings else replace(made, warnings=warned)
+
+
+def repeat_warnings(read: Any) -> Any:
+    """Warn again of what a value was warned of that comes from a file; return the value."""
+    for text in read.warnings:
+        data_warning(text)
+    return read
 
 
 def require_kind(name: str, thing: object, *kinds: type) -> None:

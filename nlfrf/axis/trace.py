@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, require_kind, require_real
+from nlfrf._base.arguments import data_warning, keep_warnings, require_kind, require_real
 from nlfrf._base.files import to_path
 from nlfrf._base.numbers import rfft_at, squared_modulus
 from nlfrf.io.channels import Channels, read_channels, to_paths
@@ -54,6 +54,7 @@ OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that 
 TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
 
 
+@keep_warnings
 def load_trace(
     path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     experiment: AxisExperiment | str | os.PathLike[str],

@@ -12,7 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_probability, require_real
+from nlfrf._base.arguments import (
+    format_count,
+    ratio_unit,
+    require_choice,
+    require_integer,
+    require_probability,
+    require_real,
+)
 from nlfrf._base.numbers import TINY, roy_quantile
 from nlfrf._base.values import field_names, value
 from nlfrf.bla.calibration import FEW_LINES
@@ -94,6 +101,8 @@ class Bla(Channels):
         "orthogonal" or "zippered", as recognised.
     n_experiments : int
         Experiments behind it: M, of several inputs n_u in each of R sets.
+    warnings : tuple of str
+        What was warned of the record and while it was identified: text of each `DataWarning`.
 
     Raises
     ------
@@ -155,6 +164,7 @@ class Bla(Channels):
     output_units: tuple[str, ...]
     design: str
     n_experiments: int
+    warnings: tuple[str, ...]
 
     def __init__(
         self,
@@ -196,6 +206,7 @@ class Bla(Channels):
         var_distortion: np.ndarray | None = None,
         var_even: np.ndarray | None = None,
         var_bound: np.ndarray | None = None,
+        warnings: Sequence[str] = (),
     ) -> None:
         G = np.asarray(G)
         n_y, n_u = G.shape[:-1] if G.ndim == 3 else (1, 1)
@@ -222,6 +233,7 @@ class Bla(Channels):
             hold=hold,
             design=design,
             n_experiments=n_realizations if n_experiments is None else n_experiments,
+            warnings=tuple(warnings),
         )
         self._name_channels(
             (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
@@ -560,6 +572,7 @@ class Bla(Channels):
             f"  under the median |G|: {', '.join(parts) or 'nothing above rounding'}\n"
             f"  transient: {self.transient}; level from {source}"
             + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
+            + (f"; {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
 
 
@@ -626,7 +639,8 @@ def describe_matrix(bla: Bla) -> str:
                 + (f"noise {noise[j, i]:.0f} dB, distortion" if has_noise else "distortion and noise")
                 + f" {distortion[j, i]:.0f} dB"
             )
-    rows.append(f"  medians over lines, of one set; transient: {bla.transient}; level from {bla.level_source}")
+    warned = f"; {format_count(len(bla.warnings), 'warning')}" if bla.warnings else ""
+    rows.append(f"  medians over lines, of one set; transient: {bla.transient}; level from {bla.level_source}{warned}")
     return "\n".join(rows)
 
 

@@ -7,7 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nlfrf._base.arguments import data_warning, require_choice, require_positive, require_real, require_real_array
+from nlfrf._base.arguments import (
+    data_warning,
+    keep_warnings,
+    require_choice,
+    require_positive,
+    require_real,
+    require_real_array,
+)
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.signals.lines import LineGrid
 
@@ -19,6 +26,7 @@ KNOWN_DOF = 1e6
 MAX_RAISED_STD = 2.0  # times that a standard deviation of an entry may be raised without a word
 
 
+@keep_warnings
 def bla_from_frf(
     f: np.ndarray,
     G: np.ndarray,

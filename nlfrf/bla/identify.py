@@ -12,7 +12,7 @@ from typing import overload
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, require_choice, require_integer, short_form
+from nlfrf._base.arguments import data_warning, keep_warnings, require_choice, require_integer, short_form
 from nlfrf._base.numbers import power, squared_modulus
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.bla.channel_mismatch import warn_of_mismatch
@@ -128,6 +128,7 @@ def identify(
     return blas
 
 
+@keep_warnings
 def identify_record(record: Record, U: np.ndarray | None, *, transient: str, level_from: str, n_detection: int) -> Bla:
     """Identify one record; U are the spectra of its inputs where they are known already."""
     spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient=transient, U=U)

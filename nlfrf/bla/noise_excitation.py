@@ -14,6 +14,7 @@ import numpy as np
 from nlfrf._base.arguments import (
     data_warning,
     format_count,
+    keep_warnings,
     require_choice,
     require_integer,
     require_positive,
@@ -38,6 +39,7 @@ MIN_INPUT_AMPLITUDE = 1e-12  # of the largest line of an input, below which ther
 MIN_LEAKAGE_ERROR = 3.0
 
 
+@keep_warnings
 def identify_noise(
     u: np.ndarray,
     y: np.ndarray,

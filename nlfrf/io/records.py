@@ -11,7 +11,14 @@ from typing import overload
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, format_small_count, join_names, require_integer, short_form
+from nlfrf._base.arguments import (
+    data_warning,
+    format_small_count,
+    join_names,
+    keep_warnings,
+    require_integer,
+    short_form,
+)
 from nlfrf._base.files import FILE_KINDS, RECORD_SCHEMAS, describe_wrong_file, to_path
 from nlfrf._base.numbers import all_finite
 from nlfrf._base.values import value
@@ -274,6 +281,7 @@ def load_record(
 ) -> Record: ...
 
 
+@keep_warnings
 def load_record(
     path: Path_ | Sequence[Path_],
     *,

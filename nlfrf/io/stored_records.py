@@ -99,6 +99,8 @@ def record_to_arrays(record: Record) -> dict[str, np.ndarray]:
         content |= {name: np.array(json.dumps(getattr(record, name))) for name in (*CHANNELS, *UNITS)}
     else:
         content |= {name: np.array(getattr(record, name)) for name in LABELS}
+    if record.warnings:
+        content["warnings"] = np.array(json.dumps(record.warnings))
     if is_command():  # `nlfrf simulate`: no other command writes records, and what was measured must never say this
         content[SIMULATED_MARK] = np.array(True)
     return content if record.r is None else {**content, "r": record.r}
@@ -153,6 +155,7 @@ def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None,
         y_name=file.text("y_name"),
         u_unit=file.text("u_unit"),
         y_unit=file.text("y_unit"),
+        warnings=stored_warnings(file),
     )
 
 
@@ -198,7 +201,13 @@ def stored_experiments(
         outputs=outputs,
         input_units=units.get("input_units", ()),
         output_units=units.get("output_units", ()),
+        warnings=stored_warnings(file),
     )
+
+
+def stored_warnings(file: Channels) -> tuple[str, ...]:
+    """Return what the file says was warned of its record; nothing where it does not say."""
+    return names_from_json("warnings", file.arrays["warnings"]) if "warnings" in file.arrays else ()
 
 
 def stored_periods(

@@ -31,7 +31,7 @@ NESTED_VALUES: dict[str, type[LineGrid] | type[DistortionLevels] | type[Multisin
     "levels": DistortionLevels,
     "ms": Multisine,
 }
-NAME_FIELDS = ("inputs", "outputs", "input_units", "output_units")
+TEXT_FIELDS = ("inputs", "outputs", "input_units", "output_units", "warnings")
 #: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
 AXES_ORDER = "realization period sample"
 
@@ -39,7 +39,7 @@ AXES_ORDER = "realization period sample"
 def save_value(
     thing: DataclassInstance, schema: str, path: str | os.PathLike[str], *, role: Role = Role.NAMED, **more: np.ndarray
 ) -> None:
-    """Write every field of a value, those of the values inside it by dotted names, names of channels as JSON."""
+    """Write every field of a value, those of the values inside it by dotted names, tuples of texts as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
     content |= value_to_arrays(thing, getattr(thing, "_stored_", None) or field_names(thing))
     write_arrays(to_path(path), content, role=role)
@@ -52,7 +52,7 @@ def value_to_arrays(thing: DataclassInstance, names: tuple[str, ...], prefix: st
         part, key = getattr(thing, name), f"{prefix}{name}"
         if part is None:
             continue
-        if name in NAME_FIELDS:
+        if name in TEXT_FIELDS:
             content[key] = np.array(json.dumps(part))
         elif name in NESTED_VALUES and isinstance(part, tuple):
             for k, one in enumerate(part):
@@ -100,7 +100,7 @@ def value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarra
 def field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> object:
     """One field of a value from the arrays of its file."""
     key = f"{prefix}{name}"
-    if name in NAME_FIELDS:
+    if name in TEXT_FIELDS:
         return names_from_json(name, content[key])
     if name not in NESTED_VALUES:
         return to_scalar(content[key])
@@ -113,7 +113,7 @@ def field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str)
 
 
 def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
-    """Names of channels, from JSON."""
+    """Names of channels, or warnings, from JSON."""
     try:
         names = json.loads(str(to_scalar(array)))
     except (json.JSONDecodeError, RecursionError):

@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf._base.arguments import (
     HOLDS,
     channel_names,
+    keep_warnings,
     require_choice,
     require_kind,
     require_positive,
@@ -114,6 +115,8 @@ class Record(Channels):
         Units of the channels; empty where they are not known.
     u_name, y_name, u_unit, y_unit : str
         The same for one input and one output.
+    warnings : sequence of str
+        What was warned of while it was made: text of each `DataWarning`.
 
     Raises
     ------
@@ -152,6 +155,7 @@ class Record(Channels):
     outputs: tuple[str, ...]
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     def __init__(
         self,
@@ -170,6 +174,7 @@ class Record(Channels):
         y_name: str = "",
         u_unit: str = "",
         y_unit: str = "",
+        warnings: Sequence[str] = (),
     ) -> None:
         require_choice("hold", hold, HOLDS)
         require_kind("lines", lines, LineGrid)
@@ -180,7 +185,7 @@ class Record(Channels):
         if 2 * highest >= n_samples:
             raise ValueError(f"lines must lie below the Nyquist line {n_samples / 2:g}, got line {highest}")
         n_u, n_y = (1 if signals[name].ndim == 3 else len(signals[name]) for name in "uy")
-        self.__dict__.update(signals, fs=fs, lines=lines, hold=hold, r=signals.get("r"))
+        self.__dict__.update(signals, fs=fs, lines=lines, hold=hold, r=signals.get("r"), warnings=tuple(warnings))
         self._name_channels(
             (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
         )
@@ -274,6 +279,7 @@ def require_varying(name: str, signal: np.ndarray, channels: Sequence[str] = ())
             raise ValueError(f"{where}. Is it the right channel?")
 
 
+@keep_warnings
 def join_records(records: Sequence[Record]) -> Record:
     """Records of one machine as one record: each brings its realisations, or its experiments.
 

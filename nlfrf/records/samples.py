@@ -12,6 +12,7 @@ import numpy as np
 from nlfrf._base.arguments import (
     channel_names,
     data_warning,
+    keep_warnings,
     require_integer,
     require_kind,
     require_positive,
@@ -53,6 +54,7 @@ Streams = dict[str, list[np.ndarray]]
 Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
 
 
+@keep_warnings
 def record_from_samples(
     u: np.ndarray | Sequence[np.ndarray],
     y: np.ndarray | Sequence[np.ndarray],

@@ -167,9 +167,11 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
     estimated = "" if np.isnan(joint) else format_probability(joint)
     if model.simultaneous:
         text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
-        return f"{text} ({estimated} by estimate)" if estimated else text
-    text = f"each line of another realisation lies within the radius with {percent} probability"
-    return f"{text}; all of them lie under the weight, which is larger, with {estimated}" if estimated else text
+        text += f" ({estimated} by estimate)" if estimated else ""
+    else:
+        text = f"each line of another realisation lies within the radius with {percent} probability"
+        text += f"; all of them lie under the weight, which is larger, with {estimated}" if estimated else ""
+    return f"subject to the warnings, {text}" if model.warnings else text
 
 
 def format_verdict(verdict: Verdict, probability: str, missed: str = "") -> str:
@@ -522,6 +524,8 @@ class RobustnessReport:
         Of a set of continuous plants under a sampled controller: what rs is made of where it is largest.
     level : LoopLevel or None
         At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
+    warnings : tuple of str
+        What was warned of the records, the model and the loop; the verdict and its probability are subject to them.
 
     References
     ----------
@@ -587,6 +591,7 @@ class RobustnessReport:
     probability: str = ""
     folding: str = ""
     level: LoopLevel | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def is_single(self) -> bool:
@@ -639,6 +644,8 @@ class RobustnessReport:
             "verdict",
             format_verdict(self.verdict, self.probability if self.nominally_stable else "", self.missed_performance),
         )
+        for text in self.warnings:
+            lines += format_paragraph("warning", text)
         lines += format_paragraph("because", self.reason)
         if not self.nominally_stable:
             return lines + format_paragraph("proved", self.proved)

@@ -20,7 +20,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative
+from nlfrf._base.arguments import format_hertz, keep_warnings, require_choice, require_integer, require_nonnegative
 from robust._base.channels import is_single
 from robust._base.types import Controller, Weight
 from robust.analysis.aliases import RsBreakdown, rs_breakdown
@@ -119,6 +119,7 @@ def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
         )
 
 
+@keep_warnings
 def check(
     model: UncertaintyModel | Bla | control.FrequencyResponseData,
     K: Controller,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import format_count, short_form
+from nlfrf._base.arguments import format_count, keep_warnings, one_line, repeat_warnings, short_form
 from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORD, RECORD_SCHEMAS, parse_json_of, require_file_of
 from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
@@ -107,7 +107,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
         scaling=found[-1].claim.scaling,
     )
     how = [{"subject": c.subject, "found by": c.method} for c in found]
-    write_claim(path, claim, how)
+    write_claim(path, claim, found=how, warnings=getattr(report, "warnings", ()))
 
 
 def save_friction_proof(
@@ -127,6 +127,7 @@ def save_friction_proof(
         found=[{"subject": certificate.subject, "found by": certificate.method}],
         read_from=read_from,
         units={"K0": f"{units.force}/{units.position}", "microdamping": units.damping},
+        warnings=() if basis is None else basis.warnings,
     )
 
 
@@ -174,10 +175,11 @@ def verify_certificate(
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
-    parse_json_of(path, "robust-certificate", "robust-friction-certificate")
+    stored = parse_json_of(path, "robust-certificate", "robust-friction-certificate").get("warnings", ())
     friction = read_friction_claim(path)
     if friction is not None:
-        return verify_friction_claim(friction, model, K=K, time_cap=time_cap)
+        proved: Verification = verify_friction_claim(friction, model, K=K, time_cap=time_cap)
+        return replace(proved, warnings=tuple(map(one_line, stored)))
     claim = read_claim(path)
     wrong = []
     if model is not None:
@@ -188,8 +190,8 @@ def verify_certificate(
         wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
     if K is not None and differing_fields(claim, replace(claim, controller=matrices_of_controller(K)), ("controller",)):
         wrong.append(("the controller", "not the one of the certificate"))
-    found = verify_loop(claim, time_cap=time_cap)
-    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
+    found, warned = verify_loop(claim, time_cap=time_cap), tuple(map(one_line, stored))
+    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed), warnings=warned)
 
 
 def matrices_of_controller(K: Controller) -> Matrices:
@@ -242,6 +244,8 @@ class FrictionBasis:
         Of each file its name, its kind, its SHA-256, and the options that it was read with.
     levels : FrictionClass or None
         What was read without a nominal; None with one, and from a model.
+    warnings : tuple of str
+        What was warned of the records, BLAs and models that it was read from.
     """
 
     machines: tuple[FrictionPlant, ...]
@@ -249,8 +253,13 @@ class FrictionBasis:
     description: str
     sources: tuple[dict[str, object], ...]
     levels: FrictionClass | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return "\n".join([self.description, *(f"warning: {text}" for text in self.warnings)])
 
 
+@keep_warnings
 def class_from_files(
     files: Sequence[Path],
     controller: Path,
@@ -334,10 +343,9 @@ def class_from_files(
 def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
     schema = nlfrf.inspect_file(path).schema
-    if schema and "record" not in schema:
-        return nlfrf.io.load_bla(path)
-    record: nlfrf.Record = nlfrf.load_record(path, **load)
-    return record
+    is_bla = schema and "record" not in schema
+    level: nlfrf.Bla | nlfrf.Record = nlfrf.io.load_bla(path) if is_bla else nlfrf.load_record(path, **load)
+    return repeat_warnings(level) if schema else level
 
 
 def class_from_records(
@@ -453,7 +461,7 @@ def class_from_model(
 
 def load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
     """Return a model in a file whose nominal is a machine, from force to position, or refuse with a command for one."""
-    model = load_model(path)
+    model = repeat_warnings(load_model(path))
     if getattr(model, "measured_only", True):
         fit = f"robust model {shell_quote(bla)} --poles 4 --zeros 2 -o nominal.json"
         raise ValueError(

@@ -144,7 +144,7 @@ def encode_model(model: UncertaintyModel) -> JsonObject:
     content: JsonObject = {"schema": schema, "version": VERSION, "units": UNITS[schema]}
     for name in field_names(model):
         held = getattr(model, name)
-        unknown = held is None or (name == "records" and not held)
+        unknown = held is None or (name in ("records", "warnings") and not held)
         if name in PARTS_OF_RADIUS and not model.is_single:
             unknown = bool(np.isnan(held).all())
         if unknown or name in FIELDS_LEFT_OUT[schema]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import require_nonnegative, require_positive
+from nlfrf._base.arguments import repeat_warnings, require_nonnegative, require_positive
 from nlfrf._base.command import spinner
 from nlfrf._base.files import command_signature, write_text
 from robust._base.channels import is_single
@@ -45,10 +46,10 @@ Pictures = list[tuple[Callable[..., object], object]]
 
 
 def load_blas(paths: Sequence[Path]) -> nlfrf.Bla | list[nlfrf.Bla]:
-    """Return what was identified: a BLA or a matrix, or a list of one kind."""
+    """Return what was identified, with its warnings said again: a BLA or a matrix, or a list of one kind."""
     found: list[nlfrf.Bla] = []
     for path in paths:
-        one = nlfrf.io.load_bla(path)
+        one = repeat_warnings(nlfrf.io.load_bla(path))
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)
@@ -143,6 +144,6 @@ def write_report_files(report: RobustnessReport, out: Path, say: Callable[[objec
     if any(certificate.holds and certificate.claim is not None for certificate in report.certificates):
         save_certificate(report, handed)
         with spinner("verifying"):
-            say(verify_certificate(handed))
+            say(replace(verify_certificate(handed), warnings=()))  # the report has said them
     elif handed.exists():
         say(f"{handed} is of an earlier run: this one proved nothing that it could hold")

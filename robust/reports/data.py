@@ -113,11 +113,12 @@ def bla_section(blas: list[Bla]) -> Section:
                 plot.plot_levels, bla, caption=f"Output{which} by kind of line: linear, distortion, noise."
             ),
         ]
+    condition = "Subject to the warnings, the" if any(bla.warnings for bla in blas) else "The"
     return Section(
         name="bla",
         title="Best linear approximation",
-        lead="The bound holds the best linear approximation, line by line, with 95 % probability; it is for this "
-        "excitation, at this level, and says nothing about other levels.",
+        lead=f"{condition} bound holds the best linear approximation, line by line, with 95 % probability; it is for "
+        "this excitation, at this level, and says nothing about other levels.",
         facts=tuple(facts) or (("BLA", "was not handed over with this report"),),
         pictures=tuple(pictures),
     )

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from importlib.resources import files
 from typing import TypeVar, cast
 
 import nlfrf
 from nlfrf import Bla, Record
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import add_warnings, short_form
 from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
 from robust.analysis.loop_level import LoopSignals
-from robust.analysis.report import RobustnessReport, verdict_meaning
+from robust.analysis.report import RobustnessReport, describe_confidence, verdict_meaning
 from robust.analysis.robustness import check
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
@@ -120,12 +121,16 @@ def write_report(
     if friction is not None and not single:
         raise ValueError("friction must be left out for several channels: it is proved of a single loop")
     blas = as_list(bla) or [nlfrf.identify(one) for one in records]
+    # records and BLAs may know more than the model: its file may be older than their warnings
+    known: list[Record | Bla | NominalFit] = [*records, *blas, *as_list(nominal)]
+    model = add_warnings(model, [text for one in known for text in one.warnings])
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay, signals=signals)
     elif signals is not None:
         raise ValueError("signals must be given to the check whose report is handed over, got both here")
     else:
         require_report_of(report, model, K=K, w_P=w_P, delay=delay)
+        report = replace(add_warnings(report, model.warnings), probability=describe_confidence(model))
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),

@@ -289,8 +289,9 @@ def write_friction_claim(
     found: Sequence[Mapping[str, object]] = (),
     read_from: JsonObject | None = None,
     units: Mapping[str, str],
+    warnings: Sequence[str] = (),
 ) -> None:
-    """Write a claim with how it was found and what it was read from; the digest covers everything else in the file.
+    """Write a claim, how it was found, what it was read from and what was warned of; the digest covers all the rest.
 
     units : of `K0` and `microdamping`.
     """
@@ -303,6 +304,7 @@ def write_friction_claim(
         "claim": claim_to_dict(claim),
         "found": list(found),
         **({} if read_from is None else {"read from": read_from}),
+        **({"warnings": list(warnings)} if warnings else {}),
     }
     entries["digest"] = content_digest(entries)
     write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")

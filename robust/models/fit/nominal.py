@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol, TypeAlias, TypeVar
@@ -11,7 +10,14 @@ import control
 import numpy as np
 
 from nlfrf import Bla, bla_from_frf
-from nlfrf._base.arguments import require_integer, require_nonnegative, require_real_array, short_form
+from nlfrf._base.arguments import (
+    data_warning,
+    keep_warnings,
+    require_integer,
+    require_nonnegative,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
 from robust._base.warnings import DesignWarning
@@ -340,21 +346,19 @@ def warn_of_fit(
     omega, var = measured.omega, np.maximum(measured.var, (HARMLESS_SHARE * np.abs(measured.G)) ** 2)
     ratio = float(np.sum(np.abs(residual) ** 2 / var)) / expected
     if one_record and ratio > COST_LIMIT:
-        warnings.warn(
+        data_warning(
             f"a nominal model of {G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
             "scatter alone would leave, and the misfit goes into the radius. More poles or a delay: robust orders "
             "(scan_orders) says what the data ask for",
             DesignWarning,
-            stacklevel=3,
         )
     far = poles_outside(G, omega)
     if far.size:
         where = ", ".join(f"{w / 2 / np.pi:.4g}" for w in far)
-        warnings.warn(
+        data_warning(
             f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is "
             f"{omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. Take fewer poles, or measure there",
             DesignWarning,
-            stacklevel=3,
         )
 
 
@@ -372,11 +376,10 @@ def checked_weight(weight: control.StateSpace, omega: np.ndarray, radius: np.nda
     """Return the weight, with a warning where its mean over the lines [rad/s] lies far above its radius."""
     excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
     if excess > EXCESSIVE_RATIO:
-        warnings.warn(
+        data_warning(
             f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
             f"lines: the set is much larger than what was measured asks for. Give it a higher order",
             DesignWarning,
-            stacklevel=3,
         )
     return weight
 
@@ -415,6 +418,8 @@ class NominalFit:
         is then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" where it was not.
     unit, inputs, outputs : str, tuple of str, tuple of str
         Unit of the response, where the record says it; of a matrix the names of its channels.
+    warnings : tuple of str
+        What was warned of the records and of the fit.
 
     References
     ----------
@@ -444,6 +449,7 @@ class NominalFit:
     delays: np.ndarray | None = None
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         ratio = self.cost / self.expected_cost
@@ -502,6 +508,7 @@ def frd(bla: Bla) -> control.FrequencyResponseData:
     return control.FrequencyResponseData(bla.G, bla.omega, name="bla", **names)
 
 
+@keep_warnings
 def fit_nominal(
     bla: Measurement,
     *,

@@ -17,6 +17,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import (
     format_count,
+    keep_warnings,
     require_choice,
     require_integer,
     require_probability,
@@ -66,6 +67,7 @@ FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of severa
 MIN_RADIUS_RATIO = 1e-6
 
 
+@keep_warnings
 def uncertainty(
     bla: Bla | AnySystem | Sequence[Bla | AnySystem | np.ndarray],
     nominal: NominalFit | AnySystem | float,

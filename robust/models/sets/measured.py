@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TypeAlias
 
 import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import data_warning, short_form
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response, timebase
 from robust.lti.sampling import hold_correction, hold_response
@@ -52,12 +51,11 @@ def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
     if sampled or getattr(model, "hold", "known") != "unknown":
         return
     if dt * model.fs < RATE_RATIO:
-        warnings.warn(
+        data_warning(
             f"hold of the record must be known, at {model.fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
             ' and if u was the command of a converter it was in the record already. Load it with hold="zoh" (u is the '
             'command) or hold="band-limited" (u was measured behind the hold)',
             DesignWarning,
-            stacklevel=4,
         )
 
 

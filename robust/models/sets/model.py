@@ -159,6 +159,9 @@ class UncertaintyModel:
         The same plant of several channels in another form, at the same confidence c. Both hold it with a probability of
         at least 2 c - 1, so that `check` may take the better of two verdicts. This set alone is what anything else
         works on.
+    warnings : tuple of str
+        What was warned of the records, the nominal and the weight behind it: text of each `nlfrf.DataWarning` and
+        `DesignWarning`.
 
     Notes
     -----
@@ -225,6 +228,7 @@ class UncertaintyModel:
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     alternative_form: UncertaintyModel | None = None
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         held, is_frf = self.__dict__, isinstance(self.nominal, control.FrequencyResponseData)
@@ -353,6 +357,7 @@ class UncertaintyModel:
         return (
             f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {kind}, {size}; {self.extrapolation}"
             + ("" if other is None else f", beside it a set of the form {other.form}")
+            + (f"; subject to {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
 
     @property

@@ -245,8 +245,14 @@ SCHEMA = "robust-certificate"
 VERSION = 1
 
 
-def write_claim(path: str | os.PathLike[str], claim: LoopClaim, found: Sequence[Mapping[str, object]] = ()) -> None:
-    """Write a claim with how it was found; the digest covers everything else in the file."""
+def write_claim(
+    path: str | os.PathLike[str],
+    claim: LoopClaim,
+    *,
+    found: Sequence[Mapping[str, object]] = (),
+    warnings: Sequence[str] = (),
+) -> None:
+    """Write a claim with how it was found and what was warned of; the digest covers everything else in the file."""
     entries: JsonObject = {
         "schema": SCHEMA,
         "version": VERSION,
@@ -254,6 +260,7 @@ def write_claim(path: str | os.PathLike[str], claim: LoopClaim, found: Sequence[
         "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
         "claim": claim_to_dict(claim),
         "found": list(found),
+        **({"warnings": list(warnings)} if warnings else {}),
     }
     entries["digest"] = content_digest(entries)
     write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")

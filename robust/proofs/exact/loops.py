@@ -53,6 +53,8 @@ class Verification:
         Precision at which the last of them was decided; 0 where none was.
     violated : tuple of str
         Of those that failed the ones proved false; the others are undecided.
+    warnings : tuple of str
+        What the certificate says was warned of the model that it is about: no proof looks at that.
 
     References
     ----------
@@ -70,10 +72,12 @@ class Verification:
     failed: tuple[tuple[str, str], ...]
     bits: int
     violated: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [f"{claim}: proved, rigorous" for claim in self.proved]
-        return "\n".join(lines + [f"{claim}: NOT verified: {reason}" for claim, reason in self.failed])
+        lines += [f"{claim}: NOT verified: {reason}" for claim, reason in self.failed]
+        return "\n".join(lines + [f"warning: {text}" for text in self.warnings])
 
 
 def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:

@@ -140,6 +140,7 @@ def page_content(
     names = [*sources.names, *(f"level {k + 1}" for k in range(len(sources.names), len(models)))]
     return {
         "title": sources.title,
+        "warnings": list(dict.fromkeys(text for model in models for text in model.warnings)),
         "dt": dt,
         "delay": delay,
         "omega": shared_grid(models, loops),

@@ -56,7 +56,8 @@ function start(root, content, changed = () => {}, begin = null) {
   const elements = make("section.elements", { "aria-label": "Controller" }), gains = make("div.gains");
   const python = make("pre.code", { tabindex: 0, "aria-label": "Python" });
   root.append(
-    make("header.head", {}, make("div", {}, make("h1", {}, content.title), make("p.kind", {}, `${kind}; ${clock}${late}`)),
+    make("header.head", {}, make("div", {}, make("h1", {}, content.title), make("p.kind", {}, `${kind}; ${clock}${late}`),
+      ...content.warnings.map(text => make("p.kind.warned", {}, `Warning: ${text}`))),
       make("div.buttons", {}, undo, redo)),
     verdicts,
     make("div.body", {},

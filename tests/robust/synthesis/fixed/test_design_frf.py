@@ -360,6 +360,12 @@ def test_pid_for_the_measured_motor_bench(measured):
         nominal = fit_nominal(bla, n_poles=4, delay="estimate")
     report = check(uncertainty(bla, nominal, order=8), design.K, delay=4e-4)
     assert report.verdict == "statistically robust"
+    for part in (
+        "95 % bound may hold half the time",
+        "detection lines of an odd-odd grid under-read",
+        "a pole where nothing was",
+    ):
+        assert sum(part in text for text in report.warnings) == 1
 
 
 @pytest.mark.parametrize("k", [0.1, 0.2, 0.45, 0.6])
