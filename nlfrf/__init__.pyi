@@ -30,6 +30,7 @@ from .bla.noise_excitation import identify_noise as identify_noise
 # Files
 from .io.designs import load_multisine as load_multisine
 from .io.designs import save_multisine as save_multisine
+from .io.frf_tables import load_frf as load_frf
 from .io.inspection import FileContents as FileContents
 from .io.inspection import inspect_file as inspect_file
 from .io.records import load_multirecord as load_multirecord

@@ -529,8 +529,9 @@ class Bla(Channels):
                 'output_unit="m" where it makes metres of an acceleration, output_unit=bla.output_units of a ratio'
             )
         scaled = {name: getattr(self, name) * square for name in COVARIANCES}
+        units = self.output_units if output_unit is None else output_unit
         return replace(
-            self, G=self.G * factor, output_units=self.output_units if output_unit is None else output_unit, **scaled
+            self, G=self.G * factor, output_units=(units,) if isinstance(units, str) else tuple(units), **scaled
         )
 
     def _sketch_(self) -> Sketch:

@@ -15,6 +15,7 @@ from nlfrf._base.arguments import format_count
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.frf_tables import describe_frfs, find_frfs
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
 from nlfrf.io.records import LostRows, find_lost_rows
 from nlfrf.io.results import value_in
@@ -81,6 +82,10 @@ class FileContents:
         What this package wrote, empty for a file of others.
     lost : str
         Rows that are missing by the time column, and the periods that are whole all the same; empty where none is.
+    frf : str
+        Of a file with FRFs what they are and what they lack; empty for others.
+    frf_options : tuple of str
+        Options of `robust model` that the FRF needs.
 
     Examples
     --------
@@ -104,10 +109,15 @@ class FileContents:
     schema: str
     lost: str = ""
     reference: str = ""
+    frf: str = ""
+    frf_options: tuple[str, ...] = ()
 
     @property
     def command(self) -> str:
-        """The command that identifies the BLA from this file."""
+        """The command that identifies the BLA of a record or models an FRF; words in capitals are to be replaced."""
+        if self.frf and not self.u:
+            out = escape_dash(Path(self.path).stem + "-model.json")
+            return shlex.join(["robust", "model", escape_dash(self.path), *self.frf_options, "-o", out])
         out = f"-o {shlex.quote(escape_dash(Path(self.path).stem + '-bla.npz'))}"
         words = ["nlfrf", "identify", shlex.quote(escape_dash(self.path))]
         if self.schema:
@@ -138,6 +148,7 @@ class FileContents:
         if self.schema:
             lines += [self.lines, f"written by this package, as {self.schema}"]
             return "\n".join([*lines, f"run:   {self.command}"] if table else lines)
+        lines += [self.frf] if self.frf else []
         if self.lost:
             lines.append(f"lost:  {self.lost}")
         if self.u or self.y:
@@ -206,6 +217,10 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(describe_stream(file, name, stream) for name, stream in streams.items())
+    tables = find_frfs(file)
+    frf, frf_options = describe_frfs(tables)
+    n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record beside them
+    streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
     times = {name for name in streams if is_time_name(name)} | {
         clock for clock in file.clocks.values() if clock in streams
     }
@@ -235,6 +250,8 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         schema="",
         lost="" if lost is None else lost.describe(round(period)),
         reference=reference,
+        frf=frf,
+        frf_options=frf_options,
     )
 
 
