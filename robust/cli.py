@@ -56,11 +56,13 @@ OPTIONS = LOAD_OPTIONS | {
     "dt": "sample-time",
     "M_S": "peak",
     "omega_c": "bandwidth",
+    "relative_std": "relative-std",
+    "n_averages": "averages",
+    "channel": "channel",
 }
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
 app.add_typer(drive_app, name="drive")
 PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
-BLAS = (".npz", ".h5", ".hdf5")
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; that of the controller file when not given.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
@@ -92,7 +94,12 @@ def common(version: Version = False) -> None:
 
 @app.command()
 def model(
-    bla: Annotated[list[Path], typer.Argument(help="BLA or matrix of 'nlfrf identify'; several BLAs make a family.")],
+    bla: Annotated[
+        list[Path],
+        typer.Argument(
+            help="BLA or matrix of 'nlfrf identify', or an FRF, see 'nlfrf inspect'; several make a family."
+        ),
+    ],
     out: Out,
     poles: Annotated[int, typer.Option(help="Poles of the nominal model.")],
     zeros: Annotated[int | None, typer.Option(help="Its zeros; one fewer than poles when not given.")] = None,
@@ -115,10 +122,17 @@ def model(
     below: Annotated[str, typer.Option(help="Radius below the band: 'flat' or dB/decade.")] = "flat",
     above: Annotated[str, typer.Option(help="Radius above the band: 'flat' or dB/decade.")] = "20",
     perturbation: Annotated[str, typer.Option(help="Class of the set: statistical, LTI or operator.")] = "statistical",
+    relative_std: Annotated[
+        float | None, typer.Option(help="Of an FRF: its standard deviation over |G|, from repeated sweeps.")
+    ] = None,
+    averages: Annotated[
+        float | None, typer.Option(help="Of an FRF: independent averages behind its coherence, or sweeps.")
+    ] = None,
+    channel: Annotated[str, typer.Option(help="Of a file with several FRFs: which, as in CH2.")] = "",
     picture: Picture = None,
 ) -> None:
-    """Fit a nominal model to a measured BLA and put a weight over what it leaves open."""
-    blas = from_options.load_blas(bla)
+    """Fit a nominal model to a measured BLA or FRF and put a weight over what it leaves open."""
+    blas = from_options.load_blas(bla, relative_std=relative_std, n_averages=averages, channel=channel)
     with spinner("fitting the nominal model"):
         nominal = robust.fit_nominal(
             blas,
@@ -186,7 +200,11 @@ def design(
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
-        plant = nlfrf.io.load_bla(model) if model.suffix.lower() in BLAS else robust.io.load_model(model)
+        plant = (
+            nlfrf.io.load_bla(model)
+            if model.suffix.lower() in from_options.BLA_SUFFIXES
+            else robust.io.load_model(model)
+        )
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
             result = robust.design_frf(

@@ -506,14 +506,45 @@ class Bla(Channels):
         kept = {name: getattr(self, name)[..., some] for name in per_line}
         return replace(self, lines=lines, levels=levels[0] if self.is_single else tuple(levels), **kept)
 
-    def times(self, factor: np.ndarray) -> Bla:
+    def times(self, factor: np.ndarray, *, output_unit: str | Sequence[str] | None = None) -> Bla:
         """Return the `Bla` with G times a factor (F,) and its variances times the squared modulus of that.
 
         The output amplitudes in `levels` stay as measured.
+
+        Parameters
+        ----------
+        factor : (F,) ndarray
+            A number a line, as -1/omega**2 from acceleration to position.
+        output_unit : str, or one an output, optional
+            Unit of the output behind the factor; `output_units` of this `Bla` for a factor that is a ratio. May be left
+            out where no unit is known, and where the factor turns the phase only.
+
+        Raises
+        ------
+        ValueError
+            A factor that may change a known unit, without `output_unit`.
+
+        Examples
+        --------
+        >>> import nlfrf
+        >>> f = np.arange(1.0, 21.0)
+        >>> units = {"input_units": ["N"], "output_units": ["m/s2"]}
+        >>> acceleration = nlfrf.bla_from_frf(f, 2.0 + 0j * f, std=0.1, **units)
+        >>> position = acceleration.times(-1 / acceleration.omega**2, output_unit="m")
+        >>> acceleration.unit, position.unit
+        ('m/s2/N', 'm/N')
         """
         square = np.abs(factor) ** 2
+        if output_unit is None and any(self.output_units) and not np.allclose(square, 1.0):
+            raise ValueError(
+                f"output_unit must be given, as the factor may change the unit of {', '.join(self.output_units)}: "
+                'output_unit="m" where it makes metres of an acceleration, output_unit=bla.output_units of a ratio'
+            )
         scaled = {name: getattr(self, name) * square for name in COVARIANCES}
-        return replace(self, G=self.G * factor, **scaled)
+        units = self.output_units if output_unit is None else output_unit
+        return replace(
+            self, G=self.G * factor, output_units=(units,) if isinstance(units, str) else tuple(units), **scaled
+        )
 
     def roughness(self) -> np.ndarray:
         """Estimate the variance of G from its roughness over the lines: a second estimate to compare with `var_total`.

@@ -23,6 +23,7 @@ __all__ = ["bla_from_frf"]
 
 #: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
 KNOWN_DOF = 1e6
+MAX_GAIN_VARIATION = 0.01  # relative, of a gain without phase: a minimum-phase one that varies more turns its phase
 MAX_RAISED_STD = 2.0  # times that a standard deviation of an entry may be raised without a word
 
 
@@ -38,6 +39,8 @@ def bla_from_frf(
     hold: str = "unknown",
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
+    input_units: Sequence[str] = (),
+    output_units: Sequence[str] = (),
 ) -> Bla:
     """Make a `Bla` of an FRF measured elsewhere, so that a set made of it has a probability.
 
@@ -51,7 +54,7 @@ def bla_from_frf(
     f : (F,) ndarray
         Frequencies [Hz], positive and increasing, equally spaced or not.
     G : (F,) or (n_y, n_u, F) complex ndarray
-        The FRF, of one channel or of several.
+        The FRF, of one channel or of several: complex by its type, as decibels and magnitudes have no phase.
     std : float, or (F,) or (n_y, n_u, F) ndarray, optional
         Standard deviation of G as a complex number, sqrt(E|G - E G|^2), in the unit of G: sqrt(2) times that of its
         real part. Of averaged measurements that of the average. Known exactly, or estimated from `n_averages`.
@@ -65,8 +68,8 @@ def bla_from_frf(
         Sampling frequency [Hz], where `hold` is "zoh".
     hold : str
         How the input ran between its samples, as of a `Record`: "zoh", "band-limited" or "unknown".
-    inputs, outputs : sequence of str
-        Names of the channels.
+    inputs, outputs, input_units, output_units : sequence of str
+        Names and units of the channels, as in `Record`.
 
     Returns
     -------
@@ -79,13 +82,15 @@ def bla_from_frf(
     Raises
     ------
     ValueError
-        Neither or both of `std` and `coherence`, shapes that do not fit, frequencies that do not increase, `coherence`
-        without `n_averages`.
+        Real numbers for G; neither or both of `std` and `coherence`, shapes that do not fit, frequencies that do not
+        increase, `coherence` without `n_averages`, or of 1 on every line.
 
     Warns
     -----
     DataWarning
-        Standard deviations of several channels that are no product, of which one counts more than twice as large.
+        A complex G that varies and is real on every line, as one without its phase is. Coherence of 1 on some lines,
+        where it was rounded. Standard deviations of several channels that are no product, of which one counts more
+        than twice as large.
 
     References
     ----------
@@ -109,6 +114,17 @@ def bla_from_frf(
         raise ValueError("f must be positive and increasing frequencies [Hz]; sort the lines by frequency")
     if G.ndim not in (1, 3) or G.shape[-1] != f.size:
         raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}), as f has it, got {G.shape}")
+    if G.dtype.kind != "c":
+        raise ValueError(
+            f"G must be complex, got real numbers from {G.min():.4g} to {G.max():.4g}, which have no phase: take "
+            "10**(dB/20) * np.exp(1j*np.radians(degrees)) of decibels and degrees, magnitude * np.exp(1j*phase) of a "
+            "magnitude, G + 0j of a gain that turns no phase"
+        )
+    if not G.imag.any() and np.ptp(G.real, axis=-1).max() > MAX_GAIN_VARIATION * np.abs(G.real).max():
+        data_warning(
+            "G is real on every line and varies, as an FRF without its phase does, or decibels: every model of it is "
+            "then wrong; give G with its phase"
+        )
     variance, dof = entry_variances(G.astype(complex), std=std, coherence=coherence, n_averages=n_averages)
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
@@ -146,6 +162,8 @@ def bla_from_frf(
         hold=hold,
         inputs=inputs,
         outputs=outputs,
+        input_units=input_units,
+        output_units=output_units,
     )
 
 
@@ -174,6 +192,14 @@ def entry_variances(
     if np.any((numbers <= 0) | (numbers > 1)):
         bad = numbers[(numbers <= 0) | (numbers > 1)].flat[0]
         raise ValueError(f"coherence must be above 0 and at most 1, got {bad:g}; leave lines without any out")
+    if np.all(numbers == 1):
+        raise ValueError("coherence must be below 1 on some lines, got 1 on all, as a single average has it: give std")
+    if np.any(numbers == 1):
+        highest = numbers[numbers < 1].max()
+        data_warning(
+            f"coherence of 1 on some lines is rounded, and would leave G without variance: {highest:g} is taken"
+        )
+        numbers = np.minimum(numbers, highest)
     return (1 - numbers) / numbers * np.abs(G) ** 2 / (n - 1), n - 1
 
 

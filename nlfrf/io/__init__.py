@@ -2,6 +2,7 @@
 
 channels        the named channels inside such a file, by the reader of its kind
 designs         multisines, and the signals to play
+frf_tables      FRFs in files of analysers and Bode plotters
 inspection      what such a file holds, and a guess at how to load it
 moments         whether channels were sampled at the same moments
 npz             arrays of NPZ files, memory-mapped where they can be

@@ -15,6 +15,7 @@ from nlfrf._base.arguments import format_count
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.frf_tables import describe_frfs, find_frfs
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
 from nlfrf.io.records import LostRows, find_lost_rows
 from nlfrf.io.results import value_in
@@ -33,9 +34,14 @@ INPUT_NAMES = re.compile(
     re.I,
 )
 OUTPUT_NAMES = re.compile(
-    r"y\d*|out(put)?\d*|.*(pos|weg|angle|winkel|enc|acc|beschl|vel|speed|disp|response|meas|ist).*|x\d*|theta.*", re.I
+    r"y\d*|out(put)?\d*|x\d*|theta.*|"
+    r".*(pos|weg|lage|drehz|geschw|angle|winkel|acc|beschl|vel|speed|disp|response|meas|enc(?![ey])|ist(?![a-z])).*|"
+    r"(.*[^a-z])?ist.*",  # the actual value, in German; the conditions leave out "reference" and "distance"
+    re.I,
 )
-SET_POINT = re.compile(r"[ _.]*(set[ _]?point|soll(wert)?|cmd|command(ed)?)$", re.I)
+SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
+SET_POINT = re.compile(rf"[ _.]*(?:{SET_WORDS})$|(?<![a-z])(?:{SET_WORDS})(?![a-z])[ _.]*", re.I)
+MAX_UNEVEN_STEPS = 0.01  # share of the steps of a counter that differ from the others, where it wraps
 MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
 MAX_CANDIDATES = 12  # channels whose spectra are looked at
 WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
@@ -65,8 +71,9 @@ class FileContents:
         Streams of samples, in the order of the file.
     notes : dict of str to str
         Why other things in the file are no signals.
-    u, y : str
-        Guess at input and output, empty where there is none.
+    u, y, reference : str
+        Guess at input, output and reference, empty where there is none. A channel that rises throughout, as clocks,
+        counters and frequencies do, is none of them; a set point is no output.
     period : float
         Guess at the period of the input, in samples; 0 where it does not repeat.
     lines : str
@@ -75,6 +82,10 @@ class FileContents:
         What this package wrote, empty for a file of others.
     lost : str
         Rows that are missing by the time column, and the periods that are whole all the same; empty where none is.
+    frf : str
+        Of a file with FRFs what they are and what they lack; empty for others.
+    frf_options : tuple of str
+        Options of `robust model` that the FRF needs.
 
     Examples
     --------
@@ -97,17 +108,24 @@ class FileContents:
     lines: str
     schema: str
     lost: str = ""
+    reference: str = ""
+    frf: str = ""
+    frf_options: tuple[str, ...] = ()
 
     @property
     def command(self) -> str:
-        """The command that identifies the BLA from this file."""
+        """The command that identifies the BLA of a record or models an FRF; words in capitals are to be replaced."""
+        if self.frf and not self.u:
+            out = escape_dash(Path(self.path).stem + "-model.json")
+            return shlex.join(["robust", "model", escape_dash(self.path), *self.frf_options, "-o", out])
         out = f"-o {shlex.quote(escape_dash(Path(self.path).stem + '-bla.npz'))}"
         words = ["nlfrf", "identify", shlex.quote(escape_dash(self.path))]
         if self.schema:
             return " ".join([*words, out])
         words += ["--input", shlex.quote(quote_name(self.u or "INPUT"))]
         words += ["--output", shlex.quote(quote_name(self.y or "OUTPUT"))]
-        words += ["--hold", "zoh"] if is_set_point(self.u) else []
+        words += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
+        words += ["--reference", shlex.quote(quote_name(self.reference))] if self.reference else []
         fs = {channel.name: channel.fs for channel in self.channels}.get(self.u, np.nan)
         words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
         words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE_TOLERANCE else []
@@ -130,13 +148,15 @@ class FileContents:
         if self.schema:
             lines += [self.lines, f"written by this package, as {self.schema}"]
             return "\n".join([*lines, f"run:   {self.command}"] if table else lines)
+        lines += [self.frf] if self.frf else []
         if self.lost:
             lines.append(f"lost:  {self.lost}")
         if self.u or self.y:
-            lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}; {self.lines}")
+            reference = f", reference {self.reference}" if self.reference else ""
+            lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}{reference}; {self.lines}")
             if not is_set_point(self.u):
                 lines.append(
-                    "add:   --hold zoh where the input is a command, --hold band-limited where it was measured"
+                    "hold:  zoh where the input is a command, band-limited where it was measured; not known here"
                 )
         return "\n".join([*lines, f"run:   {self.command}"])
 
@@ -197,30 +217,41 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(describe_stream(file, name, stream) for name, stream in streams.items())
+    tables = find_frfs(file)
+    frf, frf_options = describe_frfs(tables)
+    n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record beside them
+    streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
     times = {name for name in streams if is_time_name(name)} | {
         clock for clock in file.clocks.values() if clock in streams
     }
-    candidates = {name: stream for name, stream in streams.items() if name not in times and is_varying(stream)}
+    varying = {name: stream for name, stream in streams.items() if name not in times and is_varying(stream)}
+    candidates = {name: stream for name, stream in varying.items() if not is_progressive(stream)}
+    rising = dict.fromkeys(
+        (name for name in varying if name not in candidates), "rises or falls throughout, as a clock or a counter does"
+    )
     rows = {name: describe_lost_rows(file, name) for name in candidates}
     filled = {
         name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
     }
-    u, period, lines = "", 0.0, "no channel repeats"
+    u, period, lines, reference = "", 0.0, "no channel repeats", ""
     for together in group_by_length(filled):
-        u, period, lines = guess_input(file, together)
+        u, period, lines, reference = guess_input(file, together)
         if u:
             break
     lost = rows.get(u)
     return FileContents(
         path=str(path),
         channels=channels,
-        notes=dict(file.notes),
+        notes=rising | dict(file.notes),
         u=u,
         y=guess_output(u, candidates if u else next(iter(group_by_length(candidates)), {})),
         period=period,
         lines=lines,
         schema="",
         lost="" if lost is None else lost.describe(round(period)),
+        reference=reference,
+        frf=frf,
+        frf_options=frf_options,
     )
 
 
@@ -286,6 +317,18 @@ def is_varying(stream: np.ndarray) -> bool:
     return bool(np.isfinite(stream).all() and stream.max() > stream.min())
 
 
+def is_progressive(stream: np.ndarray) -> bool:
+    """Return whether a stream goes one way throughout, or by equal steps but for rare wraps: no signal that repeats.
+
+    >>> [is_progressive(np.array(x)) for x in ([1, 2, 2, 9], [3.0, 1.0, 0.5], [0, 1, 0], np.arange(900) % 256)]
+    [True, True, False, True]
+    """
+    steps = np.diff(stream.astype(float))
+    steps = steps[steps != 0]
+    even = np.abs(steps - np.median(steps)) <= 1e-6 * np.abs(np.median(steps))
+    return bool(np.ptp(np.sign(steps)) == 0 or np.mean(even) >= 1 - MAX_UNEVEN_STEPS)
+
+
 def describe_stream(file: Channels, name: str, stream: np.ndarray) -> Channel:
     """One channel in numbers."""
     try:
@@ -316,10 +359,10 @@ def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndar
     ]
 
 
-def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str]:
-    """Return the input, its period in samples, and what is excited, in words."""
+def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str, str]:
+    """Return the input, its period in samples, what is excited, in words, and a reference that repeats with it."""
     found: dict[str, tuple[float, float, str]] = {}
-    likely = sorted(candidates, key=lambda name: not INPUT_NAMES.fullmatch(bare_name(name)))[:MAX_CANDIDATES]
+    likely = sorted(candidates, key=lambda name: not (is_input_name(name) or is_set_point(name)))[:MAX_CANDIDATES]
     for name in candidates:
         if name not in likely:
             continue
@@ -346,30 +389,28 @@ def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str,
             description += f", {x.size // n} periods; {format_count(excited.size, 'line')}"
         found[name] = uneven, period, description
     if not found:
-        return "", 0.0, "no channel repeats"
+        return "", 0.0, "no channel repeats", ""
     best = min(
         found,
         key=lambda name: (
-            not INPUT_NAMES.fullmatch(bare_name(name)),
+            not is_input_name(name),
             bool(OUTPUT_NAMES.fullmatch(bare_name(name))),
             found[name][0],
         ),
     )
     commanded = [name for name in found if is_set_point(name) and SET_POINT.sub("", bare_name(name)) == bare_name(best)]
     best = commanded[0] if commanded else best
-    return best, *found[best][1:]
+    _, period, description = found.pop(best)
+    references = [name for name in found if is_set_point(name) and abs(found[name][1] - period) <= WHOLE_TOLERANCE]
+    return best, period, description, min(references, key=lambda name: found[name][0], default="")
 
 
 def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
-    """The first channel called like an output and no set point, else the first that is not called like an input."""
+    """The first channel called like an output, else the first that is not called like an input; never a set point."""
     others = [name for name in candidates if name != u and (not u or candidates[name].size == candidates[u].size)]
     ranked = sorted(
-        others,
-        key=lambda name: (
-            is_set_point(name),
-            not OUTPUT_NAMES.fullmatch(bare_name(name)),
-            bool(INPUT_NAMES.fullmatch(bare_name(name))),
-        ),
+        (name for name in others if not is_set_point(name)),
+        key=lambda name: (not OUTPUT_NAMES.fullmatch(bare_name(name)), is_input_name(name)),
     )
     return ranked[0] if ranked else ""
 
@@ -377,10 +418,21 @@ def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
 def is_set_point(name: str) -> bool:
     """Return whether a channel is called a set point, which a sampled drive or controller holds over each period.
 
-    >>> is_set_point("current set point [A]"), is_set_point("Strom_Soll"), is_set_point("current [A]")
-    (True, True, False)
+    >>> [is_set_point(name) for name in ("current set point [A]", "Strom_Soll", "reference", "current [A]")]
+    [True, True, True, False]
     """
     return bool(SET_POINT.search(bare_name(name)))
+
+
+def is_input_name(name: str) -> bool:
+    """Return whether a channel is called like an input; the set point of an output is not.
+
+    >>> is_input_name("current command"), is_input_name("cmd"), is_input_name("position command")
+    (True, True, False)
+    """
+    bare = bare_name(name)
+    core = SET_POINT.sub("", bare)
+    return bool(INPUT_NAMES.fullmatch(bare)) and (core == bare or not OUTPUT_NAMES.fullmatch(core))
 
 
 def bare_name(name: str) -> str:

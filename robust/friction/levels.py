@@ -455,7 +455,8 @@ def class_from_blas(
     own = getattr(nominal, "position_unit", "")
     position_unit = require_one_position_unit("blas", [bla.y_unit or own for bla in blas])
     units = mechanical_units(position_unit)
-    blas = [bla.times(hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=0.0)) for bla in blas]
+    holds = [hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=0.0) for bla in blas]
+    blas = [bla.times(one, output_unit=bla.output_units) for bla, one in zip(blas, holds, strict=True)]
     machines: tuple[FrictionPlant, ...] = ()
     description, fits = "", []
     if nominal is None:

@@ -238,7 +238,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         if np.isnan(confidence):
             raise ValueError("model must state a confidence to be validated against, got none")
         if model.measured_only:
-            bla = bla.times(hold_factor(model, bla, inside))
+            bla = bla.times(hold_factor(model, bla, inside), output_unit=bla.output_units)
         else:
             bla = bla_behind_hold(bla, timebase(model.nominal))
         second = summarize_record(bla).on_lines(bla.omega[inside])

@@ -41,15 +41,25 @@ __all__ = [
 ]
 
 
+BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
 MAX_DELAY_SAMPLES = 50  # a longer computation is none; each sample of it is a state of the plant
 Pictures = list[tuple[Callable[..., object], object]]
 
 
-def load_blas(paths: Sequence[Path]) -> nlfrf.Bla | list[nlfrf.Bla]:
-    """Return what was identified, with its warnings said again: a BLA or a matrix, or a list of one kind."""
+def load_blas(
+    paths: Sequence[Path], *, relative_std: float | None = None, n_averages: float | None = None, channel: str = ""
+) -> nlfrf.Bla | list[nlfrf.Bla]:
+    """Return what was identified, its warnings repeated, or was measured as an FRF: of one kind, or a list of it."""
     found: list[nlfrf.Bla] = []
     for path in paths:
-        one = repeat_warnings(nlfrf.io.load_bla(path))
+        own = path.suffix.lower() in BLA_SUFFIXES
+        if own and (relative_std is not None or n_averages is not None or channel):
+            raise ValueError(f"relative_std, n_averages and channel must be left out for a BLA, got them with {path}")
+        one = (
+            repeat_warnings(nlfrf.io.load_bla(path))
+            if own
+            else nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+        )
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)

@@ -517,7 +517,8 @@ def check_drive(
 def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlfrf.Bla:
     """Return the BLA of the machine alone, without delay and lag of the current loop where they are in the trace."""
     s = 1j * bla.omega
-    return bla if actual else bla.times(np.exp(s * settings.delay) * (1 + s * settings.lag))
+    late = np.exp(s * settings.delay) * (1 + s * settings.lag)
+    return bla if actual else bla.times(late, output_unit=bla.output_units)
 
 
 def require_no_lead(

@@ -1,4 +1,4 @@
-"""Universal files (.uff, .unv): time records in datasets of type 58, by pyuff."""
+"""Universal files (.uff, .unv): time records and FRFs in datasets of type 58, by pyuff."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ __all__ = ["contents"]
 
 
 TIME_RESPONSE = 1
+FREQUENCY_FUNCTIONS = {4: "", 6: ".coherence"}  # FRF and coherence, and what is behind the name of the FRF
 AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
@@ -28,10 +29,9 @@ def contents(path: Path) -> Contents:
     found = pyuff.UFF(str(path)).read_sets()
     sets = [one for one in (found if isinstance(found, list) else [found]) if one.get("type") == 58]
     records = [one for one in sets if one.get("func_type") == TIME_RESPONSE]
-    if not records:
-        raise ValueError(f"it holds {len(sets)} functions and none is a time record: export the time histories")
-    arrays: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
+    arrays, units = frequency_functions(sets)
+    if not records and not arrays:
+        raise ValueError(f"it holds {len(sets)} functions, no time record and no FRF: export the time histories")
     clocks: dict[str, float | str] = {}
     for one in records:
         data = np.asarray(one["data"])
@@ -51,6 +51,20 @@ def contents(path: Path) -> Contents:
         if unit and unit.upper() != "NONE":
             units[name] = unit
     return arrays, units, clocks, {}
+
+
+def frequency_functions(sets: list[dict[str, Any]]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return FRFs by degrees of freedom, "5 z / 1 x", each with its frequencies and coherence, and their units."""
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    for one in sets:
+        if (suffix := FREQUENCY_FUNCTIONS.get(one.get("func_type", 0))) is not None:
+            axes = (AXIS_NAMES.get(int(one.get(f"{end}_dir", 0)), "").replace("-", "minus ") for end in ("rsp", "ref"))
+            name = "{} {} / {} {}".format(one.get("rsp_node", 0), next(axes), one.get("ref_node", 0), next(axes))
+            labels = (str(one.get(f"{axis}_axis_units_lab") or "NONE").strip() for axis in ("ordinate", "orddenom"))
+            arrays |= {name + suffix: np.asarray(one["data"]), f"{name}.frequency": np.asarray(one["x"], dtype=float)}
+            units |= {name: "/".join(label for label in labels if label.upper() != "NONE")} if not suffix else {}
+    return arrays, units
 
 
 def record_name(one: dict[str, Any]) -> str:

@@ -736,7 +736,7 @@ def bla_behind_hold(bla: Bla, dt: float) -> Bla:
     What the record's hold was is said by `hold`; where nobody said it, nothing is changed.
     """
     factor = hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=dt)
-    return bla if np.all(factor == 1) else bla.times(factor)
+    return bla if np.all(factor == 1) else bla.times(factor, output_unit=bla.output_units)
 
 
 def best_fit(

@@ -92,7 +92,7 @@ def test_several_channels_hold_every_entry_and_the_whole_matrix():
 def test_deviations_that_are_no_product_are_raised_and_said():
     std = np.array([[1.0, 0.1], [0.2, 2.0]])[:, :, None] * np.ones(5)
     with pytest.warns(nlfrf.DataWarning, match=r"std of output \d by input \d counts up to .* times as large as given"):
-        frm = nlfrf.bla_from_frf(np.arange(1.0, 6), np.ones((2, 2, 5)), std=std)
+        frm = nlfrf.bla_from_frf(np.arange(1.0, 6), np.ones((2, 2, 5), complex), std=std)
     assert np.all(np.sqrt(frm.var_total) >= std * (1 - 1e-9))
     assert np.min(np.sqrt(frm.var_total) / std, axis=(0, 1)) == pytest.approx(np.ones(5))
 
@@ -131,6 +131,13 @@ def test_a_known_variance_has_the_law_of_a_chi_square():
         (dict(std=1.0, f=F[::-1]), r"f must be positive and increasing"),
         (dict(std=1.0, G=G[:4]), r"G must have the shape \(30,\) or \(n_y, n_u, 30\)"),
         (dict(std=1.0, G=np.where(F > 3, G, np.nan)), r"G must hold finite complex numbers"),
+        (
+            dict(std=1.0, G=20 * np.log10(abs(G))),
+            r"G must be complex, got real numbers from -20.* to -0\.04.*np\.radians",
+        ),
+        (dict(std=1.0, G=np.abs(G)), r"G must be complex, .* which have no phase: .*magnitude \* np\.exp\(1j\*phase\)"),
+        (dict(std=1.0, G=np.full(F.size, 2)), r"G must be complex, .*G \+ 0j of a gain that turns no phase"),
+        (dict(coherence=1.0, n_averages=9), r"coherence must be below 1 on some lines, .*single average.*give std"),
         (dict(std=1.0, hold="zoh"), r"fs must be given where hold is .zoh."),
         (dict(std=object()), r"std must hold real numbers"),
         (dict(std=1.0, outputs=["y", "z"]), r"outputs must be one name, got "),
@@ -140,6 +147,36 @@ def test_a_known_variance_has_the_law_of_a_chi_square():
 def test_refusals(change, message):
     with pytest.raises(ValueError, match=message):
         nlfrf.bla_from_frf(**dict(f=F, G=G) | change)
+
+
+def test_the_cures_of_real_numbers_give_the_frf():
+    cured = 10 ** (20 * np.log10(np.abs(G)) / 20) * np.exp(1j * np.radians(np.degrees(np.angle(G))))
+    np.testing.assert_allclose(nlfrf.bla_from_frf(F, cured, std=1.0).G, G, rtol=1e-12)
+    assert nlfrf.bla_from_frf(F, np.full(F.size, 2.0) + 0j, std=1.0).G[0] == 2  # a gain: no word
+
+
+def test_a_complex_type_without_phases_is_warned_of():
+    with pytest.warns(nlfrf.DataWarning, match="G is real on every line and varies, as an FRF without its phase does"):
+        nlfrf.bla_from_frf(F, 20 * np.log10(np.abs(G)) + 0j, std=1.0)
+
+
+def test_a_coherence_that_was_rounded_to_one_leaves_a_variance():
+    coherence = np.where(F > 30, 0.9, np.where(F > 10, 0.999, 1.0))
+    with pytest.warns(nlfrf.DataWarning, match=r"coherence of 1 on some lines is rounded.*0\.999 is taken"):
+        bla = nlfrf.bla_from_frf(F, G, coherence=coherence, n_averages=11)
+    np.testing.assert_allclose(bla.var_total[0], 0.001 / 0.999 * np.abs(G[0]) ** 2 / 10)
+
+
+def test_a_factor_asks_for_the_unit_that_it_makes():
+    bla = nlfrf.bla_from_frf(F, G, std=0.01, input_units=["N"], output_units=["m/s2"])
+    with pytest.raises(ValueError, match=r"output_unit must be given, .*unit of m/s2: output_unit=.m. where"):
+        bla.times(-1 / bla.omega**2)
+    moved = bla.times(-1 / bla.omega**2, output_unit="m")
+    assert moved.unit == "m/N"
+    np.testing.assert_allclose(moved.bound(), bla.bound() / bla.omega**2)
+    assert bla.times(np.exp(-0.01j * bla.omega)).unit == "m/s2/N"  # a delay
+    assert bla.times(2 * np.ones(F.size), output_unit=bla.output_units).unit == "m/s2/N"
+    assert nlfrf.bla_from_frf(F, G, std=0.01).times(1 / F).unit == ""
 
 
 @pytest.mark.parametrize("method", ["local", "welch"])

@@ -28,8 +28,8 @@ def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
     assert found.channels[3].rms == pytest.approx(np.sqrt(np.mean(U**2)), rel=1e-5)
     assert found.lines == f"period 250 samples (0.25 s), {P} periods; {MS.f.size} lines from 4 to 196 Hz"
     assert str(found).splitlines()[-1] == f"run:   {found.command}"
-    assert "--input force --output position -o 'my run-bla.npz'" in found.command
-    assert "--hold zoh where the input is a command" in unwrapped(found)
+    assert "--input force --output position --hold unknown -o 'my run-bla.npz'" in found.command
+    assert "hold: zoh where the input is a command, band-limited where it was measured" in unwrapped(found)
 
 
 def test_a_set_point_is_an_input_that_is_held_and_no_output(tmp_path):
@@ -39,12 +39,59 @@ def test_a_set_point_is_an_input_that_is_held_and_no_output(tmp_path):
     found = nlfrf.inspect_file(tmp_path / "trace.csv")
     assert (found.u, found.y) == ("current set point [A]", "position [m]")
     assert "--input 'current set point [A]' --output 'position [m]' --hold zoh" in found.command
-    assert "add:" not in str(found)
+    assert "hold:" not in str(found)
+    assert found.reference == "position set point [m]"
     np.savetxt(tmp_path / "measured.csv", table[:, :3], delimiter=",", header=names.rpartition(",")[0], comments="")
     found = nlfrf.inspect_file(tmp_path / "measured.csv")
     assert (found.u, found.y) == ("current [A]", "position [m]")
-    assert "--hold" not in found.command
-    assert "add:" in str(found)
+    assert "--hold unknown --reference 'position set point [m]' --fs HERTZ" in found.command
+    assert "hold:" in str(found)
+
+
+def closed_loop(names, *columns):
+    """Write a table with a time column; the reference r, its force and its position behind it repeat together."""
+    return lambda path: np.savetxt(
+        path, np.column_stack([T, *columns]), delimiter=",", header=f"t [s],{names}", comments="", fmt="%.9g"
+    )
+
+
+COUNTER, CLOCK = np.arange(U.size), 1.7e9 + np.cumsum(1 + 0.3 * np.random.default_rng(1).random(U.size))
+FORCE = np.roll(U, 3) + 0.2 * Y
+
+
+@pytest.mark.parametrize(
+    ("names", "columns", "expected"),
+    [
+        ("reference,force,position", (U, FORCE, Y), ("force", "position", "reference")),
+        ("position reference,force,position", (U, FORCE, Y), ("force", "position", "position reference")),
+        ("Lage_Soll,Strom,Lage_Ist", (U, FORCE, Y), ("Strom", "Lage_Ist", "Lage_Soll")),
+        ("target,position,torque", (U, Y, FORCE), ("torque", "position", "target")),
+        ("reference,position", (U, Y), ("reference", "position", "")),
+        ("cmd,force,position", (U, FORCE, Y), ("cmd", "position", "")),
+        ("set point,force,position", (np.sign(COUNTER - 300), FORCE, Y), ("force", "position", "")),  # repeats not
+        ("force,encoder index,position", (U, COUNTER, Y), ("force", "position", "")),
+        ("position clock,force,accel", (CLOCK, U, Y), ("force", "accel", "")),
+        ("force,measured,other", (U, -(COUNTER**2), Y), ("force", "other", "")),
+        ("force,enc cycle,other", (U, COUNTER % 240, Y), ("force", "other", "")),
+        ("force,distance", (U, Y), ("force", "distance", "")),
+        ("force,frequency", (U, 1 + COUNTER), ("force", "", "")),
+    ],
+)
+def test_what_is_proposed_goes_by_what_a_channel_can_be(names, columns, expected, nlfrf_command, tmp_path):  # noqa: F811
+    """A counter, a clock and frequencies are no outputs, nor is a reference; what is printed runs as it stands."""
+    closed_loop(names, *columns)(tmp_path / "run.csv")
+    found = nlfrf.inspect_file(tmp_path / "run.csv")
+    assert (found.u, found.y, found.reference) == expected
+    if found.y:
+        command = str(found).splitlines()[-1].removeprefix("run:   nlfrf ")
+        code, _, err = nlfrf_command(*shlex.split(command))
+        assert code == 0, err
+        assert nlfrf.io.load_bla(tmp_path / "run-bla.npz").hold == (
+            "zoh" if found.u in ("cmd", "reference") else "unknown"
+        )
+    else:
+        assert "frequency: rises or falls throughout" in str(found)
+        assert "--output OUTPUT" in found.command
 
 
 def test_without_names_the_input_is_the_channel_with_even_lines(tmp_path):
@@ -52,7 +99,7 @@ def test_without_names_the_input_is_the_channel_with_even_lines(tmp_path):
     np.savetxt(tmp_path / "run.csv", np.column_stack([slow, U]), delimiter=",")
     found = nlfrf.inspect_file(tmp_path / "run.csv")
     assert (found.u, found.y) == ("col2", "col1")
-    assert found.command.endswith("--input col2 --output col1 --fs HERTZ -o run-bla.npz")
+    assert found.command.endswith("--input col2 --output col1 --hold unknown --fs HERTZ -o run-bla.npz")
 
 
 def test_what_does_not_repeat_has_no_input(tmp_path):

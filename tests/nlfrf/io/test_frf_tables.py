@@ -1,0 +1,216 @@
+"""FRFs in files of analysers: what is read, what is asked for, what inspect says, and the command that it prints."""
+
+import shlex
+
+import numpy as np
+import pytest
+
+import nlfrf
+from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
+from tests.robust.test_cli import robust_command  # noqa: F401 (a fixture)
+from tests.support.measurement_files import write_uff
+from tests.support.printed import unwrapped
+
+F = np.geomspace(0.5, 200, 60)
+G = 3 / (1 - (F / 40) ** 2 + 0.1j * F / 40) * np.exp(-2j * np.pi * F * 0.004)
+DB, WRAPPED, UNWRAPPED = 20 * np.log10(np.abs(G)), np.degrees(np.angle(G)), np.degrees(np.unwrap(np.angle(G)))
+COHERENCE = 1 - 1e-4 * F
+
+
+def table(header, *columns, sep=",", decimal="."):
+    rows = (sep.join(f"{x:.9g}" for x in row).replace(".", decimal) for row in zip(*columns, strict=True))
+    return "\n".join((header, *rows, ""))
+
+
+WAVEFORMS = "Frequency (Hz),Channel 1 Magnitude (dB),Channel 2 Magnitude (dB),Channel 2 Phase"
+TABLES = {
+    "Keysight": table("#,Frequency (Hz),Amplitude (Vpp),Gain (dB),Phase (°)", F, F, 2 + 0 * F, DB, WRAPPED),
+    "Rigol": table("Freq(Hz),Gain(dB),Phase(°)", F, DB, WRAPPED),
+    "Siglent": table(
+        "Model Number,SDS\nSweep Type,Simple\n\nFrequency(Hz),CH2 Amplitude(dB),CH2 Phase(Deg)", F, DB, WRAPPED
+    ),
+    "Rohde": table("Frequency in Hz,Gain in dB,Phase in °,Amplitude in Vpp", F, DB, WRAPPED, 1 + 0 * F),
+    "WaveForms": table(f"#Digilent WaveForms Network Analyzer\n\n{WAVEFORMS} (deg)", F, 0 * F - 0.01, DB, WRAPPED),
+    "WaveForms without a degree sign": table(f"{WAVEFORMS} (*)", F, 0 * F - 0.01, DB, UNWRAPPED),
+    "Bode 100": table(
+        'Frequency (Hz);"Trace 1: Gain: Real ";"Trace 1: Gain: Imaginary ";Trace 1: Gain: Magnitude (dB);'
+        '"Trace 2: Gain: Real ";"Trace 2: Gain: Imaginary ";Trace 2: Gain: Phase (°)',
+        *(F, G.real, G.imag, DB, G.real, G.imag, WRAPPED),
+        sep=";",
+    ),
+    "Bode 100 of two traces": table(
+        "Frequency (Hz),Trace 1: Gain: Magnitude (dB),Trace 2: Gain: Phase (°)", F, DB, WRAPPED
+    ),
+    "Moku": table(
+        "% Moku\n% Frequency (Hz), Channel 1 Magnitude (dB), Channel 1 Phase (deg)", F, DB, WRAPPED, sep=", "
+    ),
+    "PicoScope": table("Frequency Log(Hz), Gain (dB), Phase (deg)", np.log10(F), DB, UNWRAPPED, sep=", "),
+    "ELVIS": table("Frequency (Hz)\tGain (dB)\tPhase (deg)", F, DB, WRAPPED, sep="\t"),
+    "names alone": table("f,dB,degrees", F, DB, WRAPPED),
+    "ratio and radians": table("f,|G| [1],phase [rad]", F, np.abs(G), np.unwrap(np.angle(G))),
+    "ratio and degrees": table("f,magnitude [V/V],phase", F, np.abs(G), WRAPPED),
+    "small ratios": table("f,magnitude,phase", F, 1e-3 * np.abs(G), np.angle(G)),
+    "real and imaginary": table("f,Re,Im", F, G.real, G.imag),
+    "rad/s": table("omega [rad/s],Re G,Im G", 2 * np.pi * F, G.real, G.imag),
+    "omega": table("omega,Re G,Im G", 2 * np.pi * F, G.real, G.imag),
+    "French": table(
+        "Frequence (rad/s),Gain (dB),Phase (deg),Reel,Imaginaire", 2 * np.pi * F, DB, WRAPPED, G.real, G.imag
+    ),
+    "units in names": table("frequency_hz,magnitude_db,phase_rad", F, DB, np.unwrap(np.angle(G))),
+    "kHz": table("Frequency (kHz),Gain (dB),Phase (deg)", F / 1e3, DB, WRAPPED),
+    "mHz": table("Frequency (mHz),Gain (dB),Phase (deg)", F * 1e3, DB, WRAPPED),
+    "downwards": table("Frequency (Hz),Gain (dB),Phase (deg)", F[::-1], DB[::-1], WRAPPED[::-1]),
+    "German": table("Frequenz [Hz];Betrag [dB];Phase [Grad]", F, DB, WRAPPED, sep=";", decimal=","),
+    "row of units": table("f,gain,phase\nHz,dB,deg", F, DB, WRAPPED),
+    "0 Hz": table("f [Hz],Re,Im", np.append(0.0, F), np.append(3.0, G.real), np.append(0.0, G.imag)),
+}
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.filterwarnings("error")
+def test_tables_of_analysers(name, tmp_path):
+    bla = nlfrf.io.load_frf(write(tmp_path / "bode.csv", TABLES[name]), relative_std=0.02)
+    np.testing.assert_allclose(bla.f, F, rtol=1e-7)
+    factor = 1e-3 if name == "small ratios" else 1.0
+    np.testing.assert_allclose(bla.G, factor * G, rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(bla.var_total), 0.02 * np.abs(bla.G))
+    found = nlfrf.inspect_file(tmp_path / "bode.csv")
+    assert found.frf.startswith("FRF:   60 lines from 0.5 to 200 Hz in ")
+    assert (found.u, found.y) == ("", "")
+
+
+def test_units_coherence_and_deviations_come_from_the_file(tmp_path):
+    path = write(
+        tmp_path / "a.csv", table("f,gain,phase,coherence\nHz,m/N,deg,%", F, np.abs(G), WRAPPED, 100 * COHERENCE)
+    )
+    bla = nlfrf.io.load_frf(path, n_averages=21)
+    assert bla.unit == "m/N"
+    np.testing.assert_allclose(bla.var_total, 1e-4 * F / COHERENCE * np.abs(G) ** 2 / 20, rtol=1e-5)
+    with pytest.raises(ValueError, match="n_averages must be given: a coherence gives a variance only with"):
+        nlfrf.io.load_frf(path)
+    path = write(tmp_path / "b.csv", table("f,Re,Im,std", F, G.real, G.imag, 0.1 * np.abs(G)))
+    np.testing.assert_allclose(nlfrf.io.load_frf(path).bound(), np.sqrt(-np.log(0.05)) * 0.1 * np.abs(G), rtol=1e-5)
+    assert nlfrf.inspect_file(path).command.startswith(f"robust model {path} --poles POLES -o ")
+
+
+def test_a_table_of_this_package_says_no_variance_by_its_parts(tmp_path):
+    """Its columns of noise alone and of distortion alone are no deviation of G."""
+    nlfrf.export_csv(nlfrf.bla_from_frf(F, G, std=0.1), tmp_path / "bla.csv")
+    with pytest.raises(ValueError, match=r"relative_std must be given: .* shows no distortion"):
+        nlfrf.io.load_frf(tmp_path / "bla.csv")
+
+
+def test_one_of_several_channels_is_asked_for(tmp_path):
+    names = "Frequency (Hz),CH2 Amplitude (dB),CH2 Phase (deg),CH3 Amplitude (dB),CH3 Phase (deg)"
+    path = write(tmp_path / "two.csv", table(names, F, DB - 6, WRAPPED + 10, DB, WRAPPED))
+    with pytest.raises(ValueError, match=r"channel must name one of the FRFs of 'two.csv', 'CH 2', 'CH 3'; got 'none'"):
+        nlfrf.io.load_frf(path, relative_std=0.02)
+    np.testing.assert_allclose(nlfrf.io.load_frf(path, relative_std=0.02, channel="ch3").G, G, rtol=1e-6)
+    with pytest.raises(ValueError, match=r"channel must name .*; got 'CH4'"):
+        nlfrf.io.load_frf(path, relative_std=0.02, channel="CH4")
+    assert "--channel 'CH 2'" in nlfrf.inspect_file(path).command
+
+
+@pytest.mark.parametrize(
+    ("text", "word", "true"),
+    [
+        (table("f,gain,phase [rad]", F, np.abs(G), np.angle(G)), "'gain' .* is taken for a ratio, not decibels", G),
+        (
+            table("f,dB,phase", F, 0 * F, -F / 20),
+            "'phase' .* for degrees, not radians",
+            np.exp(-1j * np.radians(F / 20)),
+        ),
+        (table("f,dB,phase", F, 0 * F, -F / 200), "'phase' .* for radians, not degrees", np.exp(-1j * F / 200)),
+    ],
+)
+def test_a_unit_that_is_not_stated_is_said(text, word, true, tmp_path):
+    path = write(tmp_path / "bode.csv", text)
+    with pytest.warns(nlfrf.DataWarning, match=word):
+        bla = nlfrf.io.load_frf(path, relative_std=0.02)
+    np.testing.assert_allclose(bla.G, true, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("f [rpm],dB,degrees", "rpm"), ("f,dB,phase [gon]", "gon")])
+def test_a_unit_that_is_not_known_is_refused(name, unit, tmp_path):
+    path = write(tmp_path / "bode.csv", table(name, F, DB, WRAPPED))
+    with (
+        pytest.warns(nlfrf.DataWarning, match=rf"is in {unit}, where .* are known: left out"),
+        pytest.raises(ValueError, match=r"path must hold an FRF, by name: .* got 'bode.csv' with f"),
+    ):
+        nlfrf.io.load_frf(path, relative_std=0.02)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table("f,dB", F, DB),
+        table("a,b,c", F, DB, WRAPPED),
+        table("f,dB,degrees", np.tile(F[:30], 2), DB, WRAPPED),  # two sweeps in one
+        table("f,Amplitude (Vpp),Phase (deg)", F, DB, WRAPPED),
+    ],
+)
+def test_what_is_no_frf_is_refused_with_the_columns(text, tmp_path):
+    with pytest.raises(ValueError, match=r"path must hold an FRF, by name: .*call the columns as in 'f \[Hz\],gain"):
+        nlfrf.io.load_frf(write(tmp_path / "bode.csv", text), relative_std=0.02)
+
+
+def test_complex_arrays(tmp_path):
+    np.savez(tmp_path / "frf.npz", G=G, omega=2 * np.pi * F, note="sweep")
+    np.testing.assert_allclose(nlfrf.io.load_frf(tmp_path / "frf.npz", relative_std=0.02).f, F)
+
+
+def write_functions(path, *functions, unit="Hz", where="add"):
+    """Write functions (kind, response node and direction, data) of a universal file."""
+    import pyuff
+
+    for kind, node, way, data in functions:
+        about = dict(
+            binary=0, func_type=kind, rsp_node=node, rsp_dir=way, ref_node=1, ref_dir=3, id1="Frequency response"
+        )
+        about |= dict(abscissa_spacing=0, abscissa_min=0.0, abscissa_inc=0.0, ordinate_axis_units_lab="m/s2")
+        about |= dict(orddenom_axis_units_lab="N", rsp_ent_name="NONE", ref_ent_name="NONE", num_pts=F.size)
+        about |= dict(ord_data_type=6 if np.iscomplexobj(data) else 4, data=data, x=F, abscissa_axis_units_lab=unit)
+        about |= dict(abscissa_spec_data_type=18, ordinate_spec_data_type=12, orddenom_spec_data_type=13)
+        pyuff.UFF(str(path)).write_sets([pyuff.prepare_58(**about)], where)
+
+
+def test_functions_of_a_universal_file(tmp_path):
+    path = tmp_path / "modal.uff"
+    write_functions(path, (4, 5, 3, G), (6, 5, 3, COHERENCE), (4, 6, -1, 2 * G))
+    bla = nlfrf.io.load_frf(path, n_averages=11, channel="5 z / 1 z")
+    np.testing.assert_allclose(bla.G, G, rtol=1e-6)
+    np.testing.assert_allclose(bla.var_total, (1 - COHERENCE) / COHERENCE * np.abs(G) ** 2 / 10, rtol=1e-3)
+    assert bla.unit == "m/s2/N"
+    with pytest.raises(ValueError, match=r"channel must name one .* '5 z 1 z', '6 minus x 1 z'"):
+        nlfrf.io.load_frf(path, n_averages=11)
+    with pytest.raises(ValueError, match="relative_std must be given"):  # the coherence is that of the other
+        nlfrf.io.load_frf(path, n_averages=11, channel="6 minus x 1 z")
+    write_uff(path)  # and time records behind them
+    found = nlfrf.inspect_file(path)
+    assert (found.u, found.y) == ("u", "y")
+    assert "FRF:   60 lines from 0.5 to 200 Hz in '5 z / 1 z', and of '6 minus x 1 z'" in str(found)
+    assert found.command.startswith("nlfrf identify ")
+
+
+def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # noqa: F811
+    """The command that inspect prints runs, with what nobody else can know in place of the words in capitals."""
+    write(tmp_path / "bode.csv", TABLES["Keysight"])
+    code, out, _ = nlfrf_command("inspect", "bode.csv")
+    assert code == 0
+    assert "needs: the file holds no coherence, and a swept sine shows no distortion" in unwrapped(out)
+    command = shlex.split(out.splitlines()[-1].removeprefix("run:   robust "))
+    assert "--relative-std" in command
+    given = {"POLES": "2", "RELATIVE-STD": "0.02"}
+    code, out, _ = robust_command(" ".join([*(given.get(word, word) for word in command), "--delay 0.004"]))
+    assert code == 0
+    assert (tmp_path / "bode-model.json").exists()
+    code, _, err = robust_command("model bode.csv --poles 2 -o other.json")
+    assert code == 2
+    assert err.startswith("robust: --relative-std must be given: the file holds no coherence")
+    code, _, err = robust_command("model bla.npz --poles 2 --relative-std 0.1 -o other.json")
+    assert (code, "must be left out for a BLA" in err) == (2, True)
