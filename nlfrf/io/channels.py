@@ -23,8 +23,8 @@ from nlfrf.io.moments import require_same_moments
 from nlfrf.io.readers import columns, hdf5, lvm, matlab, mdf, npy, tables, tdms, twincat, uff, wav
 from nlfrf.io.readers.clock import (
     MIN_DURATION,
-    RATE_NAMES,
-    STEP_NAMES,
+    RATE_NAME,
+    STEP_NAME,
     UNIT_SUFFIX,
     hertz_per_unit,
     is_time_name,
@@ -258,15 +258,16 @@ class Channels:
         found = []
         for name, array in self.arrays.items():
             key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
-            number, unit = constant_of(array) if key in (*RATE_NAMES, *STEP_NAMES) else None, unit or self.unit(name)
-            if number is None or (array.size > 1 and key in STEP_NAMES and not unit and number >= MIN_DURATION):
+            is_step, is_rate = STEP_NAME.fullmatch(key) is not None, RATE_NAME.fullmatch(key) is not None
+            number, unit = constant_of(array) if is_step or is_rate else None, unit or self.unit(name)
+            if number is None or (array.size > 1 and is_step and not unit and number >= MIN_DURATION):
                 continue
-            scale = (seconds_per_unit if key in STEP_NAMES else hertz_per_unit)(unit)
+            scale = (seconds_per_unit if is_step else hertz_per_unit)(unit)
             number *= scale or 0.0
             if 0 < number < np.inf:
                 home = name.rpartition(".")[0]
                 rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
-                found.append((rank, number if key in RATE_NAMES else float(f"{1 / number:.12g}"), name))
+                found.append((rank, number if is_rate else float(f"{1 / number:.12g}"), name))
         best = min(found, default=None)
         if best is None:
             return None

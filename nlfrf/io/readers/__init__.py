@@ -1,9 +1,10 @@
 """Readers of file formats: named channels of any file.
 
-clock           names and texts that give a sampling frequency; the sampling frequency of a time axis
+clock           names that give a sampling frequency; the sampling frequency of a time axis
 columns         Parquet and Feather
 hdf5            HDF5: datasets, tables, attributes
-layout          where header, units and numbers stand in a text table
+header          names, units and clocks that the rows above the numbers of a text table state
+layout          where the numbers stand in a text table, and what separates them
 lvm             LabVIEW measurements
 matlab          MATLAB: which version it is
 matlab_objects  MATLAB: time series, timetables, datasets

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.io.readers.clock import find_clock
+from nlfrf.io.readers.header import find_clock
 
 FS, N, P = 1000.0, 500, 6
 U = np.tile(nlfrf.multisine(fs=FS, n_samples=N, f_min=2, f_max=200, rng=1).u[0], P)
@@ -22,10 +22,10 @@ def test_rates_in_any_unit_above_a_table():
         scale = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[prefix]
         for unit in ("Hz", "S/s", "Sa/s", "samples/s", "sps"):
             for line in (f"Sample rate: {number} {prefix}{unit}", f"Sampling Rate,{number}{prefix}{unit},"):
-                assert find_clock((line,)) == number * scale, line
-        assert find_clock((f"Sampling frequency [{prefix}Hz]: {number}",)) == number * scale
+                assert find_clock((line,)).fs == number * scale, line
+        assert find_clock((f"Sampling frequency [{prefix}Hz]: {number}",)).fs == number * scale
     for unit, second in (("ns", 1e-9), ("usec", 1e-6), ("µs", 1e-6), ("milliseconds", 1e-3), ("s", 1), ("min", 60)):
-        assert find_clock((f"Sample interval: 20 {unit}",)) == pytest.approx(1 / (20 * second), rel=1e-11)
+        assert find_clock((f"Sample interval: 20 {unit}",)).fs == pytest.approx(1 / (20 * second), rel=1e-11)
 
 
 def test_numbers_of_a_clock_as_people_write_them():
@@ -37,11 +37,11 @@ def test_numbers_of_a_clock_as_people_write_them():
         "Sample rate: 2000  # nominal": 2000,
         "Sample rate [Hz],1000,1000": 1000,
     }.items():
-        assert find_clock((line,)) == fs, line
+        assert find_clock((line,)).fs == fs, line
     for line, fs in {"Abtastrate: 2,5 kHz": 2500, "Abtastrate: 1.000,0 Hz": 1000, "dt = 1,25 ms": 800}.items():
-        assert find_clock((line,), ";", ",") == pytest.approx(fs), line
+        assert find_clock((line,), ";", ",").fs == pytest.approx(fs), line
     for line in ("Sample rate: 51,200 Hz", "Sample rate [Hz],1000,2000", "Load cell, FS: 100 N", "samplerate=-5 Hz"):
-        assert find_clock((line,)) == 0, line  # may be read in two ways, or as no clock
+        assert find_clock((line,)).fs == 0, line  # may be read in two ways, or as no clock
 
 
 def test_units_of_clocks_that_are_variables(tmp_path):
