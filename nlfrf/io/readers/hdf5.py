@@ -25,7 +25,7 @@ RATE_ATTRIBUTES = (
     "rate",
 )
 STEP_ATTRIBUTES = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
-START_ATTRIBUTE = "wf_start_offset"
+START_ATTRIBUTE, ABSCISSA_UNIT_ATTRIBUTE = "wf_start_offset", "wf_xunit_string"
 MAX_TEXT = 1 << 16  # characters that a text may have
 #: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
 SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
@@ -78,6 +78,8 @@ def contents(path: Path) -> Contents:
                 clocks[name] = fs if fs > 0 else 1 / dt
                 if is_finite_number(by_key.get(START_ATTRIBUTE)) and by_key[START_ATTRIBUTE]:
                     starts[f"{name}.start"] = np.array(float(by_key[START_ATTRIBUTE]))
+                if isinstance(by_key.get(ABSCISSA_UNIT_ATTRIBUTE), str) and not fs > 0:
+                    units[f"{name}.start"] = by_key[ABSCISSA_UNIT_ATTRIBUTE]
 
     file = h5py.File(path, "r")
     add("", file)

@@ -44,16 +44,10 @@ TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|flo
 NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
 
 
-class Role(Enum):
-    """What the cells of a labelled row are."""
-
-    NAMES = "names"
-    UNITS = "units"
-    ABSCISSA_UNIT = "unit of the abscissa"
-    STEP = "steps"
-    START = "starts"
-    TIME_OF_DAY = "times of day at the start"
-
+#: What the other cells of a labelled row are.
+Role = Enum("Role", "NAMES UNITS ABSCISSA_UNIT RATE STEP START TIME_OF_DAY")
+#: What a column holds; a clock runs forward from row to row.
+Kind = Enum("Kind", "CLOCK NUMBERS TEXT EMPTY")
 
 #: The rules: role, label in the first cell, and what every other cell must look like.
 RULES = (
@@ -64,6 +58,7 @@ RULES = (
         re.compile(rf"(?!{NUMBER_CELL.pattern}$).*|1", re.I),
     ),
     (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), UNIT_CELL),
+    (Role.RATE, re.compile(RATE_WORDS, re.I), re.compile(r"[\d., ]+\D{0,4}")),
     (Role.STEP, re.compile(rf"{STEP_WORDS}|interval|increment", re.I), NUMBER_CELL),
     (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), NUMBER_CELL),
     (Role.TIME_OF_DAY, re.compile(r"time", re.I), re.compile(r"\d{1,2}:\d{2}:\d{2}(?:[.,]\d*)?")),
@@ -74,6 +69,9 @@ COUNTER_NAME = re.compile(
 )
 REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
 SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
+FRONT, BACK = {Kind.CLOCK, Kind.EMPTY}, {Kind.TEXT, Kind.EMPTY}  # columns that may have no name, by where they stand
+LABVIEW_STEP = "Delta_X"  # which is in seconds
+SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
 MAX_UNPAIRED = 2  # columns without a name, or names without a column
 
 #: A line above a table that gives the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
@@ -96,15 +94,6 @@ class Clock(NamedTuple):
     unit: str = ""
 
 
-class Kind(Enum):
-    """What a column holds; a clock runs forward from row to row."""
-
-    CLOCK = "clock"
-    NUMBERS = "numbers"
-    TEXT = "text"
-    EMPTY = "nothing"
-
-
 class Header(NamedTuple):
     """What a header says: names, units, steps and starts [s] of columns, the clock of all, names without a column."""
 
@@ -121,6 +110,7 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     kinds, width = find_kinds(layout, columns), len(layout.numeric)
     rows: list[list[str]] = []
     labelled: dict[Role, list[str]] = {}
+    preamble = []
     for i, line in enumerate((*layout.header, *layout.margin)):
         cells = split_header_line(line, layout.delimiter, width)
         role = find_role(cells)
@@ -128,7 +118,9 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
             labelled[role] = cells
         elif i < len(layout.header) and any(cells):
             rows.append(cells)
-    names, units, constants = find_names(rows, width)
+        if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
+            preamble.append(line)  # but not the names, of which one may be that of a clock
+    names, units, constants = find_names(rows, kinds)
     label = names[0] if find_role(names) is Role.NAMES else ""
     names = names[len(names) > width :] if label else names
     if names and REMARK_NAME.fullmatch(names[-1]) and (len(names) > width or kinds[0] is Kind.EMPTY):
@@ -139,16 +131,14 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     shift = first or 0
     placed = ["" if unplaced else name for name in slice_row(names, -shift, width)]
     stated = slice_row(units, -shift, width) if units and not unplaced else spread(labelled.get(Role.UNITS, []), kinds)
-    last = () if not layout.header or not re.search("[=:]", layout.header[-1]) else layout.header[-1:]
-    preamble = (*layout.header[:-1], *last, *layout.margin, *constants)
-    clock = find_clock(preamble, layout.delimiter, layout.decimal)
-    abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()") or clock.unit
+    clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
+    abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
     for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
-        second = seconds_per_unit(abscissa) or np.nan
-        as_clock = j in columns and clock.fs > 0 and abs(sampling_frequency(columns[j]) / second / clock.fs - 1) < 1e-3
-        if as_clock and not stated[j]:
-            stated[j] = abscissa
+        rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
+        as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < SAME_CLOCK
+        stated[j] = stated[j] or (clock.unit if as_clock else "")
         placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
+    stated = [unit or (abscissa if is_time_name(name) else "") for unit, name in zip(stated, placed, strict=True)]
     steps, starts = (
         {j: parse_number(cell, layout.delimiter, layout.decimal) for j, cell in enumerate(spread(row, kinds)) if cell}
         for row in (labelled.get(Role.STEP, []), labelled.get(Role.START, []))
@@ -186,7 +176,7 @@ def split_header_line(line: str, delimiter: str, width: int) -> list[str]:
     bare = line.strip()
     if not bare or set(bare) <= set("-=+| \t" + delimiter):
         return []
-    marked = bare[0] in COMMENT_MARKS
+    marked = bare[0] in COMMENT_MARKS and bare[0] != delimiter
     bare = bare.lstrip("#%!*/ ") if marked else line
     cells = split_cells(bare, delimiter)
     if delimiter == " " and len(cells) != width:  # names with blanks in them are separated by several
@@ -199,7 +189,7 @@ def find_role(cells: Sequence[str]) -> Role | None:
     """Find what a row says by its label, None of a row without one.
 
     >>> [find_role(row) for row in (["Unit", "V", "A"], ["dt", "0.001"], ["dt", "u", "y"])]
-    [<Role.UNITS: 'units'>, <Role.STEP: 'steps'>, None]
+    [<Role.UNITS: 2>, <Role.STEP: 5>, None]
     """
     label = cells[0].rstrip(":") if cells else ""
     others = [cell for cell in cells[1:] if cell and cell != cells[0]]
@@ -231,19 +221,19 @@ def spread(row: list[str], kinds: list[Kind]) -> list[str]:
     return [by_column.get(j, "") for j in range(width)]
 
 
-def find_names(rows: list[list[str]], width: int) -> tuple[list[str], list[str], list[str]]:
+def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], list[str], list[str]]:
     """Find names, units below them, and constants below names of clocks, upwards from the numbers.
 
-    >>> find_names([["X", "CH1", "Increment"], ["Sequence", "Volt", "1e-3"]], 3)
+    >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS]
+    >>> find_names([["X", "CH1", "Increment"], ["Sequence", "Volt", "1e-3"]], kinds)
     (['X', 'CH1', 'Increment'], ['Sequence', 'Volt', ''], ['Increment,1e-3'])
-    >>> find_names([["Time", "Analog 1", "Analog 2"], ["ms", "Torque", "Speed"]], 3)     # a row of units and names
+    >>> find_names([["Time", "Analog 1", "Analog 2"], ["ms", "Torque", "Speed"]], kinds)     # a row of units and names
     (['Time', 'Torque', 'Speed'], ['ms', '', ''], [])
-    >>> find_names([["t", "u", "y"], ["s", "N", "mm"], ["", "load cell", "encoder"]], 3)     # a row of comments
+    >>> find_names([["t", "u", "y"], ["s", "N", "mm"], ["", "load cell", "encoder"]], kinds)     # a row of comments
     (['t', 'u', 'y'], ['s', 'N', 'mm'], [])
     """
-    while rows and all(TYPE_CELL.fullmatch(cell) or not cell for cell in rows[-1]) and len(rows) > 1:
-        rows = rows[:-1]
-    *_, over, above = [[], [], *(names_in(earlier, width) for earlier in rows[:-1])]
+    rows = rows[:1] + [row for row in rows[1:] if not all(TYPE_CELL.fullmatch(cell) or not cell for cell in row)]
+    over, above = [[], [], *(names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
     row, constants = rows[-1] if rows else [], []
     if above and len(row) <= len(above):
         row = [*row, *[""] * (len(above) - len(row))]
@@ -261,30 +251,33 @@ def find_names(rows: list[list[str]], width: int) -> tuple[list[str], list[str],
             return names, [row[j] if second else "" for j, second in enumerate(seconds)], constants
     if over and len(above) == len(over) and all(UNIT_CELL.fullmatch(cell) for cell in above):
         return over, above, []
-    return names_in(row, width), [], []
+    return names_in(row, kinds), [], []
 
 
-def names_in(row: list[str], width: int) -> list[str]:
+def names_in(row: list[str], kinds: list[Kind]) -> list[str]:
     """Return the names in a row, none of one that is rather a line of a preamble: with numbers or dates, or too short.
 
-    >>> names_in(["time", "1", "2", ""], 3), names_in(["u", "y"], 3), names_in(["Range", "5.0", ""], 2)
+    >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS, Kind.EMPTY]
+    >>> names_in(["time", "1", "2", ""], kinds), names_in(["u", "y"], kinds), names_in(["Range", "5.0"], kinds)
     (['time', '1', '2'], ['u', 'y'], [])
     """
     names = row[: max((j + 1 for j, cell in enumerate(row) if cell), default=0)]
+    least = max(j + 1 for j, kind in enumerate(kinds) if kind is not Kind.EMPTY)
     numbers = [cell for cell in names if NUMBER_CELL.fullmatch(cell)]
     if len(numbers) == len(names) or any(map(MOMENT.match, names)):
         return []
-    if len(names) == width:
+    if least <= len(names) <= len(kinds):
         are_numbered = len({*numbers}) == len(numbers) and all(map(str.isdigit, numbers))
-        return names if are_numbered or len(numbers) < 0.5 * width else []
-    return names if len(names) > 1 and abs(width - len(names)) <= MAX_UNPAIRED and not numbers and all(names) else []
+        return names if are_numbered or len(numbers) < 0.5 * len(names) else []
+    is_near = least - MAX_UNPAIRED <= len(names) <= len(kinds) + MAX_UNPAIRED and len(names) > 1
+    return names if is_near and not numbers and all(names) else []
 
 
 def place_names(names: list[str], kinds: list[Kind]) -> int | None:
     """Return the column of the first name, None where the numbers do not show it.
 
-    Columns without a name stand in front if they run forward, as row numbers and times do, or hold texts or nothing;
-    behind only if they hold no numbers. A time or a counter runs forward. Any other name is rather not that of a clock.
+    Columns without a name stand in front if they run forward, as row numbers and times do, or hold nothing; behind if
+    they hold no numbers. A time or a counter runs forward. Any other name is rather not that of a clock.
 
     >>> clock, numbers = Kind.CLOCK, Kind.NUMBERS
     >>> place_names(["time", "u", "y"], [clock, clock, numbers, numbers])
@@ -297,7 +290,7 @@ def place_names(names: list[str], kinds: list[Kind]) -> int | None:
     for first in range(len(kinds) - len(names) + 1):
         front, back = kinds[:first], kinds[first + len(names) :]
         pairs = [(is_counter_name(name), kinds[first + i]) for i, name in enumerate(names)]
-        if Kind.NUMBERS not in (*front, *back) and Kind.CLOCK not in back and (True, Kind.NUMBERS) not in pairs:
+        if not ({*front} - FRONT or {*back} - BACK or (True, Kind.NUMBERS) in pairs):
             costs[first] = sum(not counter and kind in (Kind.CLOCK, Kind.EMPTY) for counter, kind in pairs)
     best = [first for first, cost in costs.items() if cost == min(costs.values())]
     return best[0] if len(best) == 1 else None
@@ -350,7 +343,7 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
             continue
         if 0 < number < np.inf:
             fs = number if found["rate"] else float(f"{1 / number:.12g}")
-            return Clock(fs, found[0].strip(), "s" if found["rate"] else unit)
+            return Clock(fs, found[0].strip(), "s" if found["rate"] or found[0] == LABVIEW_STEP else unit)
     return Clock()
 
 

@@ -10,8 +10,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 __all__ = [
     "COMMENT_MARKS",
@@ -47,46 +46,41 @@ MOMENT = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Separator and decimal sign, the lines before the numbers, and what the columns hold.
+class Cutting:
+    """One way to cut the lines: number of columns, which are numbers and which hold anything, rows that fit."""
+
+    delimiter: str
+    decimal: str
+    width: int = 0
+    numeric: tuple[bool, ...] = ()
+    filled: tuple[bool, ...] = ()
+    n_data_rows: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout(Cutting):
+    """The way that the lines are cut, and what stands above and among the numbers.
 
     Fields
     ------
-    delimiter, decimal : str
-        Separator of the cells and decimal sign.
     n_header_lines : int
         Lines of the file before the numbers.
     header, margin : tuple of str
         These lines, and what stands left of the first rows of numbers only.
-    numeric, moments, filled : tuple of bool
-        Whether a column holds numbers, dates or times, or anything at all.
+    moments : tuple of bool
+        Whether a column holds dates or times of day.
     has_padding : bool
         Whether blanks stand beside the separators.
     comment : str, optional
         The mark of comments among the numbers.
     """
 
-    delimiter: str
-    decimal: str
     n_header_lines: int
     header: tuple[str, ...]
     margin: tuple[str, ...]
-    numeric: tuple[bool, ...]
     moments: tuple[bool, ...]
-    filled: tuple[bool, ...]
     has_padding: bool
     comment: str | None
-
-
-class Cutting(NamedTuple):
-    """One way to cut the lines: number of columns, which are numbers and which hold anything, rows that fit."""
-
-    delimiter: str
-    decimal: str
-    width: int
-    numeric: tuple[bool, ...]
-    filled: tuple[bool, ...]
-    n_data_rows: int
 
 
 def decode_text(content: bytes) -> str:
@@ -125,22 +119,18 @@ def find_layout(text: str) -> Layout:
     )
     if best.n_data_rows < 2:
         raise ValueError("no rows of numbers were found: one row a sample, one column a channel, is what can be read")
-    delimiter, decimal = best.delimiter, best.decimal
-    rows = [split_cells(line, delimiter) for line in lines]
+    rows = [split_cells(line, delimiter := best.delimiter) for line in lines]
     first = next(i for i, row in enumerate(rows) if is_data(row, best))
     comment = next((line[0] for line in lines[first:] if line[:1] in COMMENT_MARKS and line[0] != delimiter), None)
     moments = tuple(MOMENT.match(cell) is not None for cell in rows[first])
     padded = delimiter != " " and any(f"{delimiter} " in line or line.startswith(" ") for line in lines[first:])
     left = 0 if any(best.filled[: best.numeric.index(True)]) else best.numeric.index(True)
     return Layout(
-        delimiter,
-        decimal,
+        **vars(best),
         n_header_lines=sum(n for _, n in head[:first]),
         header=tuple(lines[:first]),
         margin=tuple(delimiter.join(row[:left]) for row in rows[first:] if any(row[:left])),
-        numeric=best.numeric,
         moments=moments,
-        filled=best.filled,
         has_padding=padded,
         comment=comment,
     )
@@ -193,21 +183,22 @@ def is_number(cell: str, decimal: str) -> bool:
 
 def cut_lines(lines: list[str], delimiter: str, decimal: str) -> Cutting:
     """Cut the lines one way: the width of most rows with numbers, the columns that are numbers in nearly all."""
-    rows = [split_cells(line, delimiter) for line in lines if line.strip() and line[0] not in COMMENT_MARKS]
+    comments = {*COMMENT_MARKS} - {delimiter}
+    rows = [split_cells(line, delimiter) for line in lines if line.strip() and line[0] not in comments]
     kinds = [[is_number(cell, decimal) for cell in row] for row in rows]
     widths = Counter(len(row) for row, kind in zip(rows, kinds, strict=True) if any(kind))
     width = max(widths, key=lambda w: (widths[w], w), default=0)
     body = [(row, kind) for row, kind in zip(rows, kinds, strict=True) if len(row) == width and any(kind)]
     if not body:
-        return Cutting(delimiter, decimal, 0, (), (), 0)
+        return Cutting(delimiter, decimal)
     half = body[len(body) // 2 :]  # behind whatever stands above the numbers
     numeric = tuple(
         any(kind[i] for _, kind in half) and all(kind[i] or row[i].lower() in EMPTY_CELLS for row, kind in half)
         for i in range(width)
     )
     filled = tuple(any(row[i] for row, _ in half) for i in range(width))
-    found = Cutting(delimiter, decimal, width, numeric, filled, 0)
-    return found._replace(n_data_rows=sum(is_data(row, found) for row in rows))
+    found = Cutting(delimiter, decimal, width, numeric, filled)
+    return replace(found, n_data_rows=sum(is_data(row, found) for row in rows))
 
 
 def is_data(row: list[str], c: Cutting) -> bool:

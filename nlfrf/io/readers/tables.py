@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["contents", "read_table"]
 
 
+END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
 NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which columns of one name differ
@@ -28,9 +29,11 @@ DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{
 
 
 def contents(path: Path) -> Contents:
-    """Read columns by the names above them, units from the row below these, the clock of a preamble."""
+    """Read columns by name, with the units and clocks that the rows above the numbers state."""
     with path.open("rb") as stream:
         start = stream.read(HEAD_BYTES)
+    if END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(END_OF_LABVIEW_HEADER)) > 2:
+        raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in a file of its own")
     if b"\0" in start:  # UTF-16, which pandas does not recognise by itself
         return read_table(decode_text(path.read_bytes()).encode())
     return read_table(start, path)
