@@ -187,9 +187,8 @@ class Channels:
             require_same_moments(file, axes, require_positive("fs", given) if given is not None else fs)
         if given is None:
             if not fs > 0:
-                counted = [unit for name in known if (unit := self.units.get(f"{name}.start"))]
-                stated = f": it counts in {counted[0]!r}" if counted else ""
-                raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel{stated}")
+                units = [f": it counts in {unit!r}" for name in known if (unit := self.units.get(f"{name}.start"))]
+                raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel{(units or [''])[0]}")
             return fs
         given = require_positive("fs", given)
         if fs > 0 and abs(given / fs - 1) > MAX_TIME_DIFFERENCE:
@@ -266,7 +265,7 @@ class Channels:
 
     def scalar_clock(self, candidates: str, known: bool = False) -> ScalarClock | None:
         """Return the sampling frequency by a variable fs, Ts and the like, first in the struct of a channel."""
-        homes = [f"{candidates.rpartition('.')[0]}." if "." in candidates else "", ""]
+        homes = [candidates.rpartition(".")[0], ""]
         found: list[ScalarClock] = []
         for name, array in self.arrays.items():
             key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
@@ -277,8 +276,7 @@ class Channels:
             scale = (seconds_per_unit if is_step else hertz_per_unit)(unit)
             number *= scale or 0.0
             if 0 < number < np.inf:
-                home = name.rpartition(".")[0]
-                rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
+                rank = homes.index(home) if (home := name.rpartition(".")[0]) in homes else 2
                 fs = number if is_rate else float(f"{1 / number:.12g}")
                 found.append(ScalarClock(rank, fs, is_step and not unit and fs <= SLOW, name))
         sure = [one for one in found if not one.is_doubtful]

@@ -11,6 +11,7 @@ from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 
 __all__ = [
     "MIN_DURATION",
+    "NUMBER_SUFFIX",
     "RATE_NAME",
     "RATE_WORDS",
     "STEP_NAME",
@@ -28,6 +29,7 @@ __all__ = [
 
 #: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; but "ratio [1]" is a unit.
 UNIT_SUFFIX = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
+NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which channels of one name differ
 SECONDS_PER_UNIT = {
     **dict.fromkeys(("", "s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
     **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
@@ -51,6 +53,9 @@ STEP_WORDS = (
 )
 RATE_NAME, STEP_NAME = re.compile(RATE_WORDS, re.I), re.compile(rf"{STEP_WORDS}|increment", re.I)
 MAX_BACKWARD_STEP = 0.5  # of a step that a time axis may run backwards, as moments that a computer noted do
+#: Median deviation of the steps from the usual one, relative to it. That of a clock whose moments jitter by a tenth of
+#: a step (rms) is 0.095; that of an angle that is the sum of the magnitudes of a multisine is 0.48.
+MAX_UNEVEN_STEP = 0.25
 MIN_DURATION = 1.0  # seconds from which a "sampling time" may be how long was sampled
 #: How far a time axis of uneven steps may be from a clock of three digits that is believed instead.
 CLOCK_TOLERANCE = 2e-4
@@ -71,8 +76,8 @@ def is_time_name(name: str) -> bool:
 
 def unit_in_name(name: str) -> str | None:
     """Return the unit in a name, in brackets or, of a time, after an underscore; None where there is none."""
-    bracket = UNIT_SUFFIX.search(name)
-    if bracket:
+    name = NUMBER_SUFFIX.sub("", name)
+    if bracket := UNIT_SUFFIX.search(name):
         return bracket[1].strip()
     found = TIME_NAME.fullmatch(name.rsplit(".", 1)[-1].strip())
     return found[1] if found and found[1] and is_time_name(name) else None
@@ -145,14 +150,17 @@ def sampling_frequency(t: np.ndarray) -> float:
 
 
 def is_rising(stream: np.ndarray) -> bool:
-    """Return whether a stream runs forward from sample to sample, as times and counters do; nan is passed over.
+    """Return whether a stream runs forward by usually even steps, as times and counters do; nan is passed over.
 
-    >>> is_rising(np.array([0.0, 0.1, 0.1, 0.3])), is_rising(np.array([0.0, 0.2, 0.1])), is_rising(np.zeros(9))
+    >>> is_rising(np.array([0.0, 0.1, 0.2, 0.5, 0.6])), is_rising(np.array([0.0, 0.2, 0.1])), is_rising(np.zeros(9))
     (True, False, False)
     """
     if any(np.any(steps < 0) for steps in iterate_steps(stream)):
         return False
-    return 2 * sum(int(np.count_nonzero(steps > 0)) for steps in iterate_steps(stream)) >= stream.size
+    steps = np.diff(stream[:BLOCK_ENTRIES])
+    steps = steps[np.isfinite(steps)]
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return usual > 0 and float(np.median(np.abs(steps - usual))) < MAX_UNEVEN_STEP * usual
 
 
 def iterate_steps(t: np.ndarray) -> Iterator[np.ndarray]:

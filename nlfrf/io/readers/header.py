@@ -70,7 +70,6 @@ COUNTER_NAME = re.compile(
 REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
 SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
 FRONT, BACK = {Kind.CLOCK, Kind.EMPTY}, {Kind.TEXT, Kind.EMPTY}  # columns that may have no name, by where they stand
-LABVIEW_STEP = "Delta_X"  # which is in seconds
 SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
 MAX_UNPAIRED = 2  # columns without a name, or names without a column
 
@@ -111,12 +110,12 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     rows: list[list[str]] = []
     labelled: dict[Role, list[str]] = {}
     preamble = []
-    for i, line in enumerate((*layout.header, *layout.margin)):
+    for i, line in enumerate(layout.header):
         cells = split_header_line(line, layout.delimiter, width)
         role = find_role(cells)
         if role not in (None, Role.NAMES):
             labelled[role] = cells
-        elif i < len(layout.header) and any(cells):
+        elif any(cells):
             rows.append(cells)
         if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
             preamble.append(line)  # but not the names, of which one may be that of a clock
@@ -145,8 +144,8 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     )
     for j, cell in enumerate(spread(labelled.get(Role.TIME_OF_DAY, []), kinds)):
         if cell:
-            hours, minutes, seconds = (float(part.replace(",", ".")) for part in cell.split(":"))
-            starts[j] = starts.get(j, 0.0) + 3600 * hours + 60 * minutes + seconds
+            parts = enumerate(reversed(cell.replace(",", ".").split(":")))
+            starts[j] = starts.get(j, 0.0) + sum(60**k * float(part) for k, part in parts)
     return Header(
         tuple(make_unique(placed)),
         tuple("" if unit == "-" else unit.strip("[]()").strip() for unit in stated),
@@ -210,15 +209,12 @@ def spread(row: list[str], kinds: list[Kind]) -> list[str]:
     >>> spread(["Unit", "N", "mm"], [Kind.NUMBERS, Kind.NUMBERS])     # no column lies below the label
     ['N', 'mm']
     """
-    width, values = len(kinds), ["" if cell == row[0] else cell for cell in row]
+    values = ["" if cell == row[0] else cell for cell in row]
+    if len(row) >= len(kinds):
+        return slice_row(values, int(any(values[len(kinds) :])), len(kinds))
     given = [cell for cell in values if cell]
-    if any(values[width:]):
-        return slice_row(values, 1, width)
-    if len(row) >= width:
-        return slice_row(values, 0, width)
-    channels = [j for j, kind in enumerate(kinds) if kind is Kind.NUMBERS]
-    by_column = dict(zip(channels, given, strict=True)) if len(given) == len(channels) else {}
-    return [by_column.get(j, "") for j in range(width)]
+    numbers = [j for j, kind in enumerate(kinds) if kind is Kind.NUMBERS]
+    return [given[numbers.index(j)] if j in numbers and len(given) == len(numbers) else "" for j in range(len(kinds))]
 
 
 def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], list[str], list[str]]:
@@ -243,12 +239,13 @@ def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], lis
         seconds = [
             is_time_name(name) and seconds_per_unit(row[j].strip("[]() ") or "?") for j, name in enumerate(above)
         ]
-        sockets = all(SOCKET_NAME.fullmatch(name) for name, second in zip(above, seconds, strict=True) if not second)
+        others = [name for name, second in zip(above, seconds, strict=True) if not second]
+        sockets = all(map(SOCKET_NAME.fullmatch, others)) or len({*others}) < len(others)
         if is_units_row(row, above) or (any(seconds) and not sockets):
             return above, row, constants
         if any(seconds):
-            names = [above[j] if second else row[j] for j, second in enumerate(seconds)]
-            return names, [row[j] if second else "" for j, second in enumerate(seconds)], constants
+            both = [(above[j], row[j]) if second else (row[j], "") for j, second in enumerate(seconds)]
+            return [name for name, _ in both], [unit for _, unit in both], constants
     if over and len(above) == len(over) and all(UNIT_CELL.fullmatch(cell) for cell in above):
         return over, above, []
     return names_in(row, kinds), [], []
@@ -269,8 +266,8 @@ def names_in(row: list[str], kinds: list[Kind]) -> list[str]:
     if least <= len(names) <= len(kinds):
         are_numbered = len({*numbers}) == len(numbers) and all(map(str.isdigit, numbers))
         return names if are_numbered or len(numbers) < 0.5 * len(names) else []
-    is_near = least - MAX_UNPAIRED <= len(names) <= len(kinds) + MAX_UNPAIRED and len(names) > 1
-    return names if is_near and not numbers and all(names) else []
+    near = range(max(2, least - MAX_UNPAIRED), len(kinds) + MAX_UNPAIRED + 1)
+    return names if len(names) in near and not numbers and all(names) else []
 
 
 def place_names(names: list[str], kinds: list[Kind]) -> int | None:
@@ -288,9 +285,9 @@ def place_names(names: list[str], kinds: list[Kind]) -> int | None:
         return 0
     costs = {}
     for first in range(len(kinds) - len(names) + 1):
-        front, back = kinds[:first], kinds[first + len(names) :]
         pairs = [(is_counter_name(name), kinds[first + i]) for i, name in enumerate(names)]
-        if not ({*front} - FRONT or {*back} - BACK or (True, Kind.NUMBERS) in pairs):
+        unnamed = {*kinds[:first]} - FRONT | {*kinds[first + len(names) :]} - BACK
+        if not unnamed and (True, Kind.NUMBERS) not in pairs:
             costs[first] = sum(not counter and kind in (Kind.CLOCK, Kind.EMPTY) for counter, kind in pairs)
     best = [first for first, cost in costs.items() if cost == min(costs.values())]
     return best[0] if len(best) == 1 else None
@@ -310,6 +307,8 @@ def is_units_row(row: list[str], above: list[str]) -> bool:
     (False, False)
     """
     filled = [cell for cell in row if cell not in ("", "-")]
+    if any(map(is_time_name, row)) and not any(map(is_time_name, above)):
+        return False
     units = sum(UNIT_CELL.fullmatch(cell) is not None for cell in filled)
     if units == len(filled):
         return True
@@ -343,7 +342,7 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
             continue
         if 0 < number < np.inf:
             fs = number if found["rate"] else float(f"{1 / number:.12g}")
-            return Clock(fs, found[0].strip(), "s" if found["rate"] or found[0] == LABVIEW_STEP else unit)
+            return Clock(fs, found[0].strip(), "s" if found["rate"] or found[0] == "Delta_X" else unit)  # by LabVIEW
     return Clock()
 
 

@@ -65,8 +65,8 @@ class Layout(Cutting):
     ------
     n_header_lines : int
         Lines of the file before the numbers.
-    header, margin : tuple of str
-        These lines, and what stands left of the first rows of numbers only.
+    header : tuple of str
+        These lines, and what stands left of the first rows of numbers only, as a preamble.
     moments : tuple of bool
         Whether a column holds dates or times of day.
     has_padding : bool
@@ -77,7 +77,6 @@ class Layout(Cutting):
 
     n_header_lines: int
     header: tuple[str, ...]
-    margin: tuple[str, ...]
     moments: tuple[bool, ...]
     has_padding: bool
     comment: str | None
@@ -128,8 +127,7 @@ def find_layout(text: str) -> Layout:
     return Layout(
         **vars(best),
         n_header_lines=sum(n for _, n in head[:first]),
-        header=tuple(lines[:first]),
-        margin=tuple(delimiter.join(row[:left]) for row in rows[first:] if any(row[:left])),
+        header=(*(delimiter.join(row[:left]) for row in rows[first:] if any(row[:left])), *lines[:first]),
         moments=moments,
         has_padding=padded,
         comment=comment,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from nlfrf._base.own_process import Contents, require_size
-from nlfrf.io.readers.clock import STEP_NAME, is_time_name, split_clock_name, unit_in_name
+from nlfrf.io.readers.clock import NUMBER_SUFFIX, STEP_NAME, is_time_name, split_clock_name
 from nlfrf.io.readers.header import read_header
 from nlfrf.io.readers.layout import COMMENT_MARKS, EMPTY_CELLS, Layout, decode_text, find_layout
 
@@ -24,7 +24,6 @@ __all__ = ["contents", "read_table"]
 END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
-NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which columns of one name differ
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -64,7 +63,7 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     units = {name: unit for name, unit in zip(names, header.units, strict=True) if unit}
     for i, seconds in seconds_of_moments(frame, layout).items():
         arrays, units[names[i]] = {names[i]: seconds} | arrays, "s"
-    clocks, more = own_time_columns(list(arrays))
+    clocks = own_time_columns(list(arrays))
     channels = [i for i in columns if not is_time_name(names[i])]
     steps = {names[i]: header.steps[i] for i in channels if header.steps.get(i, 0.0) > 0}
     starts = {i: header.starts[i] for i in channels if i in header.starts}
@@ -72,34 +71,26 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
         clocks = {name: 1 / step for name, step in steps.items()}
         arrays |= {f"{names[i]}.start": np.array(start) for i, start in starts.items()}
     elif header.clock.fs and not any(map(is_time_name, arrays)):
-        label = header.clock.label
-        if header.clock.unit:
-            clocks = {"": header.clock.fs}
-        else:
-            known = STEP_NAME.fullmatch(split_clock_name(label)[0])
-            arrays.setdefault(label if known else f"sampling {label}", np.array(1 / header.clock.fs))
-    return arrays, more | units, clocks, notes
+        label = header.clock.label if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0]) else "sampling time"
+        clocks = {"": header.clock.fs} if header.clock.unit else {}
+        arrays |= {} if header.clock.unit else {label: np.array(1 / header.clock.fs)}
+    return arrays, units, clocks, notes
 
 
-def own_time_columns(names: list[str]) -> tuple[dict[str, float | str], dict[str, str]]:
-    """Return the time column of each channel where each has one before it, all of one name, and their units.
+def own_time_columns(names: list[str]) -> dict[str, float | str]:
+    """Return the time column of each channel where each has one before it, all of one name.
 
-    >>> own_time_columns(["time (ms)", "u", "time (ms).3", "y"])
-    ({'u': 'time (ms)', 'y': 'time (ms).3'}, {'time (ms).3': 'ms'})
-    >>> own_time_columns(["time", "u", "y"])
-    ({}, {})
+    >>> own_time_columns(["time (ms)", "u", "time (ms).3", "y"]), own_time_columns(["time", "u", "y"])
+    ({'u': 'time (ms)', 'y': 'time (ms).3'}, {})
     """
-    first = names[0] if names and is_time_name(names[0]) else None
     axes: dict[str, float | str] = {}
-    units: dict[str, str] = {}
-    time = first
-    for name in names[1:] if first else ():
-        if NUMBER_SUFFIX.sub("", name) == first:
-            time, unit = name, unit_in_name(first)
-            units |= {name: unit} if unit else {}
+    time = names[0] if names else ""
+    for name in names[1:] if is_time_name(time) else ():
+        if NUMBER_SUFFIX.sub("", name) == names[0]:
+            time = name
         else:
-            axes[name] = str(time)
-    return (axes, units) if len(set(axes.values())) > 1 else ({}, {})
+            axes[name] = time
+    return axes if len({*axes.values()}) > 1 else {}
 
 
 def count_lines(start: bytes, path: Path | None) -> int:

@@ -245,7 +245,7 @@ def test_a_preamble_whose_step_has_no_unit(tmp_path):
     with pytest.warns(nlfrf.DataWarning, match="'Sample interval' names no unit and is 0.25: 4 Hz if these are"):
         holds(path, rate=4)
     path = written(tmp_path, ["Interval,1", "u,y", *rows(U, Y)])
-    with pytest.raises(ValueError, match=r"fs must be given: .*'sampling Interval' names no unit and is 1: 1 Hz"):
+    with pytest.raises(ValueError, match=r"fs must be given: .*'sampling time' names no unit and is 1: 1 Hz"):
         nlfrf.load_record(path)
     holds(written(tmp_path, ["Sample interval [ms],0.25", "u,y", *rows(U, Y)]), rate=4000)
 
