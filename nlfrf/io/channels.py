@@ -145,8 +145,7 @@ class Channels:
 
     def bare_name(self, full: str) -> str:
         """Return the full name of a channel without its unit; brackets around anything else belong to the name."""
-        bracket = UNIT_SUFFIX.search(full)
-        return UNIT_SUFFIX.sub("", full) if bracket and bracket[1].strip() == self.unit(full) else full
+        return UNIT_SUFFIX.sub("", full) if unit_in_name(full) == self.unit(full) else full
 
     def text(self, name: str) -> str:
         """Return a text, empty where there is none of that name."""
@@ -182,6 +181,9 @@ class Channels:
                 "to record_from_samples"
             )
         fs, where = next(iter(found.values()), (0.0, ""))
+        if 0 < fs <= SLOW and "" in {self.units.get(f"{name}.start") for name in known}:
+            step = f"the sampling time of {next(iter(known))!r} names no unit and is {1 / fs:g}"
+            fs = 0.0 if given is not None else warn_of_unit(step, fs)
         axes = {name: axis for name in known_clocks if (axis := self.moments_of(name)) is not None}
         if axes:
             require_same_moments(file, axes, require_positive("fs", given) if given is not None else fs)
@@ -310,10 +312,8 @@ class Channels:
             )
         if unit or not 0 < fs <= SLOW:
             return fs
-        if known:
-            return 0.0
-        warn_of_unit(f"the time channel {time!r} names no unit and steps by {1 / fs:g}", fs)
-        return fs
+        step = f"the time channel {time!r} names no unit and steps by {1 / fs:g}"
+        return 0.0 if known else warn_of_unit(step, fs)
 
 
 class ScalarClock(NamedTuple):
@@ -330,8 +330,8 @@ def agrees_in_some_unit(fs: float, known: float) -> bool:
     return any(abs(factor * fs - known) <= MAX_TIME_DIFFERENCE * known for factor in UNSTATED_UNITS.values())
 
 
-def warn_of_unit(step: str, fs: float) -> None:
-    """Warn of a step without a unit, or refuse one that is hardly in seconds.
+def warn_of_unit(step: str, fs: float) -> float:
+    """Warn of a step without a unit and return its sampling frequency, or refuse one that is hardly in seconds.
 
     A slow clock in seconds may be a fast one in milliseconds or microseconds.
     """
@@ -339,6 +339,7 @@ def warn_of_unit(step: str, fs: float) -> None:
     if fs <= UNLIKELY:
         raise ValueError(f"fs must be given: {listing}")
     data_warning(f"{listing}; seconds are taken, give fs if they are not")
+    return fs
 
 
 def may_run(array: np.ndarray) -> bool:

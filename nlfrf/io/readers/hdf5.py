@@ -52,7 +52,6 @@ def contents(path: Path) -> Contents:
     units: dict[str, str] = {}
     clocks: dict[str, float | str] = {}
     notes: dict[str, str] = {}
-    starts: dict[str, np.ndarray] = {}
 
     def add(place: str, node: h5py.Dataset | h5py.Group) -> None:
         require_own_numbers(place, node)
@@ -76,15 +75,14 @@ def contents(path: Path) -> Contents:
             dt = next((float(by_key[key]) for key in STEP_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
             if fs > 0 or dt > 0:
                 clocks[name] = fs if fs > 0 else 1 / dt
-                if is_finite_number(by_key.get(START_ATTRIBUTE)) and by_key[START_ATTRIBUTE]:
-                    starts[f"{name}.start"] = np.array(float(by_key[START_ATTRIBUTE]))
-                if isinstance(by_key.get(ABSCISSA_UNIT_ATTRIBUTE), str) and not fs > 0:
-                    units[f"{name}.start"] = by_key[ABSCISSA_UNIT_ATTRIBUTE]
+                start, waveform = by_key.get(START_ATTRIBUTE), "s" if fs > 0 or "wf_increment" in by_key else ""
+                arrays[f"{name}.start"] = np.array(float(start) if is_finite_number(start) else 0.0)
+                units[f"{name}.start"] = str(by_key.get(ABSCISSA_UNIT_ATTRIBUTE) or waveform)
 
     file = h5py.File(path, "r")
     add("", file)
     file.visititems(add)
-    return arrays | starts, units, clocks, notes
+    return arrays, units, clocks, notes
 
 
 def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:

@@ -120,6 +120,8 @@ def find_layout(text: str) -> Layout:
         raise ValueError("no rows of numbers were found: one row a sample, one column a channel, is what can be read")
     rows = [split_cells(line, delimiter := best.delimiter) for line in lines]
     first = next(i for i, row in enumerate(rows) if is_data(row, best))
+    # pandas writes the numbers of columns without names above them
+    first += len(cells := [cell for cell in rows[first] if cell]) > 2 and cells == [str(i) for i in range(len(cells))]
     comment = next((line[0] for line in lines[first:] if line[:1] in COMMENT_MARKS and line[0] != delimiter), None)
     moments = tuple(MOMENT.match(cell) is not None for cell in rows[first])
     padded = delimiter != " " and any(f"{delimiter} " in line or line.startswith(" ") for line in lines[first:])

@@ -49,7 +49,7 @@ def contents(path: Path) -> Contents:
             if isinstance(step, float) and step > 0 and channel.properties.get("wf_xname", "Time") in ("Time", ""):
                 clocks[name] = 1 / step
                 arrays[f"{name}.start"] = np.array(float(channel.properties.get("wf_start_offset") or 0.0))
-                units[f"{name}.start"] = str(channel.properties.get("wf_xunit_string") or "")
+                units[f"{name}.start"] = str(channel.properties.get("wf_xunit_string") or "s")
                 began[f"{name}.moment"] = np.datetime64(channel.properties.get("wf_start_time", EPOCH), "us")
     last = max(began.values(), default=EPOCH)
     arrays |= {key: np.array((moment - last) / np.timedelta64(1, "s")) for key, moment in began.items()}

@@ -44,7 +44,10 @@ def contents(path: Path) -> Contents:
         x = np.asarray(one.get("x", ()), dtype=float)
         if step > 0 and int(one.get("abscissa_spacing", 1)) == 1:
             clocks[name] = 1 / step
-            arrays[f"{name}.start"], units[f"{name}.start"] = np.array(float(one.get("abscissa_min") or 0.0)), counted
+            arrays[f"{name}.start"], units[f"{name}.start"] = (
+                np.array(float(one.get("abscissa_min") or 0.0)),
+                counted or "s",
+            )
         elif x.shape == data.shape:
             arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = x, counted or "s", f"{name}.time"
         if unit:

@@ -176,3 +176,21 @@ def test_moments_are_in_seconds_whatever_the_name_of_their_column_says(tmp_path)
     moments = np.datetime64("2026-11-22T10:00", "ns") + (1e9 * T).astype("timedelta64[ns]")
     parquet.write_table(pa.table({"time_ms": moments, "u": U, "y": Y}), tmp_path / "run.parquet")
     assert nlfrf.load_record(tmp_path / "run.parquet").fs == FS
+
+
+def test_a_sampling_time_in_an_attribute_without_a_unit_is_doubtful(tmp_path):
+    import h5py
+
+    def saved_with(**attributes):
+        with h5py.File(tmp_path / "run.h5", "w") as file:
+            for name, held in (("u", U), ("y", Y)):
+                file[name] = held
+                file[name].attrs.update(attributes)
+        return tmp_path / "run.h5"
+
+    with pytest.warns(nlfrf.DataWarning, match=rf"the sampling time of 'u' names no unit and is 0.25: {READINGS}"):
+        assert nlfrf.load_record(saved_with(dt=0.25)).fs == 4
+    assert nlfrf.load_record(saved_with(dt=0.25), fs=4000).fs == 4000
+    assert nlfrf.load_record(saved_with(dt=1e-3)).fs == FS
+    assert nlfrf.load_record(saved_with(fs=4.0)).fs == 4
+    assert nlfrf.load_record(saved_with(wf_increment=0.25)).fs == 4  # which counts in seconds

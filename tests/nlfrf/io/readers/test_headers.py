@@ -292,3 +292,8 @@ def test_time_columns_of_each_labview_channel(tmp_path):
                 holds(path)
         else:
             holds(path)
+
+
+def test_numbers_of_columns_that_pandas_writes_for_names_are_no_samples(tmp_path):
+    holds(written(tmp_path, ["0,1,2", *rows(T, U, Y)]), u="col2", y="col3", fs=FS)
+    holds(written(tmp_path, [",0,1,2", *rows(NUMBERS - 1, T, U, Y)]), u="1", y="2", fs=FS)
