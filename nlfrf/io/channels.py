@@ -14,17 +14,17 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, one_line, require_positive
+from nlfrf._base.arguments import data_warning, join_names, one_line, require_positive
 from nlfrf._base.files import describe_wrong_file, stated_kind, to_path
 from nlfrf._base.own_process import Contents, read_in_own_process, require_size
 from nlfrf._base.values import value
 from nlfrf.io import npz
 from nlfrf.io.moments import require_same_moments
-from nlfrf.io.readers import columns, hdf5, lvm, matlab, mdf, npy, tables, tdms, twincat, uff, wav
+from nlfrf.io.readers import columns, hdf5, matlab, mdf, npy, tables, tdms, twincat, uff, wav
 from nlfrf.io.readers.clock import (
     MIN_DURATION,
-    RATE_NAMES,
-    STEP_NAMES,
+    RATE_NAME,
+    STEP_NAME,
     UNIT_SUFFIX,
     hertz_per_unit,
     is_time_name,
@@ -40,6 +40,8 @@ __all__ = ["OTHER_WAY", "SUFFIXES", "Channels", "read_channels", "to_paths"]
 
 
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
+#: What a step without a unit may be in, and the factor from the frequency that it is in seconds.
+UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}
 MAX_TIME_DIFFERENCE = 1e-3  # how far a sampling frequency that was given may be from that of the file
 SECONDS_PER_DAY = 86400.0  # seconds
 DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
@@ -58,7 +60,8 @@ class Channels:
         Where they come from.
     arrays : dict of str to ndarray
         Numeric arrays and texts; members of structs as ``struct.member``, columns of matrices as ``matrix.2``, the
-        start of a channel [s] as ``channel.start``.
+        start of a channel [s] as ``channel.start``. Readers give it in the unit that `units` state of it, and by
+        ``channel.moment`` [s] when it began to count.
     time : str
         Name of the time channel, empty where there is none.
     units : dict of str to str
@@ -130,16 +133,19 @@ class Channels:
         """Names of input and output without their units, and the units that the file has in brackets or beside them."""
         full_u, full_y = self.full_name(u), self.full_name(y)
         return {
-            "u_name": "" if full_u == "u" else UNIT_SUFFIX.sub("", full_u),
+            "u_name": "" if full_u == "u" else self.bare_name(full_u),
             "u_unit": self.unit(full_u),
-            "y_name": "" if full_y == "y" else UNIT_SUFFIX.sub("", full_y),
+            "y_name": "" if full_y == "y" else self.bare_name(full_y),
             "y_unit": self.unit(full_y),
         }
 
     def unit(self, full: str) -> str:
-        """Return the unit of a channel by its full name, empty where the file tells none."""
-        bracket = UNIT_SUFFIX.search(full)
-        return bracket[1].strip() if bracket else self.units.get(full, "")
+        """Return the unit of a channel that the file states, else that in its full name, empty where there is none."""
+        return self.units.get(full) or unit_in_name(full) or ""
+
+    def bare_name(self, full: str) -> str:
+        """Return the full name of a channel without its unit; brackets around anything else belong to the name."""
+        return UNIT_SUFFIX.sub("", full) if unit_in_name(full) == self.unit(full) else full
 
     def text(self, name: str) -> str:
         """Return a text, empty where there is none of that name."""
@@ -175,12 +181,16 @@ class Channels:
                 "to record_from_samples"
             )
         fs, where = next(iter(found.values()), (0.0, ""))
+        if 0 < fs <= SLOW and "" in {self.units.get(f"{name}.start") for name in known}:
+            step = f"the sampling time of {next(iter(known))!r} names no unit and is {1 / fs:g}"
+            fs = 0.0 if given is not None else warn_of_unit(step, fs)
         axes = {name: axis for name in known_clocks if (axis := self.moments_of(name)) is not None}
         if axes:
             require_same_moments(file, axes, require_positive("fs", given) if given is not None else fs)
         if given is None:
             if not fs > 0:
-                raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel")
+                units = [f": it counts in {unit!r}" for name in known if (unit := self.units.get(f"{name}.start"))]
+                raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel{(units or [''])[0]}")
             return fs
         given = require_positive("fs", given)
         if fs > 0 and abs(given / fs - 1) > MAX_TIME_DIFFERENCE:
@@ -207,12 +217,16 @@ class Channels:
         if scalar is None:
             return {"": (self.frequency_of_time(time, known), where)} if time else {}
         fs = self.frequency_of_time(time, True) if time and not known else 0.0
-        if fs > 0 and abs(scalar[0] / fs - 1) > MAX_TIME_DIFFERENCE:
+        if scalar.is_doubtful and (known or agrees_in_some_unit(scalar.fs, fs)):
+            return {"": (fs, where)}
+        if fs > 0 and abs(scalar.fs / fs - 1) > MAX_TIME_DIFFERENCE:
             data_warning(
-                f"fs is {scalar[0]:g} Hz by {scalar[1]!r} of {Path(self.path).name!r} and {fs:g} Hz by {where}; the "
+                f"fs is {scalar.fs:g} Hz by {scalar.name!r} of {Path(self.path).name!r} and {fs:g} Hz by {where}; the "
                 "first is used, give fs if it is not the one"
             )
-        return {"": scalar}
+        elif scalar.is_doubtful:
+            warn_of_unit(f"the sampling time {scalar.name!r} names no unit and is {1 / scalar.fs:g}", scalar.fs)
+        return {"": (scalar.fs, scalar.name)}
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
         """Return the time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
@@ -249,61 +263,83 @@ class Channels:
 
     def second_of(self, time: str) -> float | None:
         """Return the unit of a time channel [s], None where it is not known."""
-        unit = unit_in_name(time)
-        return seconds_per_unit((self.units.get(time) if unit is None else unit) or "")
+        return seconds_per_unit(self.unit(time))
 
-    def scalar_clock(self, candidates: str, known: bool = False) -> tuple[float, str] | None:
-        """Return the sampling frequency [Hz] by a variable fs, Ts and the like, first in the struct of a channel."""
-        homes = [f"{candidates.rpartition('.')[0]}." if "." in candidates else "", ""]
-        found = []
+    def scalar_clock(self, candidates: str, known: bool = False) -> ScalarClock | None:
+        """Return the sampling frequency by a variable fs, Ts and the like, first in the struct of a channel."""
+        homes = [candidates.rpartition(".")[0], ""]
+        found: list[ScalarClock] = []
         for name, array in self.arrays.items():
             key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
-            number, unit = constant_of(array) if key in (*RATE_NAMES, *STEP_NAMES) else None, unit or self.unit(name)
-            if number is None or (array.size > 1 and key in STEP_NAMES and not unit and number >= MIN_DURATION):
+            is_step, is_rate = STEP_NAME.fullmatch(key) is not None, RATE_NAME.fullmatch(key) is not None
+            number, unit = constant_of(array) if is_step or is_rate else None, unit or self.unit(name)
+            if number is None or (array.size > 1 and is_step and not unit and number >= MIN_DURATION):
                 continue
-            scale = (seconds_per_unit if key in STEP_NAMES else hertz_per_unit)(unit)
+            scale = (seconds_per_unit if is_step else hertz_per_unit)(unit)
             number *= scale or 0.0
             if 0 < number < np.inf:
-                home = name.rpartition(".")[0]
-                rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
-                found.append((rank, number if key in RATE_NAMES else float(f"{1 / number:.12g}"), name))
+                rank = homes.index(home) if (home := name.rpartition(".")[0]) in homes else 2
+                fs = number if is_rate else float(f"{1 / number:.12g}")
+                found.append(ScalarClock(rank, fs, is_step and not unit and fs <= SLOW, name))
+        sure = [one for one in found if not one.is_doubtful]
+        found = [one for one in found if one in sure or not any(agrees_in_some_unit(one.fs, two.fs) for two in sure)]
         best = min(found, default=None)
         if best is None:
             return None
-        others = [one for one in found if one[0] == best[0] and one[1] > best[1] * (1 + MAX_TIME_DIFFERENCE)]
+        others = [one for one in found if one.rank == best.rank and one.fs > best.fs * (1 + MAX_TIME_DIFFERENCE)]
         if others and not known:
             raise ValueError(
-                f"fs must be given: {Path(self.path).name!r} says {best[1]:g} Hz by {best[2]!r} and "
-                f"{others[0][1]:g} Hz by {others[0][2]!r}"
+                f"fs must be given: {Path(self.path).name!r} says {best.fs:g} Hz by {best.name!r} and "
+                f"{others[0].fs:g} Hz by {others[0].name!r}"
             )
-        return best[1], best[2]
+        return best
 
     def frequency_of_time(self, time: str, known: bool) -> float:
         """The sampling frequency [Hz] by a time channel, 0 where it has none or where it need not be understood."""
-        unit, second = unit_in_name(time) or self.units.get(time), self.second_of(time)
+        unit, second = self.unit(time), self.second_of(time)
         if second is None and not known:
             raise ValueError(f"fs must be given: the unit of the time channel {time!r} is not known")
         t = np.ravel(self.arrays[time])
         fs = sampling_frequency(t if second == 1.0 else (second or 0.0) * t)
         if not fs > 0 and not known:
             raise ValueError(f"fs must be given: the time channel {time!r} {backward_steps(t)}")
-        if unit is None and fs > MAX_RATE and any(low < t[0] < high for low, high in DATE_RANGES):
+        if not unit and fs > MAX_RATE and any(low < t[0] < high for low, high in DATE_RANGES):
             if known:
                 return 0.0
             raise ValueError(
                 f"fs must be given: the time channel {time!r} names no unit, begins at {t[0]:.9g} and steps by "
                 f"{1 / fs:.3g}: {fs:g} Hz if these are seconds, {fs / SECONDS_PER_DAY:g} Hz if they are days"
             )
-        if unit is not None or not 0 < fs <= SLOW:
+        if unit or not 0 < fs <= SLOW:
             return fs
-        if known:  # without a unit, a slow clock in seconds may be a fast one in milliseconds
-            return 0.0
-        listing = f"the time channel {time!r} names no unit and steps by {1 / fs:g}: {fs:g} Hz if these are seconds, "
-        listing += f"{1e3 * fs:g} Hz if they are milliseconds"
-        if fs <= UNLIKELY:
-            raise ValueError(f"fs must be given: {listing}")
-        data_warning(f"{listing}; seconds are taken, give fs if they are not")
-        return fs
+        step = f"the time channel {time!r} names no unit and steps by {1 / fs:g}"
+        return 0.0 if known else warn_of_unit(step, fs)
+
+
+class ScalarClock(NamedTuple):
+    """A sampling frequency [Hz] by a variable; how far from the channel it is, and whether its unit is in doubt."""
+
+    rank: int
+    fs: float
+    is_doubtful: bool
+    name: str
+
+
+def agrees_in_some_unit(fs: float, known: float) -> bool:
+    """Return whether a step without a unit is that of a known sampling frequency; `fs` is that of seconds."""
+    return any(abs(factor * fs - known) <= MAX_TIME_DIFFERENCE * known for factor in UNSTATED_UNITS.values())
+
+
+def warn_of_unit(step: str, fs: float) -> float:
+    """Warn of a step without a unit and return its sampling frequency, or refuse one that is hardly in seconds.
+
+    A slow clock in seconds may be a fast one in milliseconds or microseconds.
+    """
+    listing = f"{step}: {join_names([f'{factor * fs:g} Hz if {unit}' for unit, factor in UNSTATED_UNITS.items()])}"
+    if fs <= UNLIKELY:
+        raise ValueError(f"fs must be given: {listing}")
+    data_warning(f"{listing}; seconds are taken, give fs if they are not")
+    return fs
 
 
 def may_run(array: np.ndarray) -> bool:
@@ -349,9 +385,8 @@ TWINCAT = Reader(twincat, extra="twincat")
 READERS = {
     ".mat": Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
     ".npz": Reader(npz.contents),
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc"), TEXT_READER),
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"), TEXT_READER),
     ".npy": Reader(npy.contents),
-    ".lvm": Reader(lvm.contents, extra="csv"),
     ".h5": HDF5_READER,
     ".hdf5": HDF5_READER,
     ".tdms": Reader(tdms, extra="tdms"),
@@ -430,6 +465,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
             + (f": {listing}" if listing else "")
             + f"; {OTHER_WAY}"
         )
+    numeric, clocks = abscissas_in_seconds(numeric, units, clocks)
     if "schema" not in numeric:
         numeric, clocks = split_columns(numeric, clocks)
     for array in numeric.values():  # nobody else holds them, so they go into a record as they are
@@ -479,6 +515,20 @@ def clean_names(
         {named[name]: named[clock] if isinstance(clock, str) else clock for name, clock in clocks.items()},
         {named[name]: one_line(note) for name, note in notes.items()},
     )
+
+
+def abscissas_in_seconds(
+    arrays: Mapping[str, np.ndarray], units: Mapping[str, str], clocks: Mapping[str, float | str]
+) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
+    """Return steps and starts of waveforms in seconds: units state that of ``name.start``; 0 Hz where it is unknown."""
+    scaled, rates = dict(arrays), dict(clocks)
+    for name, clock in clocks.items():
+        if not isinstance(clock, str):
+            second = seconds_per_unit(units.get(f"{name}.start", "")) or 0.0
+            rates[name] = clock / second if second else 0.0
+            if f"{name}.start" in arrays:
+                scaled[f"{name}.start"] = second * arrays[f"{name}.start"] + arrays.get(f"{name}.moment", 0.0)
+    return scaled, rates
 
 
 def split_columns(

@@ -13,6 +13,7 @@ __all__ = ["require_same_moments"]
 
 WARN_SHIFT, MAX_SHIFT = 0.05, 0.5  # samples by which one channel may begin behind another
 N_COMPARED = 1000  # samples of long axes
+OTHER_ORIGIN = 1e8  # seconds between two starts, three years, from which they count from different moments
 
 
 def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: float) -> None:
@@ -32,6 +33,12 @@ def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: 
         late = start_difference(there, here, fs)
         if abs(late) < WARN_SHIFT:
             continue
+        if np.ndim(here) and abs(late) >= max(np.size(here), N_COMPARED):
+            data_warning(
+                f"the times of {first!r} and {name!r} in {file!r} have no moment in common: their clocks are taken to "
+                "have started at different moments, and the first samples of both to be of one"
+            )
+            continue
         message = f"by the times in {file!r} {name!r} begins {late:+.4g} samples behind {first!r}"
         if abs(late) > MAX_SHIFT:
             raise ValueError(
@@ -48,5 +55,5 @@ def start_difference(there: float | np.ndarray, here: float | np.ndarray, fs: fl
     step = max(1, np.size(here) // N_COMPARED)
     behind = np.ravel(here)[::step] - np.ravel(there)[::step]
     behind = behind[np.isfinite(behind)]
-    late = float(np.median(behind)) * fs if behind.size else 0.0
-    return late if abs(late) < max(np.size(here), N_COMPARED) else 0.0
+    late = float(np.median(behind)) if behind.size else 0.0
+    return late * fs if abs(late) < OTHER_ORIGIN else 0.0

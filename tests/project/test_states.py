@@ -37,9 +37,8 @@ CUTS = {
 #: module:function that takes words apart which are no message, reviewed one by one: what they are instead.
 REVIEWED = {
     "nlfrf.doctor:iterate_requirements": "a requirement of the metadata of a package",
-    "nlfrf.io.readers.clock:parse_number": "a number in a file",
+    "nlfrf.io.readers.header:parse_number": "a number in a file",
     "nlfrf.io.readers.layout:first_lines": "the beginning of a file",
-    "nlfrf.io.readers.lvm:contents": "a file",
     "nlfrf.io.readers.twincat:separate_by_tabs": "a file",
     "nlfrf._base.arguments:wrap_lines": "lines of what is printed, broken to fit a screen",
     "nlfrf._base.arguments:format_paragraph": "the same",

@@ -25,7 +25,7 @@ RATE_ATTRIBUTES = (
     "rate",
 )
 STEP_ATTRIBUTES = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
-START_ATTRIBUTE = "wf_start_offset"
+START_ATTRIBUTE, ABSCISSA_UNIT_ATTRIBUTE = "wf_start_offset", "wf_xunit_string"
 MAX_TEXT = 1 << 16  # characters that a text may have
 #: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
 SCALING_ATTRIBUTES = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
@@ -52,7 +52,6 @@ def contents(path: Path) -> Contents:
     units: dict[str, str] = {}
     clocks: dict[str, float | str] = {}
     notes: dict[str, str] = {}
-    starts: dict[str, np.ndarray] = {}
 
     def add(place: str, node: h5py.Dataset | h5py.Group) -> None:
         require_own_numbers(place, node)
@@ -76,13 +75,14 @@ def contents(path: Path) -> Contents:
             dt = next((float(by_key[key]) for key in STEP_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
             if fs > 0 or dt > 0:
                 clocks[name] = fs if fs > 0 else 1 / dt
-                if is_finite_number(by_key.get(START_ATTRIBUTE)) and by_key[START_ATTRIBUTE]:
-                    starts[f"{name}.start"] = np.array(float(by_key[START_ATTRIBUTE]))
+                start, waveform = by_key.get(START_ATTRIBUTE), "s" if fs > 0 or "wf_increment" in by_key else ""
+                arrays[f"{name}.start"] = np.array(float(start) if is_finite_number(start) else 0.0)
+                units[f"{name}.start"] = str(by_key.get(ABSCISSA_UNIT_ATTRIBUTE) or waveform)
 
     file = h5py.File(path, "r")
     add("", file)
     file.visititems(add)
-    return arrays | starts, units, clocks, notes
+    return arrays, units, clocks, notes
 
 
 def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:

@@ -10,10 +10,18 @@ import csv
 import itertools
 import re
 from collections import Counter
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
-__all__ = ["COMMENT_MARKS", "EMPTY_CELLS", "UNIT_CELL", "Layout", "decode_text", "find_layout", "make_unique"]
+__all__ = [
+    "COMMENT_MARKS",
+    "EMPTY_CELLS",
+    "MOMENT",
+    "Layout",
+    "decode_text",
+    "find_layout",
+    "make_unique",
+    "split_cells",
+]
 
 
 N_HEAD_LINES, N_SAMPLE_LINES = 400, 60  # lines that are read, and those of them that the layout is tried on
@@ -34,45 +42,44 @@ COMMENT_MARKS = tuple("#%;!*/")
 EMPTY_CELLS = {"", "-", "--", "---", "nan", "n/a", "na", "#n/a", "null", "none", "inf", "-inf", "+inf"}
 NUMBER_WITH_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 NUMBER_WITH_COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
-#: A unit as instruments print it: brackets, or factors of one or more SI and everyday units.
-BARE_UNIT = (
-    r"(?:(?:[munpkMGµμdc]|da)?(?:m|s|g|N|V|A|W|J|Pa|Hz|bar|rad|Nm|l|F|H|T|Wb|VA|strain|in|ft|lbf?|psi|eu|FS)|sec|min|h|"
-    r"deg|°|°C|°F|K|C|%|rpm|rev|grad|inch|mic|Ohm|Ω|dB|counts?|cnts?|incr?|ticks?|digits?|lsb|bits?|raw|V/V|volts?|"
-    r"amp(?:ere)?s?|newtons?|meters?|metres?|seconds?|m?sec|sekunden|"
-    r"bool|1)"
-)
-UNIT_CELL = re.compile(
-    rf"\[[^\]]*\]|\([^)]*\)|{BARE_UNIT}(?:(?:\^?-?\d|[²³])?(?:[*/·.]{BARE_UNIT}(?:\^?-?\d|[²³])?)*)", re.I
-)
 MOMENT = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
-TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Separator and decimal sign, lines before the numbers, and names, units and kinds of the columns."""
+class Cutting:
+    """One way to cut the lines: number of columns, which are numbers and which hold anything, rows that fit."""
 
     delimiter: str
     decimal: str
+    width: int = 0
+    numeric: tuple[bool, ...] = ()
+    filled: tuple[bool, ...] = ()
+    n_data_rows: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout(Cutting):
+    """The way that the lines are cut, and what stands above and among the numbers.
+
+    Fields
+    ------
+    n_header_lines : int
+        Lines of the file before the numbers.
+    header : tuple of str
+        These lines, and what stands left of the first rows of numbers only, as a preamble.
+    moments : tuple of bool
+        Whether a column holds dates or times of day.
+    has_padding : bool
+        Whether blanks stand beside the separators.
+    comment : str, optional
+        The mark of comments among the numbers.
+    """
+
     n_header_lines: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    numeric: tuple[bool, ...]
+    header: tuple[str, ...]
     moments: tuple[bool, ...]
     has_padding: bool
     comment: str | None
-    preamble: tuple[str, ...]
-
-
-class Cutting(NamedTuple):
-    """One way to cut the lines: number of columns, which are numbers, how many are texts, rows that fit."""
-
-    delimiter: str
-    decimal: str
-    width: int
-    numeric: tuple[bool, ...]
-    n_text_columns: int
-    n_data_rows: int
 
 
 def decode_text(content: bytes) -> str:
@@ -105,22 +112,28 @@ def find_layout(text: str) -> Layout:
         key=lambda c: (
             c.n_data_rows > 1,
             c.n_data_rows * (sum(c.numeric) > 1),
-            sum(c.numeric) - 2 * c.n_text_columns,
+            3 * sum(c.numeric) - 2 * sum(c.filled),
             c.n_data_rows,
         ),
     )
     if best.n_data_rows < 2:
         raise ValueError("no rows of numbers were found: one row a sample, one column a channel, is what can be read")
-    delimiter, decimal = best.delimiter, best.decimal
-    rows = [split_cells(line, delimiter) for line in lines]
+    rows = [split_cells(line, delimiter := best.delimiter) for line in lines]
     first = next(i for i, row in enumerate(rows) if is_data(row, best))
+    # pandas writes the numbers of columns without names above them
+    first += len(cells := [cell for cell in rows[first] if cell]) > 2 and cells == [str(i) for i in range(len(cells))]
     comment = next((line[0] for line in lines[first:] if line[:1] in COMMENT_MARKS and line[0] != delimiter), None)
-    names, units = find_header(lines[:first], best)
     moments = tuple(MOMENT.match(cell) is not None for cell in rows[first])
     padded = delimiter != " " and any(f"{delimiter} " in line or line.startswith(" ") for line in lines[first:])
-    above = tuple(lines[: max(first - 1, 0)])
-    before = sum(n for _, n in head[:first])
-    return Layout(delimiter, decimal, before, names, units, best.numeric, moments, padded, comment, above)
+    left = 0 if any(best.filled[: best.numeric.index(True)]) else best.numeric.index(True)
+    return Layout(
+        **vars(best),
+        n_header_lines=sum(n for _, n in head[:first]),
+        header=(*(delimiter.join(row[:left]) for row in rows[first:] if any(row[:left])), *lines[:first]),
+        moments=moments,
+        has_padding=padded,
+        comment=comment,
+    )
 
 
 def first_lines(text: str) -> list[str]:
@@ -155,11 +168,11 @@ def join_quoted_lines(lines: list[str]) -> list[tuple[str, int]]:
 def split_cells(line: str, delimiter: str) -> list[str]:
     """Split a line into cells, stripped of blanks and quotes."""
     if delimiter == " ":
-        return line.split()
+        line = " ".join(line.split())
     if '"' in line:
         row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     else:
-        row = line.split(delimiter)
+        row = line.split(delimiter) if line else []
     return [cell.strip().strip("'") for cell in row]
 
 
@@ -170,22 +183,22 @@ def is_number(cell: str, decimal: str) -> bool:
 
 def cut_lines(lines: list[str], delimiter: str, decimal: str) -> Cutting:
     """Cut the lines one way: the width of most rows with numbers, the columns that are numbers in nearly all."""
-    rows = [split_cells(line, delimiter) for line in lines if line.strip() and line[0] not in COMMENT_MARKS]
+    comments = {*COMMENT_MARKS} - {delimiter}
+    rows = [split_cells(line, delimiter) for line in lines if line.strip() and line[0] not in comments]
     kinds = [[is_number(cell, decimal) for cell in row] for row in rows]
     widths = Counter(len(row) for row, kind in zip(rows, kinds, strict=True) if any(kind))
     width = max(widths, key=lambda w: (widths[w], w), default=0)
     body = [(row, kind) for row, kind in zip(rows, kinds, strict=True) if len(row) == width and any(kind)]
     if not body:
-        return Cutting(delimiter, decimal, 0, (), 0, 0)
+        return Cutting(delimiter, decimal)
     half = body[len(body) // 2 :]  # behind whatever stands above the numbers
     numeric = tuple(
         any(kind[i] for _, kind in half) and all(kind[i] or row[i].lower() in EMPTY_CELLS for row, kind in half)
         for i in range(width)
     )
-    filled = [any(row[i] for row, _ in half) for i in range(width)]
-    texts = sum(some and not number for some, number in zip(filled, numeric, strict=True))
-    found = Cutting(delimiter, decimal, width, numeric, texts, 0)
-    return found._replace(n_data_rows=sum(is_data(row, found) for row in rows))
+    filled = tuple(any(row[i] for row, _ in half) for i in range(width))
+    found = Cutting(delimiter, decimal, width, numeric, filled)
+    return replace(found, n_data_rows=sum(is_data(row, found) for row in rows))
 
 
 def is_data(row: list[str], c: Cutting) -> bool:
@@ -195,61 +208,6 @@ def is_data(row: list[str], c: Cutting) -> bool:
     held = [is_number(cell, c.decimal) for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
     blank = [cell.lower() in EMPTY_CELLS for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
     return any(held) and all(a or b for a, b in zip(held, blank, strict=True))
-
-
-def find_header(lines: list[str], c: Cutting) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Find names and units in the lines above the numbers, or number the columns where there are none."""
-    block: list[list[str]] = []
-    for line in reversed(lines):
-        bare = line.strip()
-        if not bare or set(bare) <= set("-=+| \t" + c.delimiter):
-            if block:
-                break
-            continue
-        bare = bare.lstrip("#%!*/ ") if bare[0] in COMMENT_MARKS else line
-        row = fit_to_width(split_cells(bare, c.delimiter), c.width)
-        if row is None and c.delimiter == " ":  # names with blanks in them are separated by several
-            row = fit_to_width(re.split(r"\s{2,}|\t", bare.strip()), c.width)
-        if row is None or not any(row) or sum(is_number(cell, c.decimal) for cell in row) > 0.5 * c.width:
-            break
-        block.insert(0, row)
-    units: list[str] = [""] * c.width
-    while len(block) > 1:
-        last = block[-1]
-        if all(TYPE_CELL.fullmatch(cell) or not cell for cell in last):
-            block.pop()
-        elif is_units_row(last, block[-2]):
-            units = [cell.strip("[]()").strip() if cell != "-" else "" for cell in last]
-            block.pop()
-        else:
-            break
-    names = block[-1] if block else [""] * c.width
-    return tuple(make_unique(names)), tuple(units)
-
-
-def is_units_row(row: list[str], above: list[str]) -> bool:
-    """Return whether a row holds units: all of its cells are, or all but a few unknown ones below names that are none.
-
-    >>> is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
-    True
-    >>> is_units_row(["time", "A", "V"], ["Motor", "Motor", "Motor"]), is_units_row(["u", "m"], ["a", "b"])
-    (False, False)
-    """
-    filled = [cell for cell in row if cell not in ("", "-")]
-    units = sum(UNIT_CELL.fullmatch(cell) is not None for cell in filled)
-    if units == len(filled):
-        return True
-    names = len({*above}) == len(above) and not any(UNIT_CELL.fullmatch(cell) for cell in above if len(cell) > 1)
-    return names and all(above) and units > len(filled) / 2 and UNIT_CELL.fullmatch(row[0]) is not None
-
-
-def fit_to_width(row: list[str], width: int) -> list[str] | None:
-    """Fit a row of names to the width of the table: it may lack an empty last column, or the first (an index)."""
-    while len(row) > width and not row[-1]:
-        row = row[:-1]
-    if len(row) == width - 1:
-        row = [*row, ""]
-    return row if len(row) == width else None
 
 
 def make_unique(names: list[str]) -> list[str]:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from nlfrf._base.own_process import Contents, require_size
-from nlfrf.io.readers.clock import find_clock, is_time_name, unit_in_name
+from nlfrf.io.readers.clock import NUMBER_SUFFIX, STEP_NAME, is_time_name, split_clock_name
+from nlfrf.io.readers.header import read_header
 from nlfrf.io.readers.layout import COMMENT_MARKS, EMPTY_CELLS, Layout, decode_text, find_layout
 
 if TYPE_CHECKING:
@@ -20,16 +21,18 @@ if TYPE_CHECKING:
 __all__ = ["contents", "read_table"]
 
 
+END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory
-NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which columns of one name differ
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
 def contents(path: Path) -> Contents:
-    """Read columns by the names above them, units from the row below these, the clock of a preamble."""
+    """Read columns by name, with the units and clocks that the rows above the numbers state."""
     with path.open("rb") as stream:
         start = stream.read(HEAD_BYTES)
+    if END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(END_OF_LABVIEW_HEADER)) > 2:
+        raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in a file of its own")
     if b"\0" in start:  # UTF-16, which pandas does not recognise by itself
         return read_table(decode_text(path.read_bytes()).encode())
     return read_table(start, path)
@@ -41,57 +44,53 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     text = decode_text(head[: head.rfind(b"\n") + 1] or head if len(head) == HEAD_BYTES else head)
     layout = find_layout(text)
     size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
-    require_size(8 * len(layout.names) * n_lines, size)  # a short row is filled up with nan
+    require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is filled up with nan
     long = path is not None and size > HEAD_BYTES
     try:
-        frame, notes = parse_columns(
+        frame, no_numbers = parse_columns(
             lambda: open_at_numbers(start, path, layout.n_header_lines), layout, n_lines if long else 0
         )
     except ValueError as error:  # pandas counts from the first row of numbers
         raise ValueError(
             re.sub(r"(?<=in line )\d+", lambda n: str(int(n[0]) + layout.n_header_lines), str(error))
         ) from None
-    notes |= {
-        name: "holds texts"
-        for name, numeric, moment in zip(layout.names, layout.numeric, layout.moments, strict=True)
-        if not (numeric or moment)
-    }
-    arrays: dict[str, np.ndarray] = {}
-    units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
-    for i, column in frame.items():
-        if layout.numeric[i]:
-            arrays[layout.names[i]] = column.to_numpy()
-    for name, seconds in seconds_of_moments(frame, layout).items():
-        arrays, units[name] = {name: seconds} | arrays, "s"
-    last = len(layout.names) - 1
-    if last and layout.names[last] == f"col{last + 1}" and np.isnan(arrays.get(layout.names[last], [0])).all():
-        del arrays[layout.names[last]]  # behind a separator that ends every line
-    clock = find_clock(layout.preamble, layout.delimiter, layout.decimal)
-    if clock and not any(map(is_time_name, arrays)):
-        return arrays, units, {"": clock}, notes
-    axes, more = own_time_columns(list(arrays))
-    return arrays, more | units, axes, notes
+    columns = {i: column.to_numpy() for i, column in frame.items() if layout.numeric[i]}
+    header = read_header(layout, columns)
+    names = header.names
+    texts = (i for i, some in enumerate(layout.filled) if some and not (layout.numeric[i] or layout.moments[i]))
+    notes = header.unplaced | {names[i]: why for i, why in (dict.fromkeys(texts, "holds texts") | no_numbers).items()}
+    arrays = {names[i]: column for i, column in columns.items()}
+    units = {name: unit for name, unit in zip(names, header.units, strict=True) if unit}
+    for i, seconds in seconds_of_moments(frame, layout).items():
+        arrays, units[names[i]] = {names[i]: seconds} | arrays, "s"
+    clocks = own_time_columns(list(arrays))
+    channels = [i for i in columns if not is_time_name(names[i])]
+    steps = {names[i]: header.steps[i] for i in channels if header.steps.get(i, 0.0) > 0}
+    starts = {i: header.starts[i] for i in channels if i in header.starts}
+    if len({*steps.values()}) > 1 or (len({*starts.values()}) > 1 and not any(map(is_time_name, arrays))):
+        clocks = {name: 1 / step for name, step in steps.items()}
+        arrays |= {f"{names[i]}.start": np.array(start) for i, start in starts.items()}
+    elif header.clock.fs and not any(map(is_time_name, arrays)):
+        label = header.clock.label if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0]) else "sampling time"
+        clocks = {"": header.clock.fs} if header.clock.unit else {}
+        arrays |= {} if header.clock.unit else {label: np.array(1 / header.clock.fs)}
+    return arrays, units, clocks, notes
 
 
-def own_time_columns(names: list[str]) -> tuple[dict[str, float | str], dict[str, str]]:
-    """Return the time column of each channel where each has one before it, all of one name, and their units.
+def own_time_columns(names: list[str]) -> dict[str, float | str]:
+    """Return the time column of each channel where each has one before it, all of one name.
 
-    >>> own_time_columns(["time (ms)", "u", "time (ms).3", "y"])
-    ({'u': 'time (ms)', 'y': 'time (ms).3'}, {'time (ms).3': 'ms'})
-    >>> own_time_columns(["time", "u", "y"])
-    ({}, {})
+    >>> own_time_columns(["time (ms)", "u", "time (ms).3", "y"]), own_time_columns(["time", "u", "y"])
+    ({'u': 'time (ms)', 'y': 'time (ms).3'}, {})
     """
-    first = names[0] if names and is_time_name(names[0]) else None
     axes: dict[str, float | str] = {}
-    units: dict[str, str] = {}
-    time = first
-    for name in names[1:] if first else ():
-        if NUMBER_SUFFIX.sub("", name) == first:
-            time, unit = name, unit_in_name(first)
-            units |= {name: unit} if unit else {}
+    time = names[0] if names else ""
+    for name in names[1:] if is_time_name(time) else ():
+        if NUMBER_SUFFIX.sub("", name) == names[0]:
+            time = name
         else:
-            axes[name] = str(time)
-    return (axes, units) if len(set(axes.values())) > 1 else ({}, {})
+            axes[name] = time
+    return axes if len({*axes.values()}) > 1 else {}
 
 
 def count_lines(start: bytes, path: Path | None) -> int:
@@ -110,7 +109,7 @@ def open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
     return stream
 
 
-def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -> tuple[pd.DataFrame, dict[str, str]]:
+def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -> tuple[pd.DataFrame, dict[int, str]]:
     """Parse the columns of numbers, and dates and times as texts, by pandas; note cells that are no number."""
     import pandas as pd
 
@@ -118,12 +117,12 @@ def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -
     options: dict[str, object] = {
         "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
         "header": None,
-        "names": list(range(len(layout.names))),
+        "names": list(range(len(layout.numeric))),
         "comment": layout.comment,
         "encoding_errors": "replace",
         "index_col": False,
     }
-    if len(wanted) < len(layout.names):  # each of these costs time where it is not needed
+    if len(wanted) < len(layout.numeric):  # each of these costs time where it is not needed
         options["usecols"] = wanted
     if layout.has_padding:
         options["skipinitialspace"] = True
@@ -165,7 +164,7 @@ def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -
         no_number = frame[i].isna() & as_written[i].notna()
         if no_number.any():
             row = int(np.argmax(no_number))
-            notes[layout.names[i]] = f"holds {as_written[i].iloc[row].strip()!r} in row {row + 1} of its numbers"
+            notes[i] = f"holds {as_written[i].iloc[row].strip()!r} in row {row + 1} of its numbers"
     return frame, notes
 
 
@@ -193,8 +192,8 @@ def concatenate_frames(frames: Iterable[pd.DataFrame], n_rows: int) -> pd.DataFr
     return pd.DataFrame({i: column[:filled] for i, column in columns.items()}, copy=False)
 
 
-def seconds_of_moments(frame: pd.DataFrame, layout: Layout) -> dict[str, np.ndarray]:
-    """Return the seconds since the first row of columns of dates and times; a date next to a time is joined to it."""
+def seconds_of_moments(frame: pd.DataFrame, layout: Layout) -> dict[int, np.ndarray]:
+    """Return the seconds since the first row of a column of dates and times; a date next to a time is joined to it."""
     found = [i for i in frame.columns if not layout.numeric[i]]
     if not found:
         return {}
@@ -206,7 +205,7 @@ def seconds_of_moments(frame: pd.DataFrame, layout: Layout) -> dict[str, np.ndar
         seconds = seconds_since_first(column.str.replace(",", "."))
     except (ValueError, OverflowError):
         return {}
-    return {layout.names[found[0]]: seconds}
+    return {found[0]: seconds}
 
 
 def seconds_since_first(column: pd.Series) -> np.ndarray:

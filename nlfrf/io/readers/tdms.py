@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 __all__ = ["contents"]
 
+EPOCH = np.datetime64("1904-01-01", "us")  # when a waveform began of which that is not known
+
 
 def contents(path: Path) -> Contents:
     """Read channels as ``group.channel``, with their units and the step of their waveforms.
@@ -26,6 +28,7 @@ def contents(path: Path) -> Contents:
     units: dict[str, str] = {}
     clocks: dict[str, float | str] = {}
     notes: dict[str, str] = {}
+    began: dict[str, np.datetime64] = {}
     logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it cannot read is refused here, not printed
     with path.open("rb") as stream:
         file = TdmsFile.read(stream)
@@ -45,6 +48,9 @@ def contents(path: Path) -> Contents:
                 units[name] = unit
             if isinstance(step, float) and step > 0 and channel.properties.get("wf_xname", "Time") in ("Time", ""):
                 clocks[name] = 1 / step
-                if start := channel.properties.get("wf_start_offset"):
-                    arrays[f"{name}.start"] = np.array(float(start))
+                arrays[f"{name}.start"] = np.array(float(channel.properties.get("wf_start_offset") or 0.0))
+                units[f"{name}.start"] = str(channel.properties.get("wf_xunit_string") or "s")
+                began[f"{name}.moment"] = np.datetime64(channel.properties.get("wf_start_time", EPOCH), "us")
+    last = max(began.values(), default=EPOCH)
+    arrays |= {key: np.array((moment - last) / np.timedelta64(1, "s")) for key, moment in began.items()}
     return arrays, units, clocks, notes

@@ -40,15 +40,17 @@ def contents(path: Path) -> Contents:
         name = unused_name(record_name(one), arrays)
         arrays[name] = data
         step = float(one.get("abscissa_inc") or 0.0)
+        counted, unit = stated_unit(one, "abscissa"), stated_unit(one, "ordinate")
         x = np.asarray(one.get("x", ()), dtype=float)
         if step > 0 and int(one.get("abscissa_spacing", 1)) == 1:
             clocks[name] = 1 / step
-            if start := float(one.get("abscissa_min") or 0.0):
-                arrays[f"{name}.start"] = np.array(start)
+            arrays[f"{name}.start"], units[f"{name}.start"] = (
+                np.array(float(one.get("abscissa_min") or 0.0)),
+                counted or "s",
+            )
         elif x.shape == data.shape:
-            arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = x, "s", f"{name}.time"
-        unit = str(one.get("ordinate_axis_units_lab") or "").strip()
-        if unit and unit.upper() != "NONE":
+            arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = x, counted or "s", f"{name}.time"
+        if unit:
             units[name] = unit
     return arrays, units, clocks, {}
 
@@ -61,10 +63,19 @@ def frequency_functions(sets: list[dict[str, Any]]) -> tuple[dict[str, np.ndarra
         if (suffix := FREQUENCY_FUNCTIONS.get(one.get("func_type", 0))) is not None:
             axes = (AXIS_NAMES.get(int(one.get(f"{end}_dir", 0)), "").replace("-", "minus ") for end in ("rsp", "ref"))
             name = "{} {} / {} {}".format(one.get("rsp_node", 0), next(axes), one.get("ref_node", 0), next(axes))
-            labels = (str(one.get(f"{axis}_axis_units_lab") or "NONE").strip() for axis in ("ordinate", "orddenom"))
             arrays |= {name + suffix: np.asarray(one["data"]), f"{name}.frequency": np.asarray(one["x"], dtype=float)}
-            units |= {name: "/".join(label for label in labels if label.upper() != "NONE")} if not suffix else {}
+            units |= (
+                {name: "/".join(filter(None, (stated_unit(one, axis) for axis in ("ordinate", "orddenom"))))}
+                if not suffix
+                else {}
+            )
     return arrays, units
+
+
+def stated_unit(one: dict[str, Any], axis: str) -> str:
+    """Return the unit of an axis, empty where the file states none."""
+    unit = str(one.get(f"{axis}_axis_units_lab") or "").strip()
+    return "" if unit.upper() == "NONE" else unit
 
 
 def record_name(one: dict[str, Any]) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.io.readers.clock import find_clock
+from nlfrf.io.readers.header import find_clock
 
 FS, N, P = 1000.0, 500, 6
 U = np.tile(nlfrf.multisine(fs=FS, n_samples=N, f_min=2, f_max=200, rng=1).u[0], P)
@@ -22,10 +22,10 @@ def test_rates_in_any_unit_above_a_table():
         scale = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[prefix]
         for unit in ("Hz", "S/s", "Sa/s", "samples/s", "sps"):
             for line in (f"Sample rate: {number} {prefix}{unit}", f"Sampling Rate,{number}{prefix}{unit},"):
-                assert find_clock((line,)) == number * scale, line
-        assert find_clock((f"Sampling frequency [{prefix}Hz]: {number}",)) == number * scale
+                assert find_clock((line,)).fs == number * scale, line
+        assert find_clock((f"Sampling frequency [{prefix}Hz]: {number}",)).fs == number * scale
     for unit, second in (("ns", 1e-9), ("usec", 1e-6), ("µs", 1e-6), ("milliseconds", 1e-3), ("s", 1), ("min", 60)):
-        assert find_clock((f"Sample interval: 20 {unit}",)) == pytest.approx(1 / (20 * second), rel=1e-11)
+        assert find_clock((f"Sample interval: 20 {unit}",)).fs == pytest.approx(1 / (20 * second), rel=1e-11)
 
 
 def test_numbers_of_a_clock_as_people_write_them():
@@ -37,11 +37,11 @@ def test_numbers_of_a_clock_as_people_write_them():
         "Sample rate: 2000  # nominal": 2000,
         "Sample rate [Hz],1000,1000": 1000,
     }.items():
-        assert find_clock((line,)) == fs, line
+        assert find_clock((line,)).fs == fs, line
     for line, fs in {"Abtastrate: 2,5 kHz": 2500, "Abtastrate: 1.000,0 Hz": 1000, "dt = 1,25 ms": 800}.items():
-        assert find_clock((line,), ";", ",") == pytest.approx(fs), line
+        assert find_clock((line,), ";", ",").fs == pytest.approx(fs), line
     for line in ("Sample rate: 51,200 Hz", "Sample rate [Hz],1000,2000", "Load cell, FS: 100 N", "samplerate=-5 Hz"):
-        assert find_clock((line,)) == 0, line  # may be read in two ways, or as no clock
+        assert find_clock((line,)).fs == 0, line  # may be read in two ways, or as no clock
 
 
 def test_units_of_clocks_that_are_variables(tmp_path):
@@ -99,3 +99,98 @@ def test_each_run_of_a_file_has_the_clock_beside_it(tmp_path):
         assert nlfrf.load_record(tmp_path / "run.npz", u=f"{run}.u", y=f"{run}.y").fs == fs
     with pytest.raises(ValueError, match=r"u must name a signal of 'run.npz', one of .*; got 'x'"):
         nlfrf.load_record(tmp_path / "run.npz", u="x", y="a.y")
+
+
+# A step without a unit
+
+READINGS = "4 Hz if these are seconds, 4000 Hz if they are milliseconds and 4e.06 Hz if they are microseconds"
+
+
+def test_a_sampling_time_below_a_second_without_a_unit_is_doubtful(tmp_path):
+    for clock in ({"Ts": 0.25}, {"dt": 0.25}, {"SampleTime": 0.25}, {"Sampling_Interval": np.full(U.size, 0.25)}):
+        with pytest.warns(nlfrf.DataWarning, match=rf"names no unit and is 0.25: {READINGS}; seconds are taken"):
+            assert nlfrf.load_record(saved(tmp_path, **clock)).fs == 4
+        assert nlfrf.load_record(saved(tmp_path, **clock), fs=4000).fs == 4000  # what was given is not held against it
+    with pytest.warns(nlfrf.DataWarning, match=rf"the time channel 't' names no unit and steps by 0.25: {READINGS}"):
+        assert nlfrf.load_record(saved(tmp_path, t=250 * T)).fs == 4
+    with pytest.warns(nlfrf.DataWarning, match="'Ts' names no unit and is 0.25"):
+        assert nlfrf.load_record(saved(tmp_path, Ts=0.25, t=250 * T)).fs == 4  # neither has a unit
+    for ts in (1.0, 125.0):
+        with pytest.raises(
+            ValueError, match=rf"fs must be given: the sampling time 'Ts' names no unit and is {ts:g}: "
+        ):
+            nlfrf.load_record(saved(tmp_path, Ts=ts))
+        assert nlfrf.load_record(saved(tmp_path, Ts=ts), fs=8000).fs == 8000
+
+
+def test_a_sampling_time_is_sure_by_its_unit_its_size_or_another_clock(tmp_path):
+    import h5py
+
+    assert nlfrf.load_record(saved(tmp_path, Ts=1e-3)).fs == FS
+    assert nlfrf.load_record(saved(tmp_path, Ts_ms=0.25)).fs == 4000
+    assert nlfrf.load_record(saved(tmp_path, Ts_s=0.25)).fs == 4
+    for fs in (4.0, 4000.0, 4e6):  # by whichever unit, the two agree
+        assert nlfrf.load_record(saved(tmp_path, Ts=0.25, fs=fs)).fs == fs
+        assert nlfrf.load_record(saved(tmp_path, Ts=0.25, time_s=np.arange(U.size) / fs)).fs == fs
+    assert nlfrf.load_record(saved(tmp_path, Ts=125.0, time_us=125.0 * np.arange(U.size))).fs == 8000
+    with pytest.raises(ValueError, match=r"fs must be given: 'run.npz' says 4 Hz by 'Ts' and 500 Hz by 'fs'"):
+        nlfrf.load_record(saved(tmp_path, Ts=0.25, fs=500.0))
+    with pytest.warns(nlfrf.DataWarning, match=r"fs is 4 Hz by 'Ts' of 'run.npz' and 1000 Hz by the time channel 't'"):
+        assert nlfrf.load_record(saved(tmp_path, Ts=0.25, t=T)).fs == 4
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file["u"], file["y"], file["dt"] = U, Y, 0.25
+        file["dt"].attrs["unit"] = "ms"
+    assert nlfrf.load_record(tmp_path / "run.h5").fs == 4000
+
+
+def test_a_time_in_microseconds_without_a_unit_names_that_reading(tmp_path):
+    with pytest.raises(ValueError, match=r"steps by 1000: 0.001 Hz .* 1 Hz .* and 1000 Hz if they are microseconds"):
+        nlfrf.load_record(saved(tmp_path, timestamp=9e8 + 1e6 * T))
+
+
+# Units that a file states, and those in a name
+
+
+def test_the_unit_that_a_file_states_wins_over_brackets_in_a_name(tmp_path):
+    import h5py
+
+    rows = np.column_stack([1e3 * T, U, Y])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time [s],u [ai0],y [mm]\nms,N,mm", comments="")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, held, unit in (("time [s]", 1e3 * T, "ms"), ("u [ai0]", U, "N"), ("y [mm]", Y, "mm")):
+            file[name] = held
+            file[name].attrs["unit"] = unit
+    for suffix in (".csv", ".h5"):
+        record = nlfrf.load_record(tmp_path / f"a{suffix}")
+        assert (record.u_name, record.u_unit, record.y_unit) == ("u [ai0]", "N", "mm")
+        assert record.fs == FS
+    np.savetxt(tmp_path / "b.csv", rows, delimiter=",", header="time [ms],u [N],y [g]", comments="")
+    record = nlfrf.load_record(tmp_path / "b.csv")
+    assert (record.u_unit, record.y_unit, record.fs) == ("N", "g", FS)
+
+
+def test_moments_are_in_seconds_whatever_the_name_of_their_column_says(tmp_path):
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    moments = np.datetime64("2026-11-22T10:00", "ns") + (1e9 * T).astype("timedelta64[ns]")
+    parquet.write_table(pa.table({"time_ms": moments, "u": U, "y": Y}), tmp_path / "run.parquet")
+    assert nlfrf.load_record(tmp_path / "run.parquet").fs == FS
+
+
+def test_a_sampling_time_in_an_attribute_without_a_unit_is_doubtful(tmp_path):
+    import h5py
+
+    def saved_with(**attributes):
+        with h5py.File(tmp_path / "run.h5", "w") as file:
+            for name, held in (("u", U), ("y", Y)):
+                file[name] = held
+                file[name].attrs.update(attributes)
+        return tmp_path / "run.h5"
+
+    with pytest.warns(nlfrf.DataWarning, match=rf"the sampling time of 'u' names no unit and is 0.25: {READINGS}"):
+        assert nlfrf.load_record(saved_with(dt=0.25)).fs == 4
+    assert nlfrf.load_record(saved_with(dt=0.25), fs=4000).fs == 4000
+    assert nlfrf.load_record(saved_with(dt=1e-3)).fs == FS
+    assert nlfrf.load_record(saved_with(fs=4.0)).fs == 4
+    assert nlfrf.load_record(saved_with(wf_increment=0.25)).fs == 4  # which counts in seconds

@@ -1,0 +1,372 @@
+"""The header of a text table, by one table of rules: names and units of the columns, and the clock of the preamble.
+
+A row of the header has a label, as ``Unit,V,V`` and ``Interval,0.001`` have, by which `RULES` know what it says; or it
+stands above the columns as it is: names, units, types, comments. Where a header has fewer or more names than the table
+has columns, the numbers decide to which columns the names belong, or the names are not used.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from nlfrf.io.readers.clock import (
+    MIN_DURATION,
+    RATE_WORDS,
+    STEP_NAME,
+    STEP_WORDS,
+    hertz_per_unit,
+    is_rising,
+    is_time_name,
+    sampling_frequency,
+    seconds_per_unit,
+)
+from nlfrf.io.readers.layout import COMMENT_MARKS, MOMENT, Layout, make_unique, split_cells
+
+__all__ = ["Clock", "Header", "find_clock", "read_header"]
+
+
+#: A unit as instruments print it: brackets, or factors of one or more SI and everyday units.
+BARE_UNIT = (
+    r"(?:(?:[munpkMGµμdc]|da)?(?:m|s|g|N|V|A|W|J|Pa|Hz|bar|rad|Nm|l|F|H|T|Wb|VA|strain|in|ft|lbf?|psi|eu|FS)|sec|min|h|"
+    r"deg|°|°C|°F|K|C|%|rpm|rev|grad|inch|mic|Ohm|Ω|dB|counts?|cnts?|incr?|ticks?|digits?|lsb|bits?|raw|V/V|volts?|"
+    r"amp(?:ere)?s?|newtons?|meters?|metres?|seconds?|m?sec|sekunden|sequence|"
+    r"bool|1)"
+)
+UNIT_CELL = re.compile(
+    rf"\[[^\]]*\]|\([^)]*\)|{BARE_UNIT}(?:(?:\^?-?\d|[²³])?(?:[*/·.]{BARE_UNIT}(?:\^?-?\d|[²³])?)*)", re.I
+)
+TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
+NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
+
+
+#: What the other cells of a labelled row are.
+Role = Enum("Role", "NAMES UNITS ABSCISSA_UNIT RATE STEP START TIME_OF_DAY")
+#: What a column holds; a clock runs forward from row to row.
+Kind = Enum("Kind", "CLOCK NUMBERS TEXT EMPTY")
+
+#: The rules: role, label in the first cell, and what every other cell must look like.
+RULES = (
+    (Role.NAMES, re.compile(r"(?:(?:channel|signal|trace|kanal)[ _]?)?names?|source|kanal", re.I), re.compile(r".*")),
+    (
+        Role.UNITS,
+        re.compile(r"(?:(?:vertical|y|channel)[ _]?)?(?:units?|einheit(?:en)?)(?:[ _]?label)?", re.I),
+        re.compile(rf"(?!{NUMBER_CELL.pattern}$).*|1", re.I),
+    ),
+    (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), UNIT_CELL),
+    (Role.RATE, re.compile(RATE_WORDS, re.I), re.compile(r"[\d., ]+\D{0,4}")),
+    (Role.STEP, re.compile(rf"{STEP_WORDS}|interval|increment", re.I), NUMBER_CELL),
+    (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), NUMBER_CELL),
+    (Role.TIME_OF_DAY, re.compile(r"time", re.I), re.compile(r"\d{1,2}:\d{2}:\d{2}(?:[.,]\d*)?")),
+)
+#: Names of columns that rise from row to row beside those of times, of remarks that few rows have, and of sockets.
+COUNTER_NAME = re.compile(
+    r"(?:row[ _]?)?(?:index|idx|nr|no|row|samples?|counter|number|#|record|line|points?)\.?", re.I
+)
+REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
+SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
+FRONT, BACK = {Kind.CLOCK, Kind.EMPTY}, {Kind.TEXT, Kind.EMPTY}  # columns that may have no name, by where they stand
+SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
+MAX_UNPAIRED = 2  # columns without a name, or names without a column
+
+#: A line above a table that gives the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
+CLOCK_TEXT = re.compile(
+    rf"(?P<rate>\b(?:{RATE_WORDS})\b)|(?P<step>\b(?:{STEP_WORDS})\b|^\W*(?:interval|increment)\b)", re.I
+)
+#: The number behind it, grouped by blanks or marks or not, and what follows: its unit, or another cell.
+CLOCK_VALUE = re.compile(
+    r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
+    r"(?P<gap>[\s,;\"'|\[(]*)(?P<unit>1/s|s\^-1|[^\W\d][\w/]*(?: per sec(?:ond)?)?)?",
+    re.I,
+)
+
+
+class Clock(NamedTuple):
+    """A sampling frequency [Hz] that a preamble states, 0 where there is none; its label and its unit of time."""
+
+    fs: float = 0.0
+    label: str = ""
+    unit: str = ""
+
+
+class Header(NamedTuple):
+    """What a header says: names, units, steps and starts [s] of columns, the clock of all, names without a column."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    steps: dict[int, float]
+    starts: dict[int, float]
+    clock: Clock
+    unplaced: dict[str, str]
+
+
+def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
+    """Read the header of a table; `columns` are its columns of numbers, by their place."""
+    kinds, width = find_kinds(layout, columns), len(layout.numeric)
+    rows: list[list[str]] = []
+    labelled: dict[Role, list[str]] = {}
+    preamble = []
+    for i, line in enumerate(layout.header):
+        cells = split_header_line(line, layout.delimiter, width)
+        role = find_role(cells)
+        if role not in (None, Role.NAMES):
+            labelled[role] = cells
+        elif any(cells):
+            rows.append(cells)
+        if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
+            preamble.append(line)  # but not the names, of which one may be that of a clock
+    names, units, constants = find_names(rows, kinds)
+    label = names[0] if find_role(names) is Role.NAMES else ""
+    names = names[len(names) > width :] if label else names
+    if names and REMARK_NAME.fullmatch(names[-1]) and (len(names) > width or kinds[0] is Kind.EMPTY):
+        names = names[:-1]
+    first = place_names(names, kinds)
+    why = f"is one of {len(names)} names above {width} columns: give each column its name, or use col1, col2, ..."
+    unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
+    shift = first or 0
+    placed = ["" if unplaced else name for name in slice_row(names, -shift, width)]
+    stated = slice_row(units, -shift, width) if units and not unplaced else spread(labelled.get(Role.UNITS, []), kinds)
+    clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
+    abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
+    for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
+        rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
+        as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < SAME_CLOCK
+        stated[j] = stated[j] or (clock.unit if as_clock else "")
+        placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
+    stated = [unit or (abscissa if is_time_name(name) else "") for unit, name in zip(stated, placed, strict=True)]
+    steps, starts = (
+        {j: parse_number(cell, layout.delimiter, layout.decimal) for j, cell in enumerate(spread(row, kinds)) if cell}
+        for row in (labelled.get(Role.STEP, []), labelled.get(Role.START, []))
+    )
+    for j, cell in enumerate(spread(labelled.get(Role.TIME_OF_DAY, []), kinds)):
+        if cell:
+            parts = enumerate(reversed(cell.replace(",", ".").split(":")))
+            starts[j] = starts.get(j, 0.0) + sum(60**k * float(part) for k, part in parts)
+    return Header(
+        tuple(make_unique(placed)),
+        tuple("" if unit == "-" else unit.strip("[]()").strip() for unit in stated),
+        steps,
+        starts,
+        clock,
+        unplaced,
+    )
+
+
+def find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
+    """Find what each column holds."""
+    return [
+        (Kind.CLOCK if is_rising(columns[j]) else Kind.NUMBERS)
+        if j in columns
+        else Kind.CLOCK
+        if layout.moments[j]
+        else Kind.TEXT
+        if filled
+        else Kind.EMPTY
+        for j, filled in enumerate(layout.filled)
+    ]
+
+
+def split_header_line(line: str, delimiter: str, width: int) -> list[str]:
+    """Split a line of the header into cells, none of one that is blank, a rule, or a remark of one cell."""
+    bare = line.strip()
+    if not bare or set(bare) <= set("-=+| \t" + delimiter):
+        return []
+    marked = bare[0] in COMMENT_MARKS and bare[0] != delimiter
+    bare = bare.lstrip("#%!*/ ") if marked else line
+    cells = split_cells(bare, delimiter)
+    if delimiter == " " and len(cells) != width:  # names with blanks in them are separated by several
+        wider = re.split(r"\s{2,}|\t", bare.strip())
+        cells = wider if len(wider) == width else cells
+    return [] if marked and len(cells) == 1 < width else cells
+
+
+def find_role(cells: Sequence[str]) -> Role | None:
+    """Find what a row says by its label, None of a row without one.
+
+    >>> [find_role(row) for row in (["Unit", "V", "A"], ["dt", "0.001"], ["dt", "u", "y"])]
+    [<Role.UNITS: 2>, <Role.STEP: 5>, None]
+    """
+    label = cells[0].rstrip(":") if cells else ""
+    others = [cell for cell in cells[1:] if cell and cell != cells[0]]
+    found = (role for role, name, cell in RULES if name.fullmatch(label) and all(map(cell.fullmatch, others)))
+    return next(found, None) if others else None
+
+
+def slice_row(row: Sequence[str], start: int, width: int) -> list[str]:
+    """Return `width` cells of a row from `start` on, which may lie before its first; empty where it has none."""
+    return [row[i] if 0 <= i < len(row) else "" for i in range(start, start + width)]
+
+
+def spread(row: list[str], kinds: list[Kind]) -> list[str]:
+    """Return the cells of a labelled row by column: where they stand, or in turn where there are as many channels.
+
+    >>> spread(["Unit", "N", "", "mm"], [Kind.CLOCK, Kind.NUMBERS, Kind.CLOCK, Kind.NUMBERS])
+    ['', 'N', '', 'mm']
+    >>> spread(["Unit", "N", "mm"], [Kind.NUMBERS, Kind.NUMBERS])     # no column lies below the label
+    ['N', 'mm']
+    """
+    values = ["" if cell == row[0] else cell for cell in row]
+    if len(row) >= len(kinds):
+        return slice_row(values, int(any(values[len(kinds) :])), len(kinds))
+    given = [cell for cell in values if cell]
+    numbers = [j for j, kind in enumerate(kinds) if kind is Kind.NUMBERS]
+    return [given[numbers.index(j)] if j in numbers and len(given) == len(numbers) else "" for j in range(len(kinds))]
+
+
+def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], list[str], list[str]]:
+    """Find names, units below them, and constants below names of clocks, upwards from the numbers.
+
+    >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS]
+    >>> find_names([["X", "CH1", "Increment"], ["Sequence", "Volt", "1e-3"]], kinds)
+    (['X', 'CH1', 'Increment'], ['Sequence', 'Volt', ''], ['Increment,1e-3'])
+    >>> find_names([["Time", "Analog 1", "Analog 2"], ["ms", "Torque", "Speed"]], kinds)     # a row of units and names
+    (['Time', 'Torque', 'Speed'], ['ms', '', ''], [])
+    >>> find_names([["t", "u", "y"], ["s", "N", "mm"], ["", "load cell", "encoder"]], kinds)     # a row of comments
+    (['t', 'u', 'y'], ['s', 'N', 'mm'], [])
+    """
+    rows = rows[:1] + [row for row in rows[1:] if not all(TYPE_CELL.fullmatch(cell) or not cell for cell in row)]
+    over, above = [[], [], *(names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
+    row, constants = rows[-1] if rows else [], []
+    if above and len(row) <= len(above):
+        row = [*row, *[""] * (len(above) - len(row))]
+        clocks = [j for j, name in enumerate(above) if STEP_NAME.fullmatch(name) and NUMBER_CELL.fullmatch(row[j])]
+        constants = [f"{above[j]},{row[j]}" for j in clocks]
+        row = ["" if clocks and NUMBER_CELL.fullmatch(cell) else cell for cell in row]
+        seconds = [
+            is_time_name(name) and seconds_per_unit(row[j].strip("[]() ") or "?") for j, name in enumerate(above)
+        ]
+        others = [name for name, second in zip(above, seconds, strict=True) if not second]
+        sockets = all(map(SOCKET_NAME.fullmatch, others)) or len({*others}) < len(others)
+        if is_units_row(row, above) or (any(seconds) and not sockets):
+            return above, row, constants
+        if any(seconds):
+            both = [(above[j], row[j]) if second else (row[j], "") for j, second in enumerate(seconds)]
+            return [name for name, _ in both], [unit for _, unit in both], constants
+    if over and len(above) == len(over) and all(UNIT_CELL.fullmatch(cell) for cell in above):
+        return over, above, []
+    return names_in(row, kinds), [], []
+
+
+def names_in(row: list[str], kinds: list[Kind]) -> list[str]:
+    """Return the names in a row, none of one that is rather a line of a preamble: with numbers or dates, or too short.
+
+    >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS, Kind.EMPTY]
+    >>> names_in(["time", "1", "2", ""], kinds), names_in(["u", "y"], kinds), names_in(["Range", "5.0"], kinds)
+    (['time', '1', '2'], ['u', 'y'], [])
+    """
+    names = row[: max((j + 1 for j, cell in enumerate(row) if cell), default=0)]
+    least = max(j + 1 for j, kind in enumerate(kinds) if kind is not Kind.EMPTY)
+    numbers = [cell for cell in names if NUMBER_CELL.fullmatch(cell)]
+    if len(numbers) == len(names) or any(map(MOMENT.match, names)):
+        return []
+    if least <= len(names) <= len(kinds):
+        are_numbered = len({*numbers}) == len(numbers) and all(map(str.isdigit, numbers))
+        return names if are_numbered or len(numbers) < 0.5 * len(names) else []
+    near = range(max(2, least - MAX_UNPAIRED), len(kinds) + MAX_UNPAIRED + 1)
+    return names if len(names) in near and not numbers and all(names) else []
+
+
+def place_names(names: list[str], kinds: list[Kind]) -> int | None:
+    """Return the column of the first name, None where the numbers do not show it.
+
+    Columns without a name stand in front if they run forward, as row numbers and times do, or hold nothing; behind if
+    they hold no numbers. A time or a counter runs forward. Any other name is rather not that of a clock.
+
+    >>> clock, numbers = Kind.CLOCK, Kind.NUMBERS
+    >>> place_names(["time", "u", "y"], [clock, clock, numbers, numbers])
+    1
+    >>> place_names(["time", "u", "y"], [clock, numbers, numbers, numbers])     # the last name is missing, or another
+    """
+    if not names or len(names) == len(kinds):
+        return 0
+    costs = {}
+    for first in range(len(kinds) - len(names) + 1):
+        pairs = [(is_counter_name(name), kinds[first + i]) for i, name in enumerate(names)]
+        unnamed = {*kinds[:first]} - FRONT | {*kinds[first + len(names) :]} - BACK
+        if not unnamed and (True, Kind.NUMBERS) not in pairs:
+            costs[first] = sum(not counter and kind in (Kind.CLOCK, Kind.EMPTY) for counter, kind in pairs)
+    best = [first for first, cost in costs.items() if cost == min(costs.values())]
+    return best[0] if len(best) == 1 else None
+
+
+def is_counter_name(name: str) -> bool:
+    """Return whether a column of that name runs forward: times and row numbers."""
+    return is_time_name(name) or COUNTER_NAME.fullmatch(name) is not None
+
+
+def is_units_row(row: list[str], above: list[str]) -> bool:
+    """Return whether a row holds units: all of its cells are, or all but a few unknown ones below names that are none.
+
+    >>> is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
+    True
+    >>> is_units_row(["time", "A", "V"], ["Motor", "Motor", "Motor"]), is_units_row(["u", "m"], ["a", "b"])
+    (False, False)
+    """
+    filled = [cell for cell in row if cell not in ("", "-")]
+    if any(map(is_time_name, row)) and not any(map(is_time_name, above)):
+        return False
+    units = sum(UNIT_CELL.fullmatch(cell) is not None for cell in filled)
+    if units == len(filled):
+        return True
+    names = len({*above}) == len(above) and not any(UNIT_CELL.fullmatch(cell) for cell in above if len(cell) > 1)
+    return names and all(above) and units > len(filled) / 2 and UNIT_CELL.fullmatch(row[0]) is not None
+
+
+def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> Clock:
+    """Find the sampling frequency in the lines above a table; that of an unknown unit is none.
+
+    A sampling time of seconds may be the duration of the record.
+
+    >>> find_clock(("Device: A1", "Sample rate: 2 kHz"))
+    Clock(fs=2000.0, label='Sample rate', unit='s')
+    >>> find_clock(("Sampling time,125,[us]",)).fs, find_clock(("dt,0.25",)).unit, find_clock(("Notes",)).fs
+    (8000.0, '', 0.0)
+    """
+    for line in lines:
+        found = CLOCK_TEXT.search(line)
+        value = (
+            CLOCK_VALUE.match(re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])) if found else None
+        )
+        if found is None or value is None:
+            continue
+        unit = value["unit"] or ""
+        scale = (hertz_per_unit if found["rate"] else seconds_per_unit)(unit)
+        if scale is None and value["gap"].strip() and not UNIT_CELL.fullmatch(unit):
+            scale, unit = 1.0, ""  # a word in a cell of its own
+        number = parse_number(value["number"], delimiter, decimal) * (scale or 0.0)
+        if found["step"] and found["step"].lower().endswith(("time", "zeit")) and number >= MIN_DURATION:
+            continue
+        if 0 < number < np.inf:
+            fs = number if found["rate"] else float(f"{1 / number:.12g}")
+            return Clock(fs, found[0].strip(), "s" if found["rate"] or found[0] == "Delta_X" else unit)  # by LabVIEW
+    return Clock()
+
+
+def parse_number(text: str, delimiter: str, decimal: str) -> float:
+    """Parse a number as people write it; 0 where it is none or ambiguous: 51,200 may be 51200 or 51.2.
+
+    >>> [parse_number(text, ";", ".") for text in ("1'000", "1.000,5", "2,5", "51,200", "0,001", "1000,")]
+    [1000.0, 1000.5, 2.5, 0.0, 0.001, 1000.0]
+    >>> parse_number("1000,1000", ",", "."), parse_number("1000,2000", ",", ".")
+    (1000.0, 0.0)
+    """
+    text = re.sub(r"[ '’\u00a0\u202f]", "", text).rstrip(",")
+    if delimiter == "," and "," in text:  # cells, one a channel
+        text = text.split(",")[0] if len(set(text.split(","))) == 1 else ""
+    marks = sorted({".", ","} & set(text), key=text.rfind)
+    if len(marks) == 2:
+        text = text.replace(marks[0], "").replace(marks[1], ".")
+    elif marks and text.count(marks[0]) > 1:
+        text = text.replace(marks[0], "")
+    elif marks:
+        whole, _, rest = text.partition(marks[0])
+        known = marks[0] == decimal or len(rest) != 3 or whole.lstrip("+-") in ("", "0")
+        text = f"{whole}.{rest}" if known else ""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
