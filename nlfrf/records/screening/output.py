@@ -15,7 +15,7 @@ import numpy as np
 from nlfrf._base.numbers import BLOCK_ENTRIES, TINY, power, rfft_at, streams_equal
 from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import common_smooth_step, decimate
-from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
+from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag, modal_share
 from nlfrf.records.screening.input import MAX_LINES, SEVERE_POWER, describe_slips, interpolate_bandlimited
 from nlfrf.signals.lines import chance_correlation
 
@@ -129,6 +129,8 @@ def smooth_basis() -> np.ndarray:
     return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
+MAX_BEAT, MIN_DECAY = 2.0, 1.1  # power in the second half of a period over the first, and the first over the second
+MODAL_SHARE = 0.9  # of what differs that two damped modes explain: of a gap 0.5 to 0.9, of noise 0.1
 SIGMAS = 6.0  # standard deviations past which a fault is believed
 MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
 VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
@@ -310,13 +312,15 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
 def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
 
-    A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,).
+    A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,). Two
+    modes that beat may grow for half a period. What rings on few lines is not smooth from line to line, but is that of
+    few damped modes.
     """
     Y = rfft_at(y, np.arange(1, last + 1))[:, None]
     for j, (one, following) in enumerate(itertools.pairwise(y)):
-        early, late = np.array_split(one - following, 2)
-        dies = power(early) >= power(late)
-        if broken[j] or not (dies and is_transient(Y[j], Y[j + 1])):
+        early, late = map(power, np.array_split(one - following, 2))
+        smooth = late < MAX_BEAT * early and is_transient(Y[j], Y[j + 1])
+        if broken[j] or not (smooth or (MIN_DECAY * late < early and modal_share(one - following) > MODAL_SHARE)):
             return j
     return len(y) - 1
 
