@@ -383,10 +383,13 @@ def examine_outputs(
     lines: LineGrid,
     resample: bool,
 ) -> bool:
-    """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
+    """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams.
+
+    Periods at the start that differ by no transient are left out of `cut`.
+    """
     if cut["u"].shape[1] < 2:
         return False
-    cured, drifts = False, []
+    cured, drifts, n_unsettled = False, [], 0
     for name in output_names(cut):
         for m, where in enumerate(tracks):
             lag = align_output(cut["u"][m], cut[name][m], lines.excited)
@@ -410,9 +413,11 @@ def examine_outputs(
                 message = f"{lag.fault}; as it is, {share}"
                 data_warning(message)
             drifts += [f"{described_label}: {message}" for message in (lag.start, lag.drift) if message]
+            n_unsettled = max(n_unsettled, lag.n_unsettled)
     if not cured:  # what was cured is looked at again, and the others with it
         for drift in drifts:
             data_warning(drift)
+        cut |= {name: signal[:, n_unsettled:] for name, signal in cut.items()}
     return cured
 
 

@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-__all__ = ["find_corrupted_periods", "find_slips", "likeliest_lag", "modal_share"]
+__all__ = ["TRANSIENT_RANK", "find_corrupted_periods", "find_slips", "likeliest_lag", "modal_share"]
 
 
 MIN_LOG_LIKELIHOOD = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
@@ -317,10 +317,14 @@ def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, ga
     return bool(power(modes[rank:]) <= np.add.reduce(power(hankel(left[some]))))
 
 
-def modal_share(difference: np.ndarray) -> float:
-    """Return the share of the power of a difference of periods (N,) about its mean that damped modes explain."""
-    modes = np.linalg.svd(hankel(difference - difference.mean()), compute_uv=False)
-    return float(power(modes[:TRANSIENT_RANK]) / max(power(modes), TINY))
+def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANSIENT_RANK) -> float:
+    """Return the share of the power of a difference of periods (N,) about its mean that damped modes explain.
+
+    What noise of so much a sample makes counts as explained.
+    """
+    matrix = hankel(difference - difference.mean())
+    modes, noise = np.linalg.svd(matrix, compute_uv=False), noise * matrix.size
+    return float(1 - (power(modes[rank:]) - noise) / max(power(modes), TINY))
 
 
 def hankel(x: np.ndarray) -> np.ndarray:
