@@ -402,7 +402,9 @@ def align_decimated(
     whole = (gaps == 0) & ~corrupted
     # a gap was found because both sides of it repeat
     answers = (
-        gaps.any() or np.count_nonzero(whole) < 2 or np.mean(follows_input(output, lines, n_samples=y.shape[1], whole=whole)) > 0.5
+        gaps.any()
+        or np.count_nonzero(whole) < 2
+        or np.mean(follows_input(output, lines, n_samples=y.shape[1], whole=whole)) > 0.5
     )
     if not answers or np.count_nonzero(output.placed) <= len(y) / 2:
         return unknown_alignment(len(y), n_samples)
