@@ -33,6 +33,7 @@ from nlfrf.records.screening.input import (
     warn_about_channel,
 )
 from nlfrf.records.screening.output import align_output, resample_to_input_clock
+from nlfrf.records.screening.stream import excited_span, unwrap_position, warn_of_hits, warn_of_outliers
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
@@ -277,24 +278,34 @@ def records_from_streams(
     for name, given, kind in (("design", design, Multisine), ("lines", lines, LineGrid)):
         if given is not None:
             require_kind(name, given, kind)
-    streams = check_streams(u, outputs, r=r, named=named)
+    streams = {
+        name: [unwrap_position(name, one) for one in signal]
+        for name, signal in check_streams(u, outputs, r=r, named=named).items()
+    }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     del u, outputs, r  # long streams are held once
-    excitation = streams.get("r", streams["u"])
+    known = "r" if "r" in streams else "u"
+    excitation = streams[known]
+    for one in excitation:
+        warn_of_hits(known, one[excited_span(one, one.size // 16)])
     if n_samples is None and design is not None:
         n_samples = design_period(design, fs)
     elif n_samples is None:
         with add_swap_hint(streams, labels):
             n_samples = rounded_period(excitation[0], resample)
     n_samples = require_integer("n_samples", n_samples, least=4)
-    for name, signal in streams.items():
-        for one in signal:
-            warn_about_channel(name, one, n_samples)
-    warn_of_other_rates(streams, fs)
+    for name in output_names(streams):
+        for u, y in zip(streams["u"], streams[name], strict=True):
+            warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs)
     require_whole_period(min(one.size for one in excitation), n_samples, n_discard)
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
-    stream = excitation[0]
     del streams, excitation
+    cut_silence(kept, known, n_samples=n_samples)
+    stream = kept[known][0]
+    for name, signal in kept.items():
+        for one in signal:
+            warn_about_channel(name, one, n_samples)
+    warn_of_other_rates(kept, fs)
     with add_swap_hint(kept, labels):
         tracks = track_inputs(kept.get("r", kept["u"]), n_samples, resample)
     n_periods = min(one.size for one in kept["u"]) // n_samples
@@ -335,6 +346,19 @@ def records_from_streams(
     (y, label), *others = zip(cut.values(), labels.values(), strict=True)
     first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **label)
     return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
+
+
+def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
+    """Leave out, in place, what stands before and behind the excitation, the signal `known`, and warn of it."""
+    for m, excitation in enumerate(streams[known]):
+        some = excited_span(excitation, n_samples)
+        silent = {"before": some.start, "behind": excitation.size - some.stop}
+        found = [f"{n} samples ({n / n_samples:.2g} periods) {where}" for where, n in silent.items() if n]
+        if found:
+            label = output_label(known, m, streams[known])
+            data_warning(f"{label} is silent for {' and '.join(found)} the excitation: they are left out")
+            for signal in streams.values():
+                signal[m] = signal[m][some]
 
 
 def require_whole_period(n: int, n_samples: int, n_discard: int) -> None:
@@ -381,10 +405,13 @@ def examine_outputs(
     lines: LineGrid,
     resample: bool,
 ) -> bool:
-    """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
+    """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams.
+
+    Periods at the start that differ by no transient are left out of `cut`.
+    """
     if cut["u"].shape[1] < 2:
         return False
-    cured, drifts = False, []
+    cured, drifts, n_unsettled = False, [], 0
     for name in output_names(cut):
         for m, where in enumerate(tracks):
             lag = align_output(cut["u"][m], cut[name][m], lines.excited)
@@ -408,14 +435,16 @@ def examine_outputs(
                 message = f"{lag.fault}; as it is, {share}"
                 data_warning(message)
             drifts += [f"{described_label}: {message}" for message in (lag.start, lag.drift) if message]
+            n_unsettled = max(n_unsettled, lag.n_unsettled)
     if not cured:  # what was cured is looked at again, and the others with it
         for drift in drifts:
             data_warning(drift)
+        cut |= {name: signal[:, n_unsettled:] for name, signal in cut.items()}
     return cured
 
 
-def output_label(name: str, m: int, tracks: Sequence[PeriodAlignment | None]) -> str:
-    """Return how an output is called in messages, of realisation m of several."""
+def output_label(name: str, m: int, tracks: Sequence[object]) -> str:
+    """Return how a signal is called in messages, of realisation m of several."""
     return name if len(tracks) == 1 else f"{name}, realisation {m}"
 
 
@@ -601,7 +630,7 @@ def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
 
 def rounded_period(u: np.ndarray, resample: bool) -> int:
     """Return the period of the input, rounded to samples: whether it is whole is found by following the periods."""
-    period = detect_period(u)
+    period = detect_period(u[excited_span(u, u.size // 16)])
     if abs(period - round(period)) > 0.1 and not resample:
         raise ValueError(
             f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number; "

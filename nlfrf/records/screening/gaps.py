@@ -9,10 +9,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-__all__ = ["find_corrupted_periods", "find_slips", "likeliest_lag"]
+__all__ = ["TRANSIENT_RANK", "find_corrupted_periods", "find_slips", "likeliest_lag", "modal_share"]
 
 
 MIN_LOG_LIKELIHOOD = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
@@ -26,8 +27,8 @@ WHOLE_TOLERANCE = (
 )
 ROUNDING_POWER = 1e-9  # share of the power of y that is no difference
 MIN_SAMPLES = 16  # samples of the noise that tell its variance
-STEP_RATIO = 8.0  # times as much before a gap as behind it: no resonance that then still rings dies so fast
-SPECTRAL_PEAK_SHARE = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
+TRANSIENT_RANK = 4  # of the Hankel matrix of two modes; more would explain short gaps, too
+HANKEL_SAMPLES = 256  # samples of a difference that tell its rank
 MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried wherever they are
 SHORT_SHIFTS = [sign * k for k in range(1, MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
 SPIKE_SHARE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
@@ -226,7 +227,14 @@ def has_slip_pair(
         if begin < edge or difference[-1] - difference[behind] > 2 * at.size * noise:
             continue
         if explained(j, begin, end) and (i == 0 or explained(i, 0, begin)):
-            return not is_single_mode(one - following, begin * stride, behind * stride), tried[i]
+            first, last_gap = begin * stride, behind * stride
+            remainder = np.concatenate(
+                [
+                    one[some] - np.roll(following, -tried[k])[some]
+                    for k, some in ((i, slice(first)), (j, slice(first, last_gap)), (0, slice(last_gap, n)))
+                ]
+            )
+            return not is_free_response(one - following, remainder, begin=first, gap=last_gap), tried[i]
     return False, 0
 
 
@@ -285,26 +293,44 @@ def slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarra
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
         whole = confirms_shift(np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur)
-        if whole and explained > most and not is_single_mode(one - following, 0, gap):
-            rest = (one - there)[:end]
+        if whole and explained > most:
+            rest, behind_gap = (one - there)[:end], np.arange(n) >= gap
+            remainder = np.where(behind_gap, one - following, one - there)
+            if is_free_response(one - following, remainder, begin=0, gap=gap):
+                continue
             if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end:
                 found, most = shift, explained
     return found
 
 
-def is_single_mode(difference: np.ndarray, begin: int, gap: int) -> bool:
-    """Whether what periods differ by (N,) goes on behind a gap on one frequency, as a resonance that rings for long.
+def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, gap: int) -> bool:
+    """Return whether damped modes explain what two periods differ by (N,) as well as a gap does, which leaves `left`.
 
-    It is held against what they differ by before it, from `begin` on.
+    A free response of n modes has a Hankel matrix of rank 2 n. What a gap leaves until it ends has none of low rank,
+    because it ends at once. So as many samples behind the gap are looked at as before it, from `begin` on.
     """
-    if difference.size - gap < MIN_SAMPLES:
+    reach = min(gap - begin, difference.size - gap)
+    if 2 * reach < MIN_SAMPLES:
         return True  # so few samples do not tell
-    before, behind = power(difference[begin:gap]) / (gap - begin), power(difference[gap:]) / (difference.size - gap)
-    if before > STEP_RATIO * behind:
-        return False
-    spectrum = squared_modulus(rfft(difference[gap:] * np.hanning(difference.size - gap)))
-    peak = int(np.argmax(spectrum))
-    return bool(spectrum[max(peak - 2, 0) : peak + 3].sum() > SPECTRAL_PEAK_SHARE * spectrum.sum())
+    some = slice(gap - reach, gap + reach)
+    modes, rank = np.linalg.svd(hankel(difference[some]), compute_uv=False), TRANSIENT_RANK
+    return bool(power(modes[rank:]) <= np.add.reduce(power(hankel(left[some]))))
+
+
+def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANSIENT_RANK) -> float:
+    """Return the share of the power of a difference of periods (N,) about its mean that damped modes explain.
+
+    What noise of so much a sample makes counts as explained.
+    """
+    matrix = hankel(difference - difference.mean())
+    modes, noise = np.linalg.svd(matrix, compute_uv=False), noise * matrix.size
+    return float(1 - (power(modes[rank:]) - noise) / max(power(modes), TINY))
+
+
+def hankel(x: np.ndarray) -> np.ndarray:
+    """Return the Hankel matrix of a signal (n,), as square as it can be, of at most HANKEL_SAMPLES to it."""
+    x = x[:: -(-x.size // HANKEL_SAMPLES)]
+    return sliding_window_view(x, x.size // 2)
 
 
 def correlation_length(noise: np.ndarray) -> float:

@@ -15,7 +15,13 @@ import numpy as np
 from nlfrf._base.numbers import BLOCK_ENTRIES, TINY, power, rfft_at, streams_equal
 from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import common_smooth_step, decimate
-from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
+from nlfrf.records.screening.gaps import (
+    TRANSIENT_RANK,
+    find_corrupted_periods,
+    find_slips,
+    likeliest_lag,
+    modal_share,
+)
 from nlfrf.records.screening.input import MAX_LINES, SEVERE_POWER, describe_slips, interpolate_bandlimited
 from nlfrf.signals.lines import chance_correlation
 
@@ -129,6 +135,9 @@ def smooth_basis() -> np.ndarray:
     return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
+MAX_BEAT, MIN_DECAY = 2.0, 1.1  # power in the second half of a period over the first, and the first over the second
+SETTLING_SHARE, MIN_OVER_NOISE = 0.95, 3.0  # of 1 in 300 random records from rest four modes explain less
+MODAL_SHARE = 0.9  # of what differs that two damped modes explain: of a gap 0.5 to 0.9, of noise 0.1
 SIGMAS = 6.0  # standard deviations past which a fault is believed
 MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
 VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
@@ -246,15 +255,21 @@ class OutputAlignment:
         )
 
     @property
+    def n_unsettled(self) -> int:
+        """Periods at the start that differ from the others by no transient, and are left out for it."""
+        return max(int(np.argmax(self.sound)), 1) if self.mismatched else 0
+
+    @property
     def start(self) -> str:
         """What may be wrong before the first sound period, and what to do; empty where it may be a transient."""
-        if not self.mismatched:
+        n = self.n_unsettled
+        if not n:
             return ""
-        first = int(np.argmax(self.sound))
-        which = "period 1 differs" if first == 1 else f"periods 1 to {first} differ"
+        which = "period 1 differs from the others" if n == 1 else f"periods 1 to {n} differ from the others"
         return (
-            f"{which} from the others by more than noise, and by no transient: where samples were lost or repeated in "
-            "it, all that follows stands wrong against u. Measure again, or leave it out by n_discard where none were"
+            f"{which} by more than noise and by no free response of a few modes, and is left out. It may be a start from "
+            "rest of a nonlinear machine. But where samples of y were lost in it, all that follows stands wrong against "
+            "u; then measure again"
         )
 
     @property
@@ -302,6 +317,8 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
     if first and not lag.fault and not lag.drift:
         unbroken = np.zeros(first, dtype=bool)
         lag = replace(lag, mismatched=first_settled_period(y[: first + 1], int(lines[-1]), unbroken) < first)
+    if len(y) > 2 and not (lag.fault or lag.drift or lag.mismatched):
+        lag = replace(lag, mismatched=not is_free_response_of_modes(y[max(first - 1, 0) :]))
     # a gap before all that is sound: that is where the rest stands
     gaps[first:] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
@@ -310,15 +327,30 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
 def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
 
-    A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,).
+    A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,). Two
+    modes that beat may grow for half a period. What rings on few lines is not smooth from line to line, but is that of
+    few damped modes.
     """
     Y = rfft_at(y, np.arange(1, last + 1))[:, None]
     for j, (one, following) in enumerate(itertools.pairwise(y)):
-        early, late = np.array_split(one - following, 2)
-        dies = power(early) >= power(late)
-        if broken[j] or not (dies and is_transient(Y[j], Y[j + 1])):
+        early, late = map(power, np.array_split(one - following, 2))
+        smooth = late < MAX_BEAT * early and is_transient(Y[j], Y[j + 1])
+        if broken[j] or not (smooth or (MIN_DECAY * late < early and modal_share(one - following) > MODAL_SHARE)):
             return j
     return len(y) - 1
+
+
+def is_free_response_of_modes(y: np.ndarray) -> bool:
+    """Return whether the first of the periods (P, N) differs from the next by a few damped modes, or by no more than noise.
+
+    Noise is the least that two of the periods behind it differ by. Modes with a weak cubic spring take rank 8.
+    """
+    difference, *others = np.diff(y, axis=0)
+    noise = min(map(power, others))
+    return bool(
+        power(difference) < MIN_OVER_NOISE * noise
+        or modal_share(difference, noise / difference.size, rank=2 * TRANSIENT_RANK) > SETTLING_SHARE
+    )
 
 
 def unknown_alignment(n_periods: int, n_samples: int) -> OutputAlignment:
@@ -368,9 +400,11 @@ def align_decimated(
         lines = np.sort(np.random.default_rng(0).choice(lines, MAX_LINES, replace=False))
     input_side, output = align_periods(u, lines), align_periods(y, lines)
     whole = (gaps == 0) & ~corrupted
-    # one whole period has nothing to repeat, and the gap in the other was found because both sides of it do
+    # a gap was found because both sides of it repeat
     answers = (
-        np.count_nonzero(whole) < 2 or np.mean(follows_input(output, lines, n_samples=y.shape[1], whole=whole)) > 0.5
+        gaps.any()
+        or np.count_nonzero(whole) < 2
+        or np.mean(follows_input(output, lines, n_samples=y.shape[1], whole=whole)) > 0.5
     )
     if not answers or np.count_nonzero(output.placed) <= len(y) / 2:
         return unknown_alignment(len(y), n_samples)
