@@ -50,7 +50,7 @@ def published(folder, names):
         begin = time.process_time()
         try:
             P, n_y, n_u = generalised(problems, name)
-            found = hinfsyn(P, n_y, n_u, time_cap=60)
+            found = hinfsyn(P, n_y, n_u)
         except ValueError as error:
             print(f"{name:8} refused: {error}")
             continue

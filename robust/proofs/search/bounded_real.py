@@ -7,18 +7,27 @@ inputs and outputs; one loop is proved in exact arithmetic (`robust.proofs.exact
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import control
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
-from nlfrf._base.arguments import require_positive, short_form
+from nlfrf._base.arguments import format_hertz, require_choice, require_positive
 from robust._base.states import Outcome
 from robust._base.types import LinearSystem
 from robust.lti.lti import Matrices, scale_states, timebase
 from robust.lti.norms import EPS, hinf_norm, to_continuous, to_discrete, well_conditioned
+from robust.lti.realisation import multivariable, rightmost_pole
 from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.matrices import NormClaim
-from robust.proofs.search.certificate import TIME_CAP, Certificate, failed_certificate, solve_program
+from robust.proofs.exact.closed_loops import (
+    ClosedLoopClaim,
+    decide_closed_loop,
+    norm_of_closed_loop,
+    verify_closed_loop,
+)
+from robust.proofs.exact.matrices import MAX_STATES, NormClaim, decide_norm
+from robust.proofs.search.certificate import EXACT, SOLVERS, Certificate, failed_certificate, solve_program
 
 __all__ = ["certify_norm"]
 
@@ -28,18 +37,14 @@ SLACK = 3e-6  # above what the change of coordinates may be off
 
 
 def certify_norm(
-    system: LinearSystem,
-    level: float = 1.0,
-    *,
-    solver: str = "CLARABEL",
-    subject: str = "norm",
-    time_cap: float = TIME_CAP,
+    system: LinearSystem, level: float = 1.0, *, solver: str = "CLARABEL", subject: str = "norm"
 ) -> Certificate:
     """Prove by the bounded-real lemma that a system is stable with H-infinity norm below a level.
 
     P > 0 with [A'P + PA + C'C, PB + C'D; B'P + D'C, D'D - level^2 I] < 0 (in discrete time its counterpart). The
     solver proposes P, its status is not looked at; both inequalities are judged in numpy, strictly, by more than
-    the rounding in putting them together.
+    the rounding in putting them together. Where that decides nothing (a false level, one within 3e-6 of the norm, more
+    than 32 states) exact arithmetic decides.
 
     Parameters
     ----------
@@ -51,13 +56,12 @@ def certify_norm(
         "CLARABEL" or "SCS".
     subject : str
         What to call it.
-    time_cap : float
-        Seconds the solver may take.
 
     Returns
     -------
     Certificate
-        One that does not hold says why. Nothing a solver does raises.
+        One that does not hold says why: violated with the norm and its frequency, violated as the system is not stable,
+        or undecided. Nothing a solver does raises.
 
     Raises
     ------
@@ -71,67 +75,80 @@ def certify_norm(
     Examples
     --------
     >>> lag = control.tf([2], [1, 1])
-    >>> certify_norm(lag, 2.002).holds, certify_norm(lag, 1.998).holds
-    (True, False)
+    >>> certify_norm(lag, 2.002).holds
+    True
+    >>> certify_norm(lag, 1.998).outcome, certify_norm(lag, 1.998).reason
+    ('violated', 'the norm is 2, at 0 Hz')
     """
     level = require_positive("level", level)
-    if isinstance(system, control.TransferFunction):
-        system = control.ss(system)
-    if not isinstance(system, control.StateSpace):
-        raise ValueError(f"system must be a control.StateSpace or TransferFunction, got {short_form(system)}")
-    dt, n = timebase(system), system.nstates
-    everywhere = np.array([[0.0, np.pi / dt if dt else np.inf]])
-
-    def proved(method: str) -> Certificate:
-        return Certificate(
-            subject=subject,
-            outcome=Outcome.HOLDS,
-            level=level,
-            method=method,
-            intervals=everywhere,
-            reason="",
-            claim=NormClaim(system=to_matrices(system), level=level),
-        )
-
-    inner = level * (1 - SLACK)
-    A, B, C, D = system.A, system.B / np.sqrt(inner), system.C / np.sqrt(inner), system.D / inner
-    if not all(np.isfinite(m).all() for m in (A, B, C, D)):
-        return failed_certificate(subject, level, "the system has coefficients that are not finite")
-    if not n:
-        gain = np.linalg.norm(D, 2)
-        return (
-            proved("KYP")
-            if gain < 1 - 10 * EPS
-            else failed_certificate(subject, level, f"the gain is {gain * level:.6g}")
-        )
-    A, B, C = scale_states(A, B, C)  # by powers of two, which is exact
-    if n > LARGEST_KYP:
-        return failed_certificate(
-            subject, level, f"{n} states are too many for a linear matrix inequality (at most {LARGEST_KYP})"
-        )
-    p = np.linalg.eigvals(A)
-    if np.any(np.abs(p) >= 1) if dt else np.any(p.real >= 0):
-        return failed_certificate(subject, level, "the system is not stable")
-    method, reason = prove_inequality((A, B, C, D), bool(dt), solver=solver, time_cap=time_cap)
-    return proved(method) if method else failed_certificate(subject, level, reason)
+    require_choice("solver", solver, SOLVERS)
+    system = multivariable("system", system)
+    norm = hinf_norm(system)[0]
+    if system.nstates > LARGEST_KYP or norm >= level:
+        return certify_exactly(system, level, subject)
+    method = prove_by_inequality(system, level, solver)
+    claim = NormClaim(system=to_matrices(system), level=level)
+    return norm_certificate(claim, subject, method) if method else certify_exactly(system, level, subject)
 
 
-def prove_inequality(matrices: Matrices, discrete: bool, *, solver: str, time_cap: float) -> tuple[str, str]:
-    """Return the method that proves the norm of a stable system below one, or why none does."""
+def certify_exactly(system: control.StateSpace, level: float, subject: str) -> Certificate:
+    """Return `certify_norm` of exact arithmetic; of many states of balls, as a loop without a controller."""
+    matrices, (norm, peak) = to_matrices(system), hinf_norm(system)
+    if matrices.order <= MAX_STATES:
+        claim = NormClaim(system=matrices, level=level)
+        decided = decide_norm(claim)
+        if decided["stability"].holds and decided["norm"].holds:
+            return norm_certificate(claim, subject, EXACT)
+        unstable, violated = decided["stability"].violated, "norm" in decided and decided["norm"].violated
+    else:
+        nothing = to_matrices(control.StateSpace([], [], [], np.zeros((0, 0)), matrices.dt))
+        loop = ClosedLoopClaim(plant=matrices, controller=nothing, level=level)
+        if decide_closed_loop(loop).holds:
+            return replace(norm_certificate(loop, subject, EXACT), again=verify_closed_loop)
+        precise, where = norm_of_closed_loop(matrices, nothing)
+        norm, peak = (norm, peak) if np.isnan(precise) else (precise, where)
+        unstable, violated = np.isinf(norm), norm >= level
+    if unstable:
+        reason = f"the system is not stable: a pole at {rightmost_pole(system):.4g}"
+        return failed_certificate(subject, level, reason, outcome=Outcome.VIOLATED)
+    if violated:
+        reason = f"the norm is {norm:.10g}, at {format_hertz(peak)}"
+        return failed_certificate(subject, level, reason, outcome=Outcome.VIOLATED, violated_at=peak)
+    return failed_certificate(subject, level, f"the norm, {norm:.10g} in floating point, could not be proved")
+
+
+def norm_certificate(claim: NormClaim | ClosedLoopClaim, subject: str, method: str) -> Certificate:
+    """Return a certificate that holds at every frequency."""
+    dt = (claim.system if isinstance(claim, NormClaim) else claim.plant).dt
+    return Certificate(
+        subject=subject,
+        outcome=Outcome.HOLDS,
+        level=claim.level,
+        method=method,
+        intervals=np.array([[0.0, np.pi / dt if dt else np.inf]]),
+        reason="",
+        claim=claim,
+    )
+
+
+def prove_by_inequality(system: control.StateSpace, level: float, solver: str) -> str:
+    """Return the method that proves the norm of a stable system below a level, empty where none does."""
+    discrete, inner = bool(timebase(system)), level * (1 - SLACK)
+    B, C, D = system.B / np.sqrt(inner), system.C / np.sqrt(inner), system.D / inner
+    if not system.nstates:
+        return "KYP" if np.linalg.norm(D, 2) < 1 - 10 * EPS else ""
+    A, B, C = scale_states(system.A, B, C)  # by powers of two, which is exact
+    matrices = A, B, C, D
     image = well_conditioned(to_continuous(*matrices) if discrete else matrices)
     there = change_coordinates(image, preconditioning_coordinates(image))
-    reasons = []
-    for method, proposal in (("KYP", solve_kyp), ("KYP, P from a Riccati equation", None)):
-        X, trouble = (np.eye(len(there[0])), "") if proposal is None else proposal(there, solver, time_cap)
-        if X is None:
-            reasons.append(trouble)
-            continue
+    for method, propose in (("KYP", solve_kyp), ("KYP, P from a Riccati equation", None)):
+        X = np.eye(len(there[0])) if propose is None else propose(there, solver)
         # judged in the coordinates of the proposal: there rounding is smallest
-        failure = judge_inequality(*(to_discrete(*there) if discrete else there), (X + X.T) / 2, discrete=discrete)
-        if not failure:
-            return method, ""
-        reasons.append(f"{method}: {failure}")
-    return "", "; ".join(reasons)
+        if X is not None and not judge_inequality(
+            *(to_discrete(*there) if discrete else there), (X + X.T) / 2, discrete=discrete
+        ):
+            return method
+    return ""
 
 
 def change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
@@ -163,8 +180,8 @@ def preconditioning_coordinates(matrices: Matrices) -> np.ndarray:
     return np.eye(n)
 
 
-def solve_kyp(matrices: Matrices, solver: str, time_cap: float) -> tuple[np.ndarray | None, str]:
-    """X from cvxpy for the inequality with the largest margin, or None and what went wrong."""
+def solve_kyp(matrices: Matrices, solver: str) -> np.ndarray | None:
+    """X from cvxpy for the inequality with the largest margin, or None."""
     import cvxpy as cp
 
     A, B, C, D = matrices
@@ -175,12 +192,9 @@ def solve_kyp(matrices: Matrices, solver: str, time_cap: float) -> tuple[np.ndar
     scale = np.diag(1 / np.sqrt(np.concatenate([np.maximum(np.linalg.norm(A, axis=0), 1e-6), np.ones(m)])))
     constraints = [scale @ M @ scale << -t * np.eye(n + m), X >> 1e-6 * np.eye(n), t <= 1]
     problem = cp.Problem(cp.Maximize(t), constraints)
-    failed = solve_program(problem, solver, time_cap)
-    if failed:
-        return None, failed
-    if X.value is None or np.shape(X.value) != (n, n) or not np.isfinite(X.value).all():
-        return None, f"the solver {solver} gave no matrix ({problem.status})"
-    return np.asarray(X.value, dtype=float), ""
+    if solve_program(problem, solver) or np.shape(X.value) != (n, n) or not np.isfinite(X.value).all():
+        return None
+    return np.asarray(X.value, dtype=float)
 
 
 def judge_inequality(

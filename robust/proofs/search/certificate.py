@@ -17,7 +17,7 @@ from robust.proofs.exact.matrices import NormClaim, verify_norm
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = ["EXACT", "SOLVERS", "TIME_CAP", "Certificate", "failed_certificate", "solve_program"]
+__all__ = ["EXACT", "SOLVERS", "Certificate", "failed_certificate", "solve_program"]
 
 
 EXACT = "exact arithmetic"  # where nothing is left to floating point
@@ -44,7 +44,7 @@ class Certificate:
         "exact arithmetic" (one loop: proved, rigorous), "KYP" (P from cvxpy), "KYP, P from a Riccati equation",
         "Hamiltonian, interval by interval" (mu), "periodic Riccati equation, Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
-        Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
+        Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) of a norm; where it is violated.
     reason : str
         Why it does not hold, for people; empty when it does.
     claim : LoopClaim, NormClaim or another
@@ -119,21 +119,27 @@ class Certificate:
         return Verification(verified=False, proved=(), failed=((self.subject, reason),), bits=0)
 
 
-def failed_certificate(subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED) -> Certificate:
-    """Return a certificate that does not hold: undecided, or violated."""
-    nothing = np.zeros((0, 2))
-    return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=nothing, reason=reason)
+def failed_certificate(
+    subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED, violated_at: float = np.nan
+) -> Certificate:
+    """Return a certificate that does not hold: undecided, or violated, at a frequency [rad/s] where one is known."""
+    where = np.zeros((0, 2)) if np.isnan(violated_at) else np.full((1, 2), violated_at)
+    return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=where, reason=reason)
 
 
 # ---- Convex programs, solved under a time cap by solvers that may fail in any way.
 
 
-def solve_program(problem: cvxpy.Problem, solver: str, time_cap: float, *, eps: float = 1e-7) -> str:
+def solve_program(problem: cvxpy.Problem, solver: str, time_cap: float | None = None, *, eps: float = 1e-7) -> str:
     """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
 
-    problem : cvxpy.Problem; solver : its name there; time_cap : seconds; eps : tolerance of SCS.
+    problem : cvxpy.Problem; solver : its name there; time_cap : seconds, None: its steps are counted, not its time;
+    eps : tolerance of SCS.
     """
-    caps = {"CLARABEL": {"time_limit": time_cap}, "SCS": {"time_limit_secs": time_cap, "eps": eps}}
+    caps = {
+        "CLARABEL": {} if time_cap is None else {"time_limit": time_cap},
+        "SCS": {"eps": eps, **({"max_iters": SCS_STEPS} if time_cap is None else {"time_limit_secs": time_cap})},
+    }
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # "may be inaccurate": it may well be
@@ -146,4 +152,4 @@ def solve_program(problem: cvxpy.Problem, solver: str, time_cap: float, *, eps: 
 
 
 SOLVERS = ("CLARABEL", "SCS")
-TIME_CAP = 5.0
+SCS_STEPS = 20_000  # some seconds for 32 states

@@ -7,7 +7,6 @@ local optimum; what is returned is the best loop seen, judged by mu with the str
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import control
 import numpy as np
 
-from nlfrf._base.arguments import format_count, require_integer, require_positive
+from nlfrf._base.arguments import format_count, require_integer
 from nlfrf._base.values import value
 from robust._base.types import Blocks, LinearSystem, Weight
 from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
@@ -128,7 +127,6 @@ def dk_iteration(
     order: int = 4,
     n_rounds: int = 6,
     omega: ArrayLike | None = None,
-    time_cap: float = 60.0,
 ) -> DkDesign:
     """Synthesise a controller that keeps mu small.
 
@@ -151,8 +149,6 @@ def dk_iteration(
         Most rounds.
     omega : (W,) ndarray, optional
         Frequencies [rad/s] for mu; chosen from the poles of the loop when not given.
-    time_cap : float
-        Seconds; the best found by then is returned.
 
     Returns
     -------
@@ -205,7 +201,6 @@ def dk_iteration(
     P = multivariable("P", P)
     n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
     order, n_rounds = require_integer("order", order, least=0), require_integer("n_rounds", n_rounds, least=1)
-    deadline = time.monotonic() + require_positive("time_cap", time_cap)
     blocks = () if blocks is None else blocks
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     dt = timebase(P)
@@ -222,24 +217,19 @@ def dk_iteration(
                 if found is None
                 else fit_scalings(found, P, s=s, scaling=scaling, stretch=share, order=highest)
             )
-            K, gamma, failed = synthesise_scaled(
-                P, wanted, s=s, sizes=(n_y, n_u), time_cap=max(deadline - time.monotonic(), 0.1)
-            )
+            K, gamma, failed = synthesise_scaled(P, wanted, s=s, sizes=(n_y, n_u))
             if not failed:
                 tried.append((judge_by_mu(P, K, blocks=blocks, omega=omega), gamma, wanted, used, share))
-            if time.monotonic() > deadline:
-                break
         if not tried:
             reason = failed
             break
         found, gamma, scaling, used, share = min(tried, key=lambda each: each[0].mu)
         history.append((gamma, found.mu, used))
         idle = 0 if found.mu < best.mu * (1 - LEAST_PROGRESS) else idle + 1
-        late = time.monotonic() > deadline
         stretch = min(STRETCH * share, LONGEST_STRETCH) if len(history) > 1 else 1.0
         best = found if found.mu < best.mu else best
-        if late or idle > PATIENCE:
-            reason = "the time cap was reached" if late else "mu did not fall any more"
+        if idle > PATIENCE:
+            reason = "mu did not fall any more"
             break
     CL = lower_lft(P, best.K) if np.isfinite(best.mu) else None
     certificate = None if CL is None else certify_mu(CL, blocks, 1.01 * best.mu)
@@ -298,7 +288,7 @@ def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
 
 
 def synthesise_scaled(
-    P: control.StateSpace, scaling: list[Scaling], *, s: BlockStructure, sizes: tuple[int, int], time_cap: float
+    P: control.StateSpace, scaling: list[Scaling], *, s: BlockStructure, sizes: tuple[int, int]
 ) -> tuple[control.StateSpace, float, str]:
     """Return the controller of the scaled plant, the norm it reaches there, and why it is none."""
     n_y, n_u = sizes
@@ -309,7 +299,6 @@ def synthesise_scaled(
         n_y,
         n_u,
         factor=SYNTHESIS_FACTOR,
-        time_cap=time_cap,
     )
     if not found.found:
         return found.K, found.gamma, f"synthesis found nothing: {found.reason}"

@@ -16,6 +16,7 @@ from robust.lti.norms import from_half_plane, modal_coordinates, to_continuous, 
 
 __all__ = [
     "Plant",
+    "compress_channels",
     "dual_plant",
     "has_full_ranks",
     "has_zero_on_axis",
@@ -26,6 +27,10 @@ __all__ = [
     "regularise_plant",
     "restore_controller",
 ]
+
+
+#: Of the largest singular value: below it a direction of the channels has no effect of its own.
+RANK_TOLERANCE = 1e-10
 
 
 @value
@@ -43,7 +48,7 @@ class Plant:
     D22, D22_image : (n_y, n_u) ndarray
         Direct terms removed before and after the bilinear map.
     into_u, out_of_y : ndarray
-        Controller of the plant with normalised D12, D21 to that of the plant itself: into_u K out_of_y.
+        Controller of the plant with fewer or scaled u and y to that of the plant itself: into_u K out_of_y.
     dt : float
         Sampling time [s], 0 for continuous.
     region : tuple of float
@@ -91,7 +96,7 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
             C[:z], D[:z, :w] = C[:z] + change[n:, :n], D[:z, :w] + change[n:, n:]
         A, B, C, D = to_continuous(A, B, C, D)
     A, B, C, speed = scale_plant(A, B, C)
-    return Plant(
+    plant = Plant(
         A=A,
         B1=B[:, :w],
         B2=B[:, w:],
@@ -108,6 +113,30 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
         out_of_y=np.eye(n_y),
         dt=dt,
     )
+    return compress_channels(plant)
+
+
+def compress_channels(plant: Plant) -> Plant:
+    """Return the plant with only those combinations of u and y that act and measure independently.
+
+    Two equal actuators become one, a measurement of nothing is left out.
+    """
+    into_u = independent_directions(np.vstack([plant.B2, plant.D12]))
+    out_of_y = independent_directions(np.hstack([plant.C2, plant.D21]).T).T
+    return replace(
+        plant, B2=plant.B2 @ into_u, D12=plant.D12 @ into_u, C2=out_of_y @ plant.C2, D21=out_of_y @ plant.D21,
+        into_u=plant.into_u @ into_u, out_of_y=out_of_y @ plant.out_of_y,
+    )  # fmt: skip
+
+
+def independent_directions(effects: np.ndarray) -> np.ndarray:
+    """Return combinations (n, r) of n channels that span all r independent effects, in the unit of each channel."""
+    sizes = np.linalg.norm(effects, axis=0)
+    units = 1 / np.where(sizes > 0, sizes, 1.0)
+    _, values, V = np.linalg.svd(effects * units)
+    if values.size == len(V) and values[-1] > RANK_TOLERANCE * values[0]:
+        return np.eye(len(V))
+    return units[:, None] * V[: np.count_nonzero(values > RANK_TOLERANCE * values.max(initial=0.0))].T
 
 
 def shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
@@ -180,7 +209,7 @@ def map_region(plant: Plant, a: float, b: float) -> Plant:
         D12=D[:n_z, n_w:],
         D21=D[n_z:, :n_w],
         region=(a, b),
-        D22_region=D[n_z:, n_w:],
+        D22_region=np.linalg.pinv(plant.out_of_y) @ D[n_z:, n_w:] @ np.linalg.pinv(plant.into_u),
     )
 
 
@@ -188,7 +217,7 @@ def dual_plant(plant: Plant) -> Plant:
     """Return the transposed plant: its control is the filtering of this one."""
     return replace(
         plant, A=plant.A.T, B1=plant.C1.T, B2=plant.C2.T, C1=plant.B1.T, C2=plant.B2.T,
-        D11=plant.D11.T, D12=plant.D21.T, D21=plant.D12.T,
+        D11=plant.D11.T, D12=plant.D21.T, D21=plant.D12.T, into_u=plant.out_of_y.T, out_of_y=plant.into_u.T,
     )  # fmt: skip
 
 
@@ -229,9 +258,9 @@ def has_full_ranks(plant: Plant) -> tuple[bool, bool]:
 
 
 def has_full_rank(D: np.ndarray) -> bool:
-    """Return whether the columns are independent beyond rounding."""
+    """Return whether there are columns, independent beyond rounding."""
     sizes = np.linalg.svd(D, compute_uv=False)
-    return D.shape[0] >= D.shape[1] and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
+    return D.shape[0] >= D.shape[1] > 0 and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
 
 
 def typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> float:
@@ -267,8 +296,8 @@ def normalise_plant(plant: Plant) -> Plant | None:
         D11=Z.T @ plant.D11 @ W.T,
         D12=np.eye(n_z, n_u, k=-(n_z - n_u)),
         D21=np.eye(n_y, n_w, k=n_w - n_y),
-        into_u=into_u,
-        out_of_y=out_of_y,
+        into_u=plant.into_u @ into_u,
+        out_of_y=out_of_y @ plant.out_of_y,
     )
 
 

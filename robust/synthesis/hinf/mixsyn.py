@@ -6,7 +6,7 @@ from typing import TypeGuard
 
 import control
 
-from nlfrf._base.arguments import require_nonnegative, require_positive
+from nlfrf._base.arguments import require_nonnegative
 from robust._base.types import Controller, Weight
 from robust.lti.connections import weighted_plant
 from robust.lti.lti import is_constant, timebase, with_names
@@ -15,7 +15,7 @@ from robust.lti.sampling import delayed, discretize, sampled
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.synthesis.hinf.design import Design
-from robust.synthesis.hinf.hinfsyn import hinfsyn
+from robust.synthesis.hinf.hinfsyn import MOST_STEPS, hinfsyn
 
 __all__ = ["mixsyn", "weight_on_time_base"]
 
@@ -33,7 +33,7 @@ def mixsyn(
     dt: float = 0.0,
     delay: float = 0.0,
     factor: float = 1.01,
-    time_cap: float = 2.0,
+    n_steps: int = MOST_STEPS,
 ) -> Design:
     """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
 
@@ -59,8 +59,8 @@ def mixsyn(
         Computation delay [s]; by a Padé approximation in continuous time.
     factor : float
         gamma asked for over the least one, at least 1.
-    time_cap : float
-        Seconds; the best found by then is returned.
+    n_steps : int
+        Most levels of gamma that are tried; the best found by then is returned.
 
     Returns
     -------
@@ -88,11 +88,7 @@ def mixsyn(
     >>> round(design.gamma_min, 3), bool(design.gamma < 1.38)
     (1.366, True)
     """
-    dt, delay, time_cap = (
-        require_nonnegative("dt", dt),
-        require_nonnegative("delay", delay),
-        require_positive("time_cap", time_cap),
-    )
+    dt, delay = require_nonnegative("dt", dt), require_nonnegative("delay", delay)
     G = multivariable("model", model.nominal if is_unstructured_model(model) else model)
     n_y, n_u, step = G.noutputs, G.ninputs, timebase(G)
     names = G.output_labels, G.input_labels
@@ -114,7 +110,7 @@ def mixsyn(
         if w is not None
     ]
     G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
-    found = hinfsyn(weighted_plant(G, n_y, n_u=n_u, weights=stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
+    found = hinfsyn(weighted_plant(G, n_y, n_u=n_u, weights=stacked), n_y, n_u, factor=factor, n_steps=n_steps)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     with_names(K, *names)
     reason = found.reason if found.found else f"not found: {found.reason}"

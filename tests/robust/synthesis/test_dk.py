@@ -53,7 +53,7 @@ def test_the_distillation_column_as_a_set():
     report = check(model, design.K, w_P=w_P)
     assert report.verdict == "robust"
     assert 1 / report.margin_rp == pytest.approx(design.mu, rel=1e-3)
-    nominal = mixsyn(model.nominal, w_P, w_u=0.001, time_cap=20).K  # knows nothing of the set
+    nominal = mixsyn(model.nominal, w_P, w_u=0.001).K  # knows nothing of the set
     assert check(model, nominal, w_P=w_P, certify=False).margin_rp < 0.9 * report.margin_rp
 
 
@@ -89,12 +89,6 @@ def test_a_discrete_plant():
     design = dk_iteration(discrete, WITH_PERFORMANCE, 2, 2, n_rounds=1, order=2)
     assert design.mu == pytest.approx(1.18, abs=0.03)
     assert design.K.dt == 0.1
-
-
-def test_out_of_time_the_best_is_kept():
-    design = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, time_cap=1e-9)
-    assert "time cap" in design.reason
-    assert len(design.history) <= 1
 
 
 def test_scalings_are_minimum_phase_and_have_an_inverse():
@@ -159,7 +153,6 @@ def test_worst_gain_of_the_distillation_column_is_seen_by_no_perturbation():
             "must add up to the 4 outputs and 4 inputs of P without",
         ),
         (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, order=-1), "order must be a whole number"),
-        (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, time_cap=0), "time_cap must be positive"),
         (lambda: worst_gain(np.ones((2, 2, 1)), [(2, 2)]), "blocks must leave some of the 2 outputs"),
         (lambda: mu_upper_lmi(np.ones((2, 2, 1)), [(2, 2)], solver="MOSEK"), "solver must be one of"),
     ],

@@ -99,7 +99,7 @@ def test_a_discrete_plant_with_poles_at_minus_one_at_one_and_at_zero():
     for p in (-1.0, 1.0, 0.0):
         G = control.StateSpace([[p, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], 0.1)
         w_P = control.sample_system(control.ss(control.tf([0.5, 0.05], [1, 1e-4])), 0.1, method="bilinear")
-        found = hinfsyn(mixed_sensitivity(G, w_P, 0.1, 0.1), 1, 1, time_cap=60)
+        found = hinfsyn(mixed_sensitivity(G, w_P, 0.1, 0.1), 1, 1)
         assert found.found
         assert decide_stability(control.feedback(G * found.K, 1)).stable
 
@@ -118,9 +118,10 @@ def test_singular_problems_are_made_regular_and_judged_without():
 def test_good_enough_is_enough_and_the_cap_is_kept():
     P = mixed_sensitivity(BOOK, control.ss(control.tf([1 / 1.5, 10], [1, 1e-3])))
     assert 2.0 <= hinfsyn(P, 1, 1, gamma_min=2.0).gamma_min < 2.001
-    hurried = hinfsyn(P, 1, 1, time_cap=1e-9)
+    hurried = hinfsyn(P, 1, 1, n_steps=1)
     assert not hurried.found
-    assert "time cap" in hurried.reason
+    assert hurried.n_steps == 1
+    assert "all levels that n_steps allows were tried" in hurried.reason
     assert not hurried.K.D.any()
 
 
@@ -148,7 +149,7 @@ def hidden(mode, reached):
         (lambda: hinfsyn(hidden(1, "y"), 0, 1), "n_y must be a whole number of at least 1"),
         (lambda: hinfsyn(hidden(1, "y"), 1, 1, factor=0.9), "factor must be at least 1"),
         (lambda: hinfsyn("P", 1, 1), "P must be a control.StateSpace"),
-        (lambda: hinfsyn(hidden(1, "y"), 1, 1, time_cap=0), "time_cap must be positive"),
+        (lambda: hinfsyn(hidden(1, "y"), 1, 1, n_steps=0), "n_steps must be"),
     ],
 )
 def test_refusals(call, message):

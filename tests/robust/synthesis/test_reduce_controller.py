@@ -121,7 +121,7 @@ def test_all_states_are_the_controller_itself():
 @pytest.mark.parametrize("dt", [0, 0.01])
 def test_performance_that_was_proved_is_proved_again(dt):
     w_P = performance_weight(2, M_S=2.5)
-    K = mixsyn(model(), performance_weight(3, M_S=2.2), w_u=0.3, dt=dt, time_cap=30).K
+    K = mixsyn(model(), performance_weight(3, M_S=2.2), w_u=0.3, dt=dt).K
     found = reduce_controller(K, model(), w_P)
     assert found.before.robust_performance
     assert found.kept
