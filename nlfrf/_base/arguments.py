@@ -187,12 +187,12 @@ class DataWarning(UserWarning):
     """
 
 
-def data_warning(text: str) -> None:
-    """A `DataWarning` that points at the line of the user's that led to it, however many of ours lie between."""
+def data_warning(text: str, kind: type[DataWarning] = DataWarning) -> None:
+    """A warning of data that points at the line of the user's that led to it, however many of ours lie between."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ("nlfrf", "robust"):
         level, frame = level + 1, frame.f_back
-    warnings.warn(text, DataWarning, stacklevel=level)
+    warnings.warn(text, kind, stacklevel=level)
 
 
 def require_kind(name: str, thing: object, *kinds: type) -> None:
