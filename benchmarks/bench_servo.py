@@ -52,6 +52,7 @@ def some_axis(rng):
         tn=10 ** rng.uniform(-2.5, 0),
         max_current=10 ** rng.uniform(0, 2),
         lag=10 ** rng.uniform(-4, -3),
+        velocity_feedforward=1.0,
     )
     load = {
         "load_inertia": 10 ** rng.uniform(-0.5, 1.5),

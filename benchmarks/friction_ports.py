@@ -67,7 +67,9 @@ def draw_case(number: int, seed: int = 0) -> PortCase:
     K0 = held * 10 ** rng.uniform(-0.5, 1.5, 2)
     stiction = np.array([1.0, 1.05, 1.2, 1.5])[rng.integers(0, 4, 2)]
     Fs = tuple(map(float, 10 ** rng.uniform(0, 1, 2)))
-    drive = nlfrf.rig.ServoDrive(fs=fs, kv=kv, kp=kp, tn=tn, lag=lag, delay_periods=delay_periods)
+    drive = nlfrf.rig.ServoDrive(
+        fs=fs, kv=kv, kp=kp, tn=tn, lag=lag, delay_periods=delay_periods, velocity_feedforward=1.0
+    )
     axis = nlfrf.rig.ServoAxis(
         motor_inertia=motor,
         force_constant=1.0,

@@ -12,10 +12,11 @@ INTRODUCTION = """# Commands
 
 Files in, files out. Exit code 0: done, and proved or met where the command has a verdict (`robust check`, `design`,
 `prove`, `verify`, `drive check`); 1: not proved, limits not met, or a warning on the page of `drive check` (what was
-found is written all the same); 2: bad input, one line on standard error. No command writes onto a file that it reads,
-or over one that no such command made: see [files](../guide/files.md). Every file that was written is named, a line
-each. With `--json` standard output is the result as JSON and nothing else. `--install-completion` teaches your shell
-the commands and their options. The pages below are what `--help` prints.
+found is written all the same); 2: bad input, one line on standard error; 3: `drive check` passed the linear loop and
+could not judge the friction. No command writes onto a file that it reads, or over one that no such command made: see
+[files](../guide/files.md). Every file that was written is named, a line each. With `--json` standard output is the
+result as JSON and nothing else. `--install-completion` teaches your shell the
+commands and their options. The pages below are what `--help` prints.
 """
 
 

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable
 from csv import reader as csv_reader
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, TypedDict
 
@@ -20,6 +21,7 @@ from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command
 from nlfrf._base.files import LOAD_OPTIONS, require_writable
 from nlfrf._base.values import to_json
 from nlfrf.axis.axis_file import load_axis
+from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.records import holds_multirecord
@@ -109,14 +111,7 @@ def design(
         design="zippered" if zippered else "orthogonal",
         n_draws=draws,
     )
-    first, last = ms.f[[0, -1]].tolist()
-    if first > (1 + MAX_BAND_GAP) * f_min or last < (1 - MAX_BAND_GAP) * f_max:
-        warnings.warn(
-            f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz "
-            "only; " + suggest_lines(ms, kind, f_min),
-            nlfrf.DataWarning,
-            stacklevel=2,
-        )
+    warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
     if crest is not None and isinstance(ms, nlfrf.Multisine):
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.io.save_multisine(ms, out, decimal=decimal)
@@ -291,20 +286,6 @@ class HowToCut(TypedDict):
     hold: str | None
 
 
-class DesignOptions(TypedDict):
-    """What a multisine for a drive is asked for, by the names of the arguments of `nlfrf.axis.design_experiment`."""
-
-    n_samples: int
-    f_min: float
-    f_max: float
-    rms: float | None
-    port: str
-    limits: nlfrf.axis.AxisLimits
-    n_periods: int
-    n_discard: int
-    rng: int | None
-
-
 class HowToIdentify(TypedDict):
     """How a record is identified, by the names of the arguments of `nlfrf.identify`."""
 
@@ -347,7 +328,7 @@ def design_for_drive(
     f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
     f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
     rms: Annotated[
-        float | None, typer.Option(help="Root mean square of the force set point; as the limits allow.")
+        float | None, typer.Option(help="Root mean square of the force set point [N], [Nm]; as the limits allow.")
     ] = None,
     port: Annotated[str, typer.Option(help="Set point it is added to: position, velocity or force.")] = "position",
     max_force: Annotated[float, typer.Option(help="Limit of the force set point [N], [Nm].")] = np.inf,
@@ -373,7 +354,7 @@ def design_for_drive(
     else:
         played = load_experiment(first)
         records = nlfrf.axis.load_trace(source, played, u=input, y=output)
-        origin = records[0]
+        origin = in_design_units(records[0], played)
         if played.is_ramp:
             found, states = nlfrf.axis.find_levels(records, played), ("sticks", "bends", "slides")
             if level not in states or found.reason:
@@ -382,26 +363,22 @@ def design_for_drive(
                 )
             k = states.index(level)
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
-    limits = nlfrf.axis.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel)
-    options: DesignOptions = {
-        "n_samples": period,
-        "f_min": f_min,
-        "f_max": f_max,
-        "rms": rms,
-        "port": port,
-        "limits": limits,
-        "n_periods": periods,
-        "n_discard": discard,
-        "rng": seed,
-    }
-    if ramp:
-        if velocity or strokes or realizations != 1:
-            raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
-        experiment = nlfrf.axis.design_ramp(origin, **options, n_levels=ramp)
-    else:
-        experiment = nlfrf.axis.design_experiment(
-            origin, **options, base_velocity=velocity, strokes=strokes, n_realizations=realizations
-        )
+    if ramp and (velocity or strokes or realizations != 1):
+        raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
+    motion = partial(nlfrf.axis.design_experiment, base_velocity=velocity, strokes=strokes, n_realizations=realizations)
+    experiment = (partial(nlfrf.axis.design_ramp, n_levels=ramp) if ramp else motion)(
+        origin,
+        n_samples=period,
+        f_min=f_min,
+        f_max=f_max,
+        rms=rms,
+        port=port,
+        limits=nlfrf.axis.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel),
+        n_periods=periods,
+        n_discard=discard,
+        rng=seed,
+    )
+    warn_of_band(experiment.ms, experiment.ms.kind, f_min=f_min, f_max=f_max)
     nlfrf.save(experiment, out, decimal=decimal)
     print(experiment)
 
@@ -509,6 +486,20 @@ def doctor() -> None:
     if faults:
         raise typer.Exit(1)
     print("all is well")
+
+
+def warn_of_band(
+    ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine, kind: str, *, f_min: float, f_max: float
+) -> None:
+    """Warn of a band of which the lines of a grid leave out much at one end."""
+    first, last = ms.f[[0, -1]].tolist()
+    if first > (1 + MAX_BAND_GAP) * f_min or last < (1 - MAX_BAND_GAP) * f_max:
+        warnings.warn(
+            f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz "
+            "only; " + suggest_lines(ms, kind, f_min),
+            nlfrf.DataWarning,
+            stacklevel=3,
+        )
 
 
 def suggest_lines(ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine, kind: str, f_min: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,6 +60,7 @@ OPTIONS = LOAD_OPTIONS | {
     "relative_std": "relative-std",
     "n_averages": "averages",
     "channel": "channel",
+    "Fs": "force",
 }
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
 app.add_typer(drive_app, name="drive")
@@ -262,7 +264,9 @@ def check(
     controller: Annotated[list[Path], typer.Argument(help="Controllers written by 'robust design'.")],
     delay: Delay = None,
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
-    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
+    peak: Annotated[
+        float, typer.Option(help="Largest |S| over the set without a warning; with --bandwidth it is demanded.")
+    ] = 2.0,
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
     no_certify: Annotated[bool, typer.Option("--no-certify", help="Look at a grid only; proves nothing.")] = False,
     solver: Annotated[str, typer.Option(help="CLARABEL or SCS; without effect on the proof of one loop.")] = "CLARABEL",
@@ -279,6 +283,7 @@ def check(
     """Check controllers against a model: nominal stability, the whole set, and a proof over all frequencies.
 
     Exit code 0 where every loop is proved stable for the whole set, and the demand met where there is one; 1 where not.
+    A warning of thin margins, |S| above --peak over the set, leaves it as it is.
     Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
     """
     require_demand(bandwidth, error)
@@ -296,6 +301,7 @@ def check(
     for path, (K, late) in zip(controller, from_options.load_loops(controller, delay), strict=True):
         with spinner("checking"):
             report = robust.check(plant, K, w_P=w_P, delay=late, certify=not no_certify, solver=solver, signals=signals)
+        report = replace(report, peak=require_positive("peak", peak))
         gains = pid.format_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         text, drawing = files[path]
@@ -557,7 +563,9 @@ def check_gains(
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     force: Annotated[
         float | None,
-        typer.Option(help="Largest friction force [N] or [Nm] where the axis may hunt; without it as was read."),
+        typer.Option(
+            help="Largest friction force [N] or [Nm] where the axis may hunt: how far it then moves; else as was read."
+        ),
     ] = None,
     spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
     masses: Annotated[int, typer.Option(help="2: friction is read of a motor and a load, which takes minutes.")] = 1,
@@ -566,9 +574,11 @@ def check_gains(
 ) -> None:
     """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
 
-    Exit code 0 where the loop is proved stable for the whole set, and to come to rest where the levels give the
-    friction, and no warning stands on the page; 1 where not: margins are thin, friction held the axis, the loop crosses
-    over outside the measured band, or the position loop is slower than the velocity loop, as that is approximated.
+    Exit code 0 where the linear loop is proved stable for the whole set, the axis to come to rest with its friction,
+    and no warning stands on the page. Exit code 3 where the same holds of the linear loop and the friction was not
+    judged: no traces at rest were given, or no friction could be read from them; the axis may hunt. Exit code 1 where
+    not: margins are thin, a trace has a warning, friction held the axis, the loop crosses over outside the measured
+    band, or the position loop is slower than the velocity loop, as that is approximated. Exit code 2: bad input.
     """
     gains = [path for path in file if path.suffix.lower() == ".toml"]
     traces = [path for path in file if path not in gains]
@@ -591,12 +601,11 @@ def check_gains(
     else:
         signals |= cut | {"u": input or "u", "y": output or "y", "design": design[0] if design else None}
         try:
-            records, names, conditions = [drive_check.read_trace(path, **signals) for path in traces], [], []
+            records, names, conditions = drive_check.read_traces(traces, **signals)
         except ValueError:
             if input is None and not played:
                 require_design(traces)
             raise
-    names = names or [path.name for path in traces]
     with spinner("checking"):
         friction: Any = {"stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
         found = drive_check.check_drive(
@@ -605,7 +614,8 @@ def check_gains(
     say(found)
     if out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
-    finish_command(found, found.safe, json)
+    not_judged = found.verdict is drive_check.DriveVerdict.FRICTION_NOT_JUDGED
+    finish_command(found, found.safe, json, code=3 if not_judged else 1)
 
 
 def require_design(traces: list[Path]) -> None:

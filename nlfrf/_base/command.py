@@ -204,12 +204,12 @@ def printer(json: bool) -> Callable[[object], None]:
     return lambda printed: typer.echo(str(printed), err=json)
 
 
-def finish_command(results: object, good: bool, json: bool) -> None:
-    """The end of a command with a verdict: the result as JSON where asked for, exit code 1 where it is not good."""
+def finish_command(results: object, good: bool, json: bool, *, code: int = 1) -> None:
+    """The end of a command with a verdict: the result as JSON where asked for, an exit code where it is not good."""
     if json:
         typer.echo(to_json(results, most=MAX_ROWS))
     if not good:
-        raise typer.Exit(1)
+        raise typer.Exit(code)
 
 
 def parse_number(name: str, text: str) -> float:

@@ -218,9 +218,18 @@ def raise_for_foreign(path: Path, running: Outputs | None) -> None:
     """Refuse to replace what is in a place."""
     cure = "take another name, or move it away" + ("" if running is None else ", or replace it by --overwrite")
     raise ValueError(
-        f"a file to write must be new or an earlier result of the same kind, got {path}, which holds something else; "
-        f"{cure}"
+        f"a file to write must be new or an earlier result of the same kind, got {path}, which holds "
+        f"{describe_content(path)}; {cure}"
     )
+
+
+def describe_content(path: Path) -> str:
+    """Return what a file holds, for people; of a table what its design says, if it stands in the .npz of its name."""
+    design = path.with_suffix(".npz")
+    if path != design and stated_kind(design, ".npz") == "nlfrf-axis-experiment":
+        return f"set points or a trace of the experiment in {design.name}"
+    kind = stated_kind(path, path.suffix.lower())
+    return FILE_KINDS[kind].name if kind in FILE_KINDS else kind or "something else"
 
 
 def resolve_target(path: Path) -> Path:

@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf._base.arguments import short_form
 
-__all__ = ["POSITIONS", "parse_gain_unit", "parse_quantity", "position_factor", "split_quantity"]
+__all__ = ["OUTPUTS", "POSITIONS", "parse_gain_unit", "parse_quantity", "position_factor", "split_quantity"]
 
 #: Unit of a position -> base unit and factor to it.
 POSITIONS = {
@@ -19,7 +19,7 @@ POSITIONS = {
     "nm": ("m", 1e-9),
     "rad": ("rad", 1.0),
     "mrad": ("rad", 1e-3),
-    "deg": ("rad", np.pi / 180),
+    **dict.fromkeys(("deg", "°"), ("rad", np.pi / 180)),
     "rev": ("rad", 2 * np.pi),
 }
 #: Unit of a velocity -> base unit of its position and factor to base units per second.

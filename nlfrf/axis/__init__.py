@@ -13,7 +13,7 @@
 from nlfrf.axis.design import design_experiment, design_ramp
 from nlfrf.axis.levels import AxisLevels, LevelState, find_levels
 from nlfrf.axis.play import play_experiment
-from nlfrf.axis.trace import load_trace
+from nlfrf.axis.trace import LevelWarning, load_trace
 from nlfrf.signals.axis_experiment import AxisExperiment, AxisLimits
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "AxisLevels",
     "AxisLimits",
     "LevelState",
+    "LevelWarning",
     "design_experiment",
     "design_ramp",
     "find_levels",

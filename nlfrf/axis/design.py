@@ -16,6 +16,7 @@ from nlfrf._base.arguments import (
     require_positive,
     require_real,
 )
+from nlfrf._base.units import POSITIONS
 from nlfrf.axis.loop import DriveLoop, closed_loop_poles, crossover_frequency, drive_loop
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
@@ -305,6 +306,7 @@ def experiment_within(
         require_kind("limits", limits, AxisLimits)
     loop = drive_loop(source, require_choice("port", port, PORTS), f=wanted.f, plant=plant)
     position, force = source.units if isinstance(source, ServoAxis) else (source.y_unit, source.u_unit)
+    position = POSITIONS.get(position, (position,))[0]
     draft = AxisExperiment(
         ms=replace(wanted, amplitude=wanted.amplitude / np.abs(loop.force)),
         port=port,
@@ -318,7 +320,13 @@ def experiment_within(
         force_unit=force or "N",
     )
     if isinstance(source, ServoAxis):
-        draft = replace(draft, **{name: getattr(source.drive, name) for name in GAINS})
+        drive = source.drive
+        draft = replace(
+            draft,
+            **{name: getattr(drive, name) for name in (*GAINS, "velocity_feedforward", "lag")},
+            delay=drive.delay_periods / drive.fs,
+            force_constant=source.force_constant,
+        )
     base, one = base_motion(source, draft), multisine_motion(draft.ms, loop)
     level = level_within(draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms)
     return replace(

@@ -16,6 +16,7 @@ from nlfrf._base.arguments import require_kind, short_form
 from nlfrf._base.numbers import squared_modulus
 from nlfrf._base.values import value
 from nlfrf.axis.loop import record_spectra
+from nlfrf.axis.trace import in_design_units
 from nlfrf.records.record import Record
 from nlfrf.records.screening.input import clipped_share
 from nlfrf.signals.axis_experiment import AxisExperiment
@@ -64,14 +65,14 @@ class AxisLevels:
         Root mean square of the force set point to ask for, so that the axis sticks, bends and slides: the entries of
         `set_point_rms` for the three levels. Empty where there is a reason.
     records : tuple of Record
-        The three levels as measured: the `source` of `design_experiment` for each.
+        The three levels as measured, in the units of the design: the `source` of `design_experiment` for each.
     reason : str
         Why there are no three levels, and what to do; empty where there are.
     force_rms, position_rms : (L,) ndarray
         Root mean square of force set point and position on the excited lines of every level, in the units of the
-        record.
+        design. A current is the force that it makes; a unit that cannot be converted stays.
     set_point_rms : (L,) ndarray
-        The rms to ask for at every level [N], [Nm] or in the unit of the record: that of a multisine with the spectrum
+        The rms to ask for at every level, in the unit of the force of the design: that of a multisine with the spectrum
         of the ramp that moves the axis as far. Below `force_rms` where the loop gave another spectrum to the force.
     stiffness : (L,) ndarray
         Equivalent stiffness on the lowest lines [N/m], [Nm/rad] or in the units of the record.
@@ -170,6 +171,7 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
         raise ValueError(f"experiment must be a ramp of levels, got one {', '.join(experiment.labels)}")
     if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
         raise ValueError(f"records must be those of a ramp, as load_trace reads them, got {short_form(records)}")
+    records = [in_design_units(one, experiment) for one in records]
     read = [read_level(one) for one in records]
     stiffness = np.array([one.stiffness for one in read])
     position = np.array([one.position for one in read])

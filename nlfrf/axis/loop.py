@@ -11,6 +11,7 @@ import numpy as np
 
 from nlfrf._base.arguments import short_form
 from nlfrf._base.numbers import rfft_at
+from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
@@ -28,7 +29,7 @@ class DriveLoop:
     f : (F,) ndarray
         Frequencies [Hz].
     force, position : (F,) ndarray
-        Force set point and position of one unit at the port, complex.
+        Force set point and position of one unit at the port, complex; a position in m or rad where its unit is known.
     """
 
     f: np.ndarray
@@ -54,6 +55,7 @@ def drive_loop(source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: B
         raise ValueError("plant must be left out where the loop was measured, got one with a record")
     U, Y, R = record_spectra(source)
     f_record = source.lines.excited * source.f0
+    Y = Y * POSITIONS.get(source.y_unit, ("", 1.0))[1]  # its reference is in m or rad
     force, position = (
         interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
         for one in (U.mean(axis=1), Y.mean(axis=1))

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, keep_warnings, require_kind, require_real
+from nlfrf._base.arguments import DataWarning, data_warning, keep_warnings, require_kind, require_real
 from nlfrf._base.files import to_path
 from nlfrf._base.numbers import rfft_at, squared_modulus
+from nlfrf._base.units import OUTPUTS, POSITIONS
 from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_experiment
 from nlfrf.io.records import find_lost_rows
@@ -23,22 +25,13 @@ from nlfrf.records.reference import design_period
 from nlfrf.records.screening.input import warn_about_channel
 from nlfrf.signals.axis_experiment import AxisExperiment
 
-__all__ = ["load_trace"]
+__all__ = ["LevelWarning", "in_design_units", "load_trace"]
 
 #: Units that no force has: a channel that carries one is a position, a velocity or an acceleration.
 MOTION_UNITS = (
     *("m", "mm", "um", "µm", "nm", "rad", "mrad", "deg", "°", "inc", "counts", "m/s", "mm/s", "rad/s", "deg/s", "°/s"),
     *("rpm", "1/min", "rev/min", "U/min", "m/s^2", "m/s²", "mm/s^2", "mm/s²", "rad/s^2", "rad/s²"),
 )
-#: Units of position in those of the simulated axis, by which the base motion is taken off.
-POSITION_SCALES = {
-    "mm": 1e3,
-    "um": 1e6,
-    "µm": 1e6,
-    "nm": 1e9,
-    "mrad": 1e3,
-    **dict.fromkeys(("deg", "°"), 180 / np.pi),
-}
 SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the one that was played: rounding
 OTHER_SIGNAL = 1e-4  # share by which the signal that should be there is expected to differ from it
 MIN_LIKENESS = 0.3  # mean of exp(j phase steps) of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
@@ -49,9 +42,20 @@ START = 0.1  # of a period by which phases may look late: sticking friction that
 AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
 TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
 UPPER_SHARE = 1 / 3  # of the lines that count as upper
+ALIKE = 1.5  # largest ratio of the factors of force and position by which both are off alike, as by another drive
 LITTLE = 0.1  # share of the base motion below which an axis was at rest
 OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
 TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
+
+
+class LevelWarning(DataWarning):
+    """At rest the force is far from the designed one, as friction makes it: no fault of the trace.
+
+    Examples
+    --------
+    >>> issubclass(LevelWarning, DataWarning)
+    True
+    """
 
 
 @keep_warnings
@@ -161,14 +165,42 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
         records.append(Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **runs[0].labels))
     if not records:
         raise ValueError("y must move by at least one step of its encoder, got a position that stands still")
+    seen = [in_design_units(record, experiment) for record in records]
     if not experiment.is_ramp:
-        for label, record in zip(labels, records, strict=True):
+        for label, record in zip(labels, seen, strict=True):
             require_even_periods(record)
             examine_motion(experiment, label, record=record, off=max((one[label].drift for one in cut), key=abs))
-    if examine_trace(experiment, records[-1]) and not experiment.is_ramp:
-        for label, record in zip(labels, records, strict=True):
+    if examine_trace(experiment, seen[-1]) and not experiment.is_ramp:
+        for label, record in zip(labels, seen, strict=True):
             warn_of_other_level(experiment, label, record)
     return tuple(records)
+
+
+def unit_factors(u_unit: str, y_unit: str, experiment: AxisExperiment) -> tuple[float, float]:
+    """Return the factors from units of force and position to those of a design; nan of one that cannot be converted.
+
+    A current counts as the force that it makes. A signal without a unit is in that of the design.
+    """
+    designed = experiment.force_unit, experiment.position_unit
+    (force, size), (own_force, own_size) = (
+        OUTPUTS.get(one, (one, 1.0)) for one in (u_unit or designed[0], designed[0])
+    )
+    (way, length), (own_way, own_length) = (
+        POSITIONS.get(one, (one, 1.0)) for one in (y_unit or designed[1], designed[1])
+    )
+    constant = experiment.force_constant if force == "A" else np.nan
+    u = (1.0 if force == own_force else constant) * size / own_size
+    return u, length / own_length if way == own_way else np.nan
+
+
+def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
+    """Return a record in the units of its design; a signal whose unit cannot be converted stays as it is."""
+    u, y = unit_factors(record.u_unit, record.y_unit, experiment)
+    if np.isfinite(u):
+        record = replace(record, u=u * record.u, input_units=(experiment.force_unit,))
+    if np.isfinite(y):
+        record = replace(record, y=y * record.y, output_units=(experiment.position_unit,))
+    return record
 
 
 class Run(NamedTuple):
@@ -222,9 +254,9 @@ def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> di
     first = round(start * run.fs)
     block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
     moments = (np.arange(run.y.size) - first) / run.fs
-    scale = POSITION_SCALES.get(run.labels["y_unit"], 1.0)
+    scale = 1 / np.nan_to_num(unit_factors("", run.labels["y_unit"], experiment)[1], nan=1.0)
     base = scale * np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
-    require_same_motion(run, experiment, base=base, N=N)
+    require_same_motion(run, experiment, base=base, N=N, travel=scale * experiment.travel)
     found = {}
     for label, segments in experiment.groups.items():
         u, y, drifts = [], [], []
@@ -247,7 +279,7 @@ def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> di
     return found
 
 
-def require_same_motion(run: Run, experiment: AxisExperiment, *, base: np.ndarray, N: int) -> None:
+def require_same_motion(run: Run, experiment: AxisExperiment, *, base: np.ndarray, N: int, travel: float) -> None:
     """Refuse the trace of an axis in motion for a design at rest, and one at rest for a design in motion.
 
     At rest the position repeats itself. In motion it moves on by more than it swings, as the multisine is slower.
@@ -264,7 +296,7 @@ def require_same_motion(run: Run, experiment: AxisExperiment, *, base: np.ndarra
             return
         swing = np.ptp(periods[:-1] - steps[:, None] * np.arange(N) / N, axis=1)
         moved, size = float(np.median(np.abs(steps))), "a period"
-        same = moved <= max(np.median(swing), POSITION_SCALES.get(run.labels["y_unit"], 1.0) * experiment.travel)
+        same = moved <= max(np.median(swing), travel)
     if not same:
         raise ValueError(
             f"experiment must be at rest or in motion as its trace is, got a base velocity of {velocity:g} "
@@ -339,16 +371,19 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
             "half a period"
         )
     units = {"u": (experiment.force_unit, record.u_unit), "y": (experiment.position_unit, record.y_unit)}
+    gains = {name: float(np.median(np.abs(one))) for name, one in ratios.items()}
+    other = f"a drive with another velocity feedforward or other gains (assumed: {experiment.drive})"
+    alike = 1 / ALIKE < gains["u"] / gains["y"] < ALIKE and abs(turns["u"] - turns["y"]) < 180 - TURNED
     found = True
     for name, turn in turns.items():
-        gain, (designed, traced) = float(np.median(np.abs(ratios[name]))), units[name]
+        gain, (designed, traced) = gains[name], units[name]
         if abs(turn) > TURNED:
             data_warning(f"{name} has the other sign than the design expects: turn it, G is that of a negative mass")
         elif abs(turn) > 180 - TURNED or (traced in ("", designed) and not 1 / UNIT_FACTOR < gain < UNIT_FACTOR):
+            first = f"is it {other}, as u and y are off alike" if alike else f"is it another signal, {other}"
             data_warning(
                 f"{name} is {gain:.3g} times what the design expects, turned by {turn:.0f} deg, on the upper lines, "
-                f"where friction hardly counts: is it another signal, in another unit than {designed}, or the machine "
-                "another one?"
+                f"where friction hardly counts: {first}, in another unit than {designed}, or the machine another one?"
             )
         else:
             continue
@@ -393,7 +428,9 @@ def warn_of_other_level(experiment: AxisExperiment, label: str, record: Record) 
     if not 1 / FACTOR < reached / experiment.rms < FACTOR:
         data_warning(
             f"the force is {reached:.3g} {experiment.force_unit} rms {label}, not {experiment.rms:.3g} as designed: "
-            "friction, or another machine. Design again with this record as source"
+            "friction, another machine, or a drive with another velocity feedforward or other gains "
+            f"(assumed: {experiment.drive}). Design again with this record as source",
+            LevelWarning if not np.any(experiment.velocities) else DataWarning,
         )
 
 
@@ -410,7 +447,6 @@ def examine_motion(experiment: AxisExperiment, label: str, *, record: Record, of
             + ("turn its sign" if abs(off + 2) < OFF_VELOCITY else cure)
         )
     lines, N = record.lines.excited, record.n_samples
-    velocity *= POSITION_SCALES.get(record.y_unit, 1.0)
     spectrum = np.zeros((record.n_realizations, N // 2 + 1), dtype=complex)
     spectrum[:, lines] = 2j * np.pi * lines * record.f0 * rfft_at(record.y.mean(axis=1), lines)
     back = float(np.mean((np.fft.irfft(spectrum, N, axis=1) + velocity) * velocity < 0))

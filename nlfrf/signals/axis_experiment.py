@@ -19,7 +19,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from nlfrf.signals.multisine import Multisine
 
-__all__ = ["GAINS", "PORTS", "AxisExperiment", "AxisLimits", "stepped_profile"]
+__all__ = ["GAINS", "PORTS", "SAME_GAIN", "AxisExperiment", "AxisLimits", "stepped_profile"]
 
 PORTS = ("force", "velocity", "position")
 GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
@@ -89,8 +89,10 @@ class AxisExperiment:
         Units of position and force set point.
     peak_force, peak_velocity, travel : float
         Largest values that are expected, base motion included, in those units.
-    kv, kp, tn : float
-        Gains of the drive that it was designed for [1/s], [A s/m] or [A s/rad], [s]; nan where a record was its source.
+    kv, kp, tn, velocity_feedforward, lag, delay, force_constant : float
+        The drive that it was designed for: gains [1/s], [A s/m] or [A s/rad], [s], share of the velocity of the set
+        point, time constant and delay of the current loop [s], force constant [N/A] or [Nm/A]; nan where a record was
+        its source.
 
     Raises
     ------
@@ -126,6 +128,10 @@ class AxisExperiment:
     kv: float = np.nan
     kp: float = np.nan
     tn: float = np.nan
+    velocity_feedforward: float = np.nan
+    lag: float = np.nan
+    delay: float = np.nan
+    force_constant: float = np.nan
 
     def __post_init__(self) -> None:
         require_kind("ms", self.ms, Multisine)
@@ -144,6 +150,18 @@ class AxisExperiment:
     def has_gains(self, kv: float, kp: float, tn: float) -> bool:
         """Return whether it was designed for these gains [1/s], [A s/m] or [A s/rad], [s]."""
         return bool(np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0))
+
+    @property
+    def drive(self) -> str:
+        """What it assumes of the drive that plays it."""
+        if np.isnan(self.velocity_feedforward):
+            return "the same as in the first record, or as an older file does not say"
+        none = "" if self.velocity_feedforward else " (none)"
+        return (
+            f"kv = {self.kv:g} 1/s, kp = {self.kp:g} A s/{self.position_unit}, tn = {self.tn:g} s, "
+            f"velocity_feedforward = {self.velocity_feedforward:g}{none}; current loop: {self.force_constant:g} "
+            f"{self.force_unit}/A, lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g} ms"
+        )
 
     @property
     def n_segments(self) -> int:
@@ -228,6 +246,7 @@ class AxisExperiment:
             f"{ms.f[-1]:g} Hz, {self.duration:.3g} s\n"
             f"force {self.rms:.3g} {force} rms{levels if len(self.groups) > 2 else ''}; expected peaks "
             f"{self.peak_force:.3g} {force}, {self.peak_velocity:.3g} {position}/s, travel {self.travel:.3g} {position}"
+            f"\nassumed of the drive: {self.drive}"
         )
 
 

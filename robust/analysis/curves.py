@@ -154,6 +154,8 @@ class MarginFields(TypedDict):
     omega_rp: float
     disk_margin: float
     omega_disk: float
+    S_worst: float
+    omega_S_worst: float
 
 
 @value
@@ -168,11 +170,14 @@ class Peaks:
         Factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited.
     half_disk : (float, float)
         Largest |S - 1/2|.
+    S_worst : (float, float)
+        Largest |S_p| over the set.
     """
 
     rs: Peak = NO_PEAK
     margin_rp: Peak = NO_PEAK
     half_disk: Peak = NO_PEAK
+    S_worst: Peak = NO_PEAK
 
     @property
     def margins(self) -> MarginFields:
@@ -185,6 +190,8 @@ class Peaks:
             "omega_rp": omega_rp,
             "disk_margin": reciprocal_peak(half),
             "omega_disk": omega_disk,
+            "S_worst": self.S_worst[0],
+            "omega_S_worst": self.S_worst[1],
         }
 
 
@@ -215,6 +222,7 @@ def peaks_on_lines(curves: Curves) -> Peaks:
     known = {"half_disk": (float(half.max()), float(omega[half.argmax()]))}
     if np.isfinite(rs).all():
         known["rs"] = float(rs.max()), float(omega[rs.argmax()])
+        known["S_worst"] = float(curves.S_worst.max()), float(omega[curves.S_worst.argmax()])
         if curves.w_P is not None:
             met = curves.np_ < 1
             factors = curves.performance_margin if met.all() else np.where(met, 1.0, 0.0)

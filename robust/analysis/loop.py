@@ -322,7 +322,8 @@ def find_curve_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> P
         if peak < 1:  # the largest factor on the uncertainty with |w_P| max |S_p| <= 1
             largest, where = along(["inverse_performance_margin"])[0]
             margin_rp = (1 / largest if largest > 0 else np.inf, where)
-    return Peaks(rs=rs, margin_rp=margin_rp, half_disk=half_disk)
+    S_worst = along(["S_worst"])[0] if rs[0] < 1 else (np.inf, rs[1])
+    return Peaks(rs=rs, margin_rp=margin_rp, half_disk=half_disk, S_worst=S_worst)
 
 
 def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:

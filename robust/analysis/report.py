@@ -63,6 +63,8 @@ REMEDIES = {
 }
 #: What a verdict on a set around a sampled nominal does not cover.
 SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
+#: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
+USUAL_PEAK = 2.0
 NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
 #: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
 MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
@@ -483,6 +485,11 @@ class RobustnessReport:
     disk_margin, omega_disk : float
         Symmetric disk margin alpha = 1/max |S - 1/2| and where; nan for an unstable loop, and of several channels,
         which have `margins`.
+    S_worst, omega_S_worst : float
+        Largest |S| over the set and where [rad/s]; of several channels a bound of its largest singular value. inf where
+        a plant of the set is unstable, nan where there is no set or the nominal loop is unstable.
+    peak : float
+        Largest |S| over the set that is not warned of; 2 when not given.
     worst : dict or None
         By mu: the perturbation of margin_broken, block by block at margin_broken = 1: a number in [-1, 1] for a real
         block, the size of a complex one.
@@ -568,6 +575,9 @@ class RobustnessReport:
     omega_rp: float = np.nan
     disk_margin: float = np.nan
     omega_disk: float = np.nan
+    S_worst: float = np.nan
+    omega_S_worst: float = np.nan
+    peak: float = USUAL_PEAK
     worst: dict[str, float] | None = None
     margins: LoopMargins | None = None
     certificates: tuple[Certificate, ...] = ()
@@ -634,6 +644,24 @@ class RobustnessReport:
         return classical_margins(self.omega, self.G * self.K) if seen else ClassicalMargins()
 
     @property
+    def gain_is_too_low(self) -> bool:
+        """Return whether the gain of one loop is nearer to its lower than to its upper limit."""
+        return self.classical.gain_reduction > 1 / self.classical.gain_margin
+
+    @property
+    def thin_margins(self) -> str:
+        """Return why a loop that is stable with the whole set is close to instability; empty where |S| stays small."""
+        if not (self.robustly_stable and self.S_worst > self.peak):
+            return ""
+        phase = f", and the nominal phase margin is {np.degrees(self.classical.phase_margin):.1f} deg"
+        return (
+            f"thin margins: |S| reaches {self.S_worst:.3g} over the set, at {format_hertz(self.omega_S_worst)}, above "
+            f"{self.peak:g}{phase if self.is_single else ''}. Customary are |S| of at most {USUAL_PEAK:g} and a phase "
+            "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor, "
+            "and a small change makes the loop unstable"
+        )
+
+    @property
     def summary(self) -> str:
         """Return verdict, margins and what was proved, in a few lines."""
         return "\n".join(self.findings())
@@ -647,12 +675,18 @@ class RobustnessReport:
         for text in self.warnings:
             lines += format_paragraph("warning", text)
         lines += format_paragraph("because", self.reason)
+        if thin := self.thin_margins:
+            lines += format_paragraph("warning", f"{thin}: {'raise' if self.gain_is_too_low else 'lower'} the gain")
         if not self.nominally_stable:
             return lines + format_paragraph("proved", self.proved)
         if self.is_single and not np.isfinite(self.margin_rs):
             lines += format_paragraph("stability", "no uncertainty to hold it against")
             return lines + format_paragraph("proved", self.proved)
         lines += format_paragraph("stability", format_stability_margin(self.measure, self.margin_rs, self.omega_rs))
+        if np.isfinite(self.S_worst):
+            S = "|S|" if self.is_single else "the largest singular value of S"
+            worst = f"{S} at most {self.S_worst:.3g} over the set, at {format_hertz(self.omega_S_worst)}"
+            lines += format_paragraph("worst case", worst)
         if self.folding:
             lines += format_paragraph("aliases", self.folding)
         if self.worst:

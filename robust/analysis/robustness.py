@@ -41,6 +41,7 @@ from robust.analysis.report import (
 )
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.analysis.structured import check_structure
+from robust.analysis.worst_plant import largest_gains, performance_loop
 from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
@@ -219,7 +220,7 @@ def check(
     if signals is not None:
         of["level"] = predict_level(model, K, signals, delay=delay)
     peaks = find_curve_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
-    places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
+    places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1], peaks.S_worst[1]])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
     proofs = prove_set(loop, curves, peaks.rs[0], claim=claim, certify=certify)
     folding = rs_breakdown_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
@@ -271,7 +272,10 @@ def check_matrix(
         form=taken,
         demand=w_P,
     )
-    folding = {form.form: words for form, words in forms}[taken]
+    taken_form, folding = next((form, words) for form, words in forms if form.form == taken)
+    if known.nominally_stable:
+        omega, S_worst = largest_gains(performance_loop(taken_form, K, None), taken_form.omega)
+        known = replace(known, S_worst=float(S_worst.max()), omega_S_worst=float(omega[S_worst.argmax()]))
     if not folding:
         return known
     not_proved = f"That the weights of the sampled set cover every alias; {found.not_proved}"

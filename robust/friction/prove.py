@@ -788,7 +788,7 @@ def describe_claim(
             largest = [f"{force} at {name}" for force, name in zip(largest, friction.names, strict=True)]
         most = f"of at most {' and '.join(largest)}"
         scope = describe_scope(machine, friction, K=K, delay=delay)
-        return f"Settles within {bound} of rest from every state {scope}, {most}."
+        return f"Settles within {bound} of rest from every state {scope}, {most}. It may move within that for ever."
     rest = (
         f"Stays within {error_bound:.3g} {machine.units.position} of rest in the end"
         if friction.kind == "bounded"

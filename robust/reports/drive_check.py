@@ -8,8 +8,8 @@ The machine is what a trace leaves once delay and lag are taken off, where its i
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
@@ -35,7 +35,6 @@ from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
-from robust.analysis.worst_plant import WorstCase, worst_case
 from robust.friction.identification import FrictionFit
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
@@ -43,7 +42,7 @@ from robust.models.fit.nominal import NominalFit
 from robust.models.fit.orders import OrderScan, scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
-from robust.reports.drive_friction import DriveFriction, judge_friction
+from robust.reports.drive_friction import DriveFriction, bound_any_friction, judge_friction
 from robust.synthesis.drive.cascade import cascade, with_set_point
 from robust.synthesis.drive.settings import DriveSettings
 
@@ -52,10 +51,12 @@ __all__ = [
     "Conditions",
     "DoubtKind",
     "DriveCheck",
+    "DriveVerdict",
     "RecordedGains",
     "check_drive",
     "read_experiments",
     "read_trace",
+    "read_traces",
 ]
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
@@ -83,6 +84,14 @@ S = 1/(1 + L), T = 1 - S, L the loop gain; bandwidth of S: where |S| reaches 0.7
 disk margin: change of gain, of phase, or less of both; lower gain margin: how far the gain may fall"""
 
 
+class DriveVerdict(State):
+    """What was found of gains, for linear loop and friction together; the exit code of the command is made of it."""
+
+    PASSED = "passed"
+    NOT_PASSED = "not passed"
+    FRICTION_NOT_JUDGED = "linear loop passed; friction not judged"
+
+
 class RecordedGains(State):
     """Whether a trace was recorded with the gains that are checked, by its design."""
 
@@ -100,10 +109,11 @@ class BaseMotion(State):
 
 
 class Conditions(NamedTuple):
-    """With which gains a trace was recorded, and whether the axis moved."""
+    """With which gains a trace was recorded, whether the axis moved, and what was warned of when it was read."""
 
     gains: RecordedGains = RecordedGains.UNKNOWN
     motion: BaseMotion = BaseMotion.UNKNOWN
+    warnings: tuple[str, ...] = ()
 
 
 class DoubtKind(State):
@@ -114,6 +124,8 @@ class DoubtKind(State):
     UNSTABLE = "the nominal loop is unstable with these gains"
     CONTRADICTED = "the linear model is wrong: it is unstable with gains that are known to be stable"
     THIN_MARGINS = "thin margins"
+    APPROXIMATED = "an approximation of the drive was checked"
+    WARNED_TRACE = "a trace has a warning"
 
 
 class Doubt(NamedTuple):
@@ -139,8 +151,6 @@ class DriveCheck:
         Which of them the set is made of.
     report : RobustnessReport
         Margins, set, verdict and proof.
-    worst : WorstCase or None
-        The worst plant of the set; none where the nominal loop is unstable.
     step : StepResponse or None
         A step of the position set point; none where the nominal loop is unstable.
     friction : DriveFriction
@@ -156,45 +166,47 @@ class DriveCheck:
     traces: tuple[str, ...]
     base: str
     report: RobustnessReport
-    worst: WorstCase | None
     step: StepResponse | None
     friction: DriveFriction
     actual: bool
     doubts: tuple[Doubt, ...] = ()
 
     @property
-    def is_exact(self) -> bool:
-        """Whether the controller that was checked is the drive itself, not its mean over a slower position loop."""
-        return self.settings.position_every == 1
+    def linear_passed(self) -> bool:
+        """Whether the linear loop is stable with the whole set, and nothing speaks against its model or its margins."""
+        return self.report.robustly_stable and not self.doubts
 
     @property
     def proved(self) -> bool:
-        """Whether the loop is stable with the whole set, and comes to rest with the friction where it was judged."""
-        return self.report.robustly_stable and (self.friction.proved or not self.friction.proofs) and self.is_exact
+        """Whether the drive itself is proved: stable with the whole set, at rest with every friction of the class."""
+        return self.report.robustly_stable and self.friction.proved and self.settings.position_every == 1
+
+    @property
+    def verdict(self) -> DriveVerdict:
+        """Whether linear loop and friction passed; what was not judged has not passed."""
+        if self.linear_passed and not self.friction.proofs:
+            return DriveVerdict.FRICTION_NOT_JUDGED
+        return DriveVerdict.PASSED if self.linear_passed and self.friction.proved else DriveVerdict.NOT_PASSED
 
     @property
     def safe(self) -> bool:
-        """Whether it is proved, and nothing speaks against the model or the margins."""
-        return self.proved and not self.doubts
+        """Whether linear loop and friction were both judged, and passed."""
+        return self.verdict is DriveVerdict.PASSED
 
     @property
     def conclusion(self) -> str:
-        """Whether the gains passed, and why not, in a sentence."""
+        """What the verdict is on, linear loop and friction, and why."""
+        stable = f"stable with every linear plant of the set at its confidence, |S| at most {self.report.peak:g}"
+        friction = self.friction.conclusion
         if self.safe:
-            rest = (
-                "; comes to rest with every friction of the class, read and assumed as below"
-                if self.friction.proofs
-                else ""
-            )
-            return f"PASSED: stable with every linear plant of the set at its confidence, |S| at most the limit{rest}"
-        if self.doubts or not self.report.robustly_stable:
-            why = self.doubts[0].kind if self.doubts else self.report.reason
-            if self.report.robustly_stable:
-                why = f"{why}; the verdict below only says that no linear plant of the set is unstable"
-            return f"NOT PASSED: {why}"
-        return "NOT PASSED: stable with every linear plant of the set, but " + (
-            "not at rest with every friction of the class" if self.is_exact else "of an approximation of the drive"
-        )
+            return f"PASSED, linear loop and friction: {stable}; comes to rest with every friction of the class below"
+        if self.linear_passed:
+            failed = "NOT PASSED: " * bool(self.friction.proofs)
+            return f"{failed}linear loop passed; friction {friction}. The linear loop is {stable}"
+        why: str = self.doubts[0].kind if self.doubts else self.report.reason
+        if self.report.robustly_stable:
+            why += "; the verdict below only says that no linear plant of the set is unstable"
+        return f"NOT PASSED: linear loop: {why}; friction {friction}"
 
     @property
     def stiffness(self) -> str | None:
@@ -224,26 +236,15 @@ class DriveCheck:
 
     def __str__(self) -> str:
         position = self.settings.base_unit
-        linear = str(self.report)
-        if not self.is_exact:
-            linear += (
-                f"\nan approximation: the position loop runs once in {self.settings.position_every} periods, and this "
-                "is its mean over the phase; nothing is proved of the drive itself"
-            )
         parts = {
             "drive": f"{self.settings}\n{describe_parameters(self.settings)}",
             "traces": "\n".join([*self.traces, self.assumption]),
-            f"linear loop, from {self.base} ({ratio_unit(position, self.unit)})": linear,
+            f"linear loop, from {self.base} ({ratio_unit(position, self.unit)})": str(
+                replace(self.report, peak=np.inf)  # thin margins are warned of above
+            ),
         }
         if (stiffness := self.stiffness) is not None:
             parts["stiffness against a force on the axis, nominal"] = stiffness
-        if self.worst is not None:
-            k = int(np.argmax(self.worst.gain))
-            where = format_hertz(self.worst.omega[k])
-            worst = f"|S| at most {self.worst.gain[k]:.3g} over the set, at {where}"
-            parts["worst case"] = (
-                worst if self.worst.stable else f"a plant of the set makes the loop unstable, at {where}"
-            )
         parts["friction"] = str(self.friction)
         if self.step is not None:
             parts["step of the position set point"] = (
@@ -273,6 +274,49 @@ def read_trace(path: Path, settings: DriveSettings, *, actual: bool = False, **l
         Units that are none of a drive, a trace that is not sampled as the drive is.
     """
     return to_drive_units(nlfrf.load_record(path, **load), settings, path, actual=actual)
+
+
+def read_traces(
+    traces: Sequence[Path], settings: DriveSettings, *, actual: bool = False, **load: Any
+) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
+    """Read traces of any origin: records, names and conditions for `check_drive`, as `read_experiments` returns them.
+
+    Parameters
+    ----------
+    traces : sequence of Path
+        One file a level.
+    settings, actual, load
+        As for `read_trace`.
+
+    Raises
+    ------
+    ValueError
+        As `read_trace`.
+    """
+    records, conditions = [], []
+    for path in traces:
+        with collect_warnings(path.name) as warned:
+            records.append(read_trace(path, settings, actual=actual, **load))
+        conditions.append(Conditions(warnings=tuple(warned)))
+    return records, [path.name for path in traces], conditions
+
+
+@contextmanager
+def collect_warnings(name: str) -> Iterator[list[str]]:
+    """Collect what data of that name are warned of meanwhile, and pass every warning on.
+
+    That friction at rest makes another force than the design expects is left out: no verdict depends on it.
+    """
+    texts: list[str] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield texts
+    finally:
+        data = [one for one in caught if issubclass(one.category, nlfrf.DataWarning)]
+        texts += [f"{name}: {one.message}" for one in data if one.category is not nlfrf.axis.LevelWarning]
+        for one in caught:
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
 
 def read_experiments(
@@ -323,23 +367,25 @@ def read_experiments(
     records, names, conditions, left = [], [], [], list(traces)
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
-        found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
+        with collect_warnings(paths[0].name) as warned:
+            found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
         if design.is_ramp:
             levels = nlfrf.axis.find_levels(found, design)
             if levels.reason:
                 raise ValueError(f"design of a pre-test must show three levels, got {paths[0].name}: {levels.reason}")
-            taken = choose_levels(levels, found, n_levels)
+            taken = choose_levels(levels, n_levels)
             found, labels = tuple(found[k] for k in taken), tuple(levels.states[k].value for k in taken)
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
-        conditions += [Conditions(gains=compare_gains(design, settings), motion=motion)] * len(found)
+        one = Conditions(gains=compare_gains(design, settings), motion=motion, warnings=tuple(warned))
+        conditions += [one] * len(found)
     return records, names, conditions
 
 
-def choose_levels(levels: nlfrf.axis.AxisLevels, records: Sequence[nlfrf.Record], count: int) -> list[int]:
+def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
     """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
-    named = [k for k, record in enumerate(records) if any(record is one for one in levels.records)]
+    named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
     states = nlfrf.axis.LevelState
     readable = (states.STICKS, states.BENDS, states.SLIDES)
     top = max(k for k, state in enumerate(levels.states) if state in readable)
@@ -426,12 +472,13 @@ def check_drive(
     conditions : sequence of Conditions
         Under which each trace was recorded, from `read_experiments`; not known where not given.
     peak : float
-        Largest |S| over the set that is not warned of. 2 leaves a phase margin of 29 deg and a gain margin of 2.
+        Largest |S| over the set that is not warned of; 2 when not given.
     stiction : float
         Largest over smallest force of a slider; the upper end of what was read where that is more.
     Fs : float, optional
         Largest friction force [N] or [Nm], for a bound of the error where the axis may not come to rest, and what
-        changes it; the upper end of the break-away force that was read when not given.
+        changes it; the upper end of the break-away force that was read when not given. Where no friction was read, the
+        bound is that of `any_bounded` around the linear model.
     spring : bool
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
@@ -443,7 +490,8 @@ def check_drive(
     Raises
     ------
     ValueError
-        Two encoders; traces that make no model; a delay that is longer than in the traces; a fit in other units.
+        Two encoders; traces that make no model; a delay that is longer than in the traces; a fit in other units; a
+        largest friction force for a loop in A.
 
     References
     ----------
@@ -454,20 +502,30 @@ def check_drive(
     if settings.encoder == "both":
         raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
     unit, base = records[0].u_unit, settings.base_unit
+    if Fs is not None and require_positive("Fs", Fs) and unit == "A":
+        raise ValueError(
+            f"Fs must be left out where traces and gains are in A and no torque_constant says how many {unit} that is, "
+            f"got {Fs:g} {settings.force_unit}"
+        )
     if fit is not None:
         require_kind("fit", fit, FrictionFit)
         if fit.units != (unit, base):
             raise ValueError(f"fit must be in {unit} and {base} as the traces, got {' and '.join(fit.units)}")
     settings = replace(settings, position_unit=base, load_unit=base, unit_factor=1.0, load_factor=1.0)
     K = cascade(settings, output_unit=unit)
-    blas = [machine_frf(nlfrf.identify(record), settings, actual=actual) for record in records]
-    names = list(names) or [f"trace {k + 1}" for k in range(len(blas))]
+    names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
+    under = list(conditions) or [Conditions()] * len(records)
+    blas, warned = [], []
+    for name, record in zip(names, records, strict=True):
+        with collect_warnings(name) as texts:
+            blas.append(machine_frf(nlfrf.identify(record), settings, actual=actual))
+        warned.append(texts)
     chosen = highest_level(blas)
     if not actual:
         require_late_trace(blas[chosen], settings)
     nominal = choose_fit(scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False))
-    under = conditions or [Conditions()] * len(blas)
-    at_rest = [record for record, one in zip(records, under, strict=True) if one.motion is not BaseMotion.MOVING]
+    moving = [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
+    at_rest = [record for k, record in enumerate(records) if k not in moving]
     friction = judge_friction(
         at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses, fit=fit
     )
@@ -478,8 +536,8 @@ def check_drive(
     machine = set_around(blas[chosen], nominal)
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = check(model, K, delay=settings.delay)
-    worst = worst_case(model, K, delay=settings.delay) if report.nominally_stable else None
     stiffness_unit = ratio_unit(unit, base)
+    report = replace(report, peak=peak)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
     doubts: list[Doubt | None] = [
         None
@@ -487,10 +545,23 @@ def check_drive(
         else doubt_of_trace_at_rest(names[chosen], blas[chosen], under=under[chosen], unit=stiffness_unit),
         doubt_of_crossover(report),
         doubt_of_unstable_model(names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved),
-        doubt_of_margins(report, worst, peak),
+        doubt_of_margins(report),
+        doubt_of_approximation(settings),
     ]
-    misled = (DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED)
-    if report.verdict is Verdict.NOT_ROBUST and any(doubt is not None and doubt.kind in misled for doubt in doubts):
+    kinds = (DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED)
+    misled = any(doubt is not None and doubt.kind in kinds for doubt in doubts)
+    # at rest an FRF judges nothing but the friction, which has its own balance, unless the set is made of it
+    told = [text for one in under for text in one.warnings]
+    told += [text for k, texts in enumerate(warned) if k == chosen or k in moving for text in texts]
+    doubts += [Doubt(DoubtKind.WARNED_TRACE, text) for text in dict.fromkeys(told)]
+    if Fs is not None and not friction.proofs:
+        if report.nominally_stable and not misled:
+            friction = replace(friction, bounded=bound_any_friction(machine.nominal, settings, Fs=Fs, output_unit=unit))
+        else:
+            friction = replace(
+                friction, note=f"{friction.note}. No bound with the given force: no linear model is known"
+            )
+    if report.verdict is Verdict.NOT_ROBUST and misled:
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
         report = replace(
             report,
@@ -506,7 +577,6 @@ def check_drive(
         traces=tuple(map(describe_trace, names, records, blas)),
         base=names[chosen],
         report=report,
-        worst=worst,
         step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
         friction=friction,
         actual=actual,
@@ -675,22 +745,23 @@ def doubt_of_unstable_model(
     )
 
 
-def doubt_of_margins(report: RobustnessReport, worst: WorstCase | None, peak: float) -> Doubt | None:
+def doubt_of_margins(report: RobustnessReport) -> Doubt | None:
     """Why a loop that is stable with the whole set is not safe: it is close to instability."""
-    if worst is None or not report.robustly_stable:
+    if not report.thin_margins:
         return None
-    largest, phase = float(np.max(worst.gain)), np.degrees(report.classical.phase_margin)
-    if largest <= peak:
+    # where the gain is nearer to its lower limit, kv and 1/tn are too high for this kp
+    cure = "raise kp, or lower kv and lengthen tn" if report.gain_is_too_low else "lower kp, or kv"
+    return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cure}")
+
+
+def doubt_of_approximation(settings: DriveSettings) -> Doubt | None:
+    """Why what is proved is not proved of the drive: a slower position loop was taken as its mean over the phase."""
+    if settings.position_every == 1:
         return None
-    below, above = report.classical.gain_reduction, report.classical.gain_margin
-    too_low = below > 1 / above  # the gain is nearer to its lower limit: kv and 1/tn are too high for this kp
-    cure = "raise kp, or lower kv and lengthen tn" if too_low else "lower kp, or kv"
     return Doubt(
-        DoubtKind.THIN_MARGINS,
-        f"thin margins: |S| reaches {largest:.3g} over the set, at {format_hertz(worst.omega[np.argmax(worst.gain)])}, "
-        f"above {peak:g}, and the nominal phase margin is {phase:.1f} deg. Customary are |S| of at most 2 and a phase "
-        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor, and "
-        f"a small change makes the loop unstable: {cure}",
+        DoubtKind.APPROXIMATED,
+        f"an approximation: the position loop runs once in {settings.position_every} periods, and this is its mean "
+        "over the phase; nothing is proved of the drive itself",
     )
 
 

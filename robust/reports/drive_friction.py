@@ -16,7 +16,7 @@ import nlfrf
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
-from robust.friction.classes import AnyFriction, FrictionAtPorts
+from robust.friction.classes import AnyFriction, FrictionAtPorts, any_bounded
 from robust.friction.identification import FrictionFit, identify_friction
 from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states
@@ -28,7 +28,7 @@ from robust.synthesis.drive.cascade import cascade
 from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = ["DriveFriction", "judge_friction"]
+__all__ = ["DriveFriction", "bound_any_friction", "judge_friction"]
 
 #: Levels from which friction is read.
 FEWEST_LEVELS = 3
@@ -39,6 +39,12 @@ K0_MARGIN = 1.25
 FORCE_NOTE = (
     "Mass, stiffness and forces are as good as what scales the trace to {unit}, such as the force constant: an error "
     "of that is in no interval."
+)
+#: What the bound of a stated force is of, where no friction was read.
+BOUNDED_NOTE = (
+    "The given force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest is not "
+    "judged. The bound is of the nominal linear model of these traces, not of its set, with the friction where the "
+    "motor acts."
 )
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
 MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
@@ -59,6 +65,9 @@ class DriveFriction:
         at the ends of both intervals.
     cures : tuple of FrictionCure
         What a change of the drive does to a verdict that is not proved.
+    bounded : FrictionProof or None
+        Where no friction was read: the bound of the error with any friction of at most a stated force, around the
+        linear model of the traces.
     note : str
         Why nothing was read, or nothing proved.
     largest : float, tuple of float or None
@@ -77,6 +86,7 @@ class DriveFriction:
     assumed: FrictionClass | None = None
     proofs: tuple[FrictionProof, ...] = ()
     cures: tuple[FrictionCure, ...] = ()
+    bounded: FrictionProof | None = None
     note: str = ""
     largest: float | tuple[float, ...] | None = None
     added_delay: float = np.nan
@@ -99,14 +109,32 @@ class DriveFriction:
     @property
     def error_bound(self) -> float:
         """Where the axis is in the end, from its rest [m] or [rad], with any friction up to `largest`; nan: unknown."""
-        bounds = [proof.error_bound for proof in self.proofs if np.isfinite(proof.error_bound)]
-        return max(bounds, default=np.nan)
+        proofs = self.proofs if self.bounded is None else (self.bounded,)
+        return max((proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)), default=np.nan)
+
+    @property
+    def conclusion(self) -> str:
+        """Whether the axis comes to rest with its friction, and within which distance it may move for ever if not."""
+        if self.proved:
+            return "passed"
+        first, most = (self.proofs or (self.bounded,))[0], ""
+        if first is None:
+            return "not judged: the axis may hunt with these gains"
+        if not self.proofs and isinstance(first.friction, AnyFriction):
+            most = f"with any of at most {first.friction.Fs:g} {first.units.force} "
+        within, bound = float(np.fmin(first.settling_error, first.error_bound)), "without a known bound"
+        if np.isfinite(within):
+            bound = f"within {format_length(within, first.units.position)} of its rest for ever"
+        judged = f"not passed ({first.verdict})" if self.proofs else "not judged"
+        return f"{judged}: {most}the axis may move {bound}"
 
     def __str__(self) -> str:
-        if self.fit is None:
-            return f"not judged: {self.note}"
-        if self.assumed is None:
-            return f"read from {len(self.fit.levels)} traces at rest:\n{self.fit}\nnot judged: {self.note}"
+        if self.fit is None or self.assumed is None:
+            rows = [] if self.fit is None else [f"read from {len(self.fit.levels)} traces at rest:\n{self.fit}"]
+            rows.append(f"not judged: {self.note}")
+            if self.bounded is not None:
+                rows += [BOUNDED_NOTE, self.bounded.claim or self.bounded.reason, self.bounded.not_claimed]
+            return "\n".join(rows)
         rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
         rows += [FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
         rows.append(str(replace(self.proofs[0], error_bound=self.error_bound)))
@@ -289,6 +317,15 @@ def judge_friction(
         added_delay=added,
         has_integral=bool(np.isfinite(settings.tn)),
     )
+
+
+def bound_any_friction(
+    machine: control.StateSpace, settings: DriveSettings, *, Fs: float, output_unit: str
+) -> FrictionProof:
+    """Return the bound of the error of a linear machine with any friction of at most Fs, under its drive."""
+    plant = friction_behind_lag(friction_plant(machine, position_unit=settings.base_unit), settings.lag)
+    friction = any_bounded(Fs, position_unit=settings.base_unit)
+    return prove_friction(plant, cascade(settings, output_unit=output_unit), friction, delay=settings.delay)
 
 
 def largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:

@@ -381,20 +381,24 @@ lag = 0.5e-3
 
 
 def test_an_axis_from_its_gains_to_three_levels_and_either_direction(nlfrf_command, tmp_path):
-    (tmp_path / "axis.toml").write_text(AXIS_TOML)
+    (tmp_path / "axis.toml").write_text(f"{AXIS_TOML}velocity_feedforward = 1.0\n")
     ramp = "--ramp 14 --max-velocity 0.2 --periods 1 --discard 1"
     move = "--velocity 0.1 --strokes 1 --max-force 200 --max-travel 0.5"
     band = "--period 1000 --f-min 4 --f-max 100 --seed 1"
+    assert (
+        "assumed of the drive: kv = 30 1/s"
+        in nlfrf_command("axis", "design", "belt", *band.split(), "--rms", "5", "-o", "x.csv")[1]
+    )
     said = []
     for step in (
         f"axis design axis.toml {band} {ramp} -o ramp.csv",
         "axis play belt ramp.csv -o ramp-trace.csv",
         "axis levels ramp-trace.csv --design ramp.npz",
-        f"axis design axis.toml --period 2000 --f-min 4 --f-max 200 --seed 1 {move} -o move.csv",
+        f"axis design axis.toml --period 2000 --f-min 6 --f-max 200 --seed 1 {move} -o move.csv",
         "axis play belt move.csv -o move-trace.csv",
         "identify move-trace.csv --design move.npz --csv -o bla.npz",
         "plot move.npz -o move.png",
-        "axis design ramp-trace.csv --first ramp.npz --level bends --period 1000 --f-min 8 --f-max 90 -o bends.csv",
+        "axis design ramp-trace.csv --first ramp.npz --level bends --period 1000 --f-min 12 --f-max 90 -o bends.csv",
     ):
         code, out, err = nlfrf_command(*step.split())
         assert (code, err) == (0, ""), step
@@ -408,6 +412,80 @@ def test_an_axis_from_its_gains_to_three_levels_and_either_direction(nlfrf_comma
     np.testing.assert_allclose(forward.G, backward.G, rtol=0.05)
     bends = re.search(r"([\d.]+) N \(bends\)", said[2])[1]
     assert f"force {bends} N rms" in said[7]
+    assert one_line(said[3]).endswith(
+        "assumed of the drive: kv = 30 1/s, kp = 33 A s/m, tn = 0.03 s, velocity_feedforward = 1; current loop: "
+        "125 N/A, lag 0.5 ms, delay 0.25 ms wrote move.csv wrote move.npz"
+    )
+
+
+def one_line(page):
+    """A page without its line breaks."""
+    return " ".join(page.split())
+
+
+def test_levels_of_a_trace_in_amperes_and_millimetres_are_recommended_in_newtons(nlfrf_command, tmp_path):
+    (tmp_path / "axis.toml").write_text(f"{AXIS_TOML}velocity_feedforward = 1.0\n")
+    band = "--period 1000 --f-min 4 --f-max 100"
+    nlfrf_command(*f"axis design axis.toml {band} --seed 1 --ramp 14 --max-velocity 0.2 -o ramp.csv".split())
+    nlfrf_command(*["axis", "play", "belt", "ramp.csv", "-o", "trace.csv"])
+    names, *rows = (tmp_path / "trace.csv").read_text().splitlines()
+    names = names.split(",")
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    force, position = (names.index(name) for name in ("force set point [N]", "position [m]"))
+    table[:, force] /= 125.0
+    table[:, position] *= 1e3
+    names[force], names[position] = "force set point [A]", "position [mm]"
+    np.savetxt(tmp_path / "amperes.csv", table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+    one, other = (
+        nlfrf_command("axis", "levels", trace, "--design", "ramp.npz")[1] for trace in ("trace.csv", "amperes.csv")
+    )
+    assert one == other
+    assert "take, as rms of the force set point: " in one
+    again = f"{band} --first ramp.npz --level bends --seed 1 -o".replace("--f-min 4", "--f-min 12").split()
+    one, other = (
+        nlfrf_command("axis", "design", f"{name}.csv", *again, f"{name}-bends.csv") for name in ("trace", "amperes")
+    )
+    assert one[1].replace("trace-bends", "amperes-bends") == other[1]
+    first, second = (
+        np.loadtxt(tmp_path / f"{name}-bends.csv", delimiter=",", skiprows=1) for name in ("trace", "amperes")
+    )
+    assert np.abs(first).max(axis=0) == pytest.approx(np.abs(second).max(axis=0), rel=1e-6)
+    assert "position [m]" in (tmp_path / "amperes-bends.csv").read_text().splitlines()[0]
+
+
+def test_a_drive_without_velocity_feedforward(nlfrf_command, tmp_path):
+    """The default of axis.toml; the presets have one, and what is designed for another drive is not played."""
+    (tmp_path / "axis.toml").write_text(AXIS_TOML)
+    design = "axis design axis.toml --period 1000 --f-min 4 --f-max 100 --seed 1 --rms 20"
+    code, out, err = nlfrf_command(*f"{design} -o play.csv".split())
+    assert (code, err) == (0, "")
+    assert "velocity_feedforward = 0 (none)" in one_line(out)
+    code, _, err = nlfrf_command(*["axis", "play", "belt", "play.csv", "-o", "trace.csv"])
+    assert code == 2
+    assert "must have the gains of the design in 'play.npz', kv = 30 1/s, kp = 33 A s/m, tn = 0.03 s, " in err
+    assert "velocity_feedforward = 0, got" in err
+    assert "velocity_feedforward = 1: design again" in err
+    nlfrf_command(*f"{design} --port force -o push.csv".split())  # at rest no set point moves: the feedforward is idle
+    assert nlfrf_command(*["axis", "play", "belt", "push.csv", "-o", "push-trace.csv"])[0] == 0
+
+
+def test_a_band_without_lines_at_its_low_end_is_warned_of(nlfrf_command):
+    band = "axis design belt --period 4000 --f-max 100 --rms 5 --seed 1 -o play.csv"
+    code, _, err = nlfrf_command(*f"{band} --f-min 5".split())
+    assert code == 0
+    assert "the band asked for is 5 to 100 Hz, the lines excited go from 9 to 9" in err
+    assert "ask for --f-min 3" in err
+    assert nlfrf_command(*f"{band} --f-min 9 --overwrite".split())[2] == ""
+
+
+def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(nlfrf_command):
+    design = "axis design belt --period 1000 --f-min 4 --f-max 100 --rms 5 -o play.csv"
+    assert nlfrf_command(*design.split())[0] == 0
+    code, _, err = nlfrf_command(*design.split())
+    assert code == 2
+    assert "got play.csv, which holds set points or a trace of the experiment in play.npz" in err
+    assert "something else" not in err
+    assert nlfrf_command(*f"{design} --overwrite".split())[0] == 0
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The command robust: from a BLA to a verdict by files; bad input is one line and exit code 2."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -298,6 +299,18 @@ def test_a_controller_is_checked_with_the_delay_it_was_designed_for(robust_comma
     assert "zero-order hold in the plant" in " ".join(without.split())
     save_controller(load_controller("K.json"), "old.json")  # says nothing of a delay, as every file of before
     assert robust_command("check m.json old.json --no-certify")[1] == without
+
+
+def test_the_check_warns_of_thin_margins_as_its_peak_says(robust_command):
+    assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
+    assert robust_command("design m.json --bandwidth 6 --sample-time 0.001 -o K.json")[0] == 0
+    code, page, _ = robust_command("check m.json K.json")
+    largest = float(re.search(r"worst case: +\|S\| at most (\S+) over the set, at ", page)[1])
+    assert (code, "thin margins" in page) == (0, largest > 2)
+    for peak, warned in ((0.9 * largest, True), (1.1 * largest, False)):
+        code, page, _ = robust_command(f"check m.json K.json --peak {peak}")
+        assert (code, f"thin margins: |S| reaches {largest:.3g} over the set" in " ".join(page.split())) == (0, warned)
+    assert robust_command("check m.json K.json --peak 0")[0] == 2
 
 
 def test_a_continuous_design_has_its_delay(robust_command):

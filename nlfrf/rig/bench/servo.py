@@ -79,7 +79,8 @@ class ServoDrive:
     velocity_lag : float
         Time constant of a low-pass on the velocity [s].
     velocity_feedforward : float
-        Share of the velocity of the position set point that goes straight to the velocity loop, 0 to 1.
+        Share of the velocity of the position set point that goes straight to the velocity loop, 0 to 1; the presets of
+        `servo_axis` have 1.
     position_every : int
         The position loop runs in every so many periods.
     filters : (S, 6) ndarray, optional
@@ -108,7 +109,7 @@ class ServoDrive:
     lag: float = 0.0
     delay_periods: float = 1.0
     velocity_lag: float = 0.0
-    velocity_feedforward: float = 1.0
+    velocity_feedforward: float = 0.0
     position_every: int = 1
     filters: ArrayField = None
 
@@ -696,7 +697,7 @@ def servo_axis(preset: str) -> ServoAxis:
             motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.3, vs=5e-3),
             motor_damping=20.0,
             resolution=5e-8,
-            drive=ServoDrive(fs=4000, kv=100, kp=143, tn=0.01, max_current=28.8, lag=0.3e-3),
+            drive=ServoDrive(fs=4000, kv=100, kp=143, tn=0.01, max_current=28.8, lag=0.3e-3, velocity_feedforward=1.0),
         )
     if preset == "belt":
         # 32 teeth of 5 mm: 25.46 mm a radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
@@ -712,7 +713,7 @@ def servo_axis(preset: str) -> ServoAxis:
             stiffness=632500 * (1 / 0.7 + 1 / 1.5),
             damping=100.0,
             resolution=2 * np.pi * r / gear / 2**17,
-            drive=ServoDrive(fs=4000, kv=30, kp=33, tn=0.03, max_current=17.0, lag=0.5e-3),
+            drive=ServoDrive(fs=4000, kv=30, kp=33, tn=0.03, max_current=17.0, lag=0.5e-3, velocity_feedforward=1.0),
         )
     if preset == "ball screw":
         r = 10e-3 / (2 * np.pi)  # a lead of 10 mm
@@ -727,7 +728,7 @@ def servo_axis(preset: str) -> ServoAxis:
             stiffness=8e7,
             damping=5000.0,
             resolution=10e-3 / 2**17,
-            drive=ServoDrive(fs=4000, kv=50, kp=280, tn=0.02, max_current=42.0, lag=0.5e-3),
+            drive=ServoDrive(fs=4000, kv=50, kp=280, tn=0.02, max_current=42.0, lag=0.5e-3, velocity_feedforward=1.0),
         )
     return ServoAxis(
         motor_inertia=100**2 * 5.2e-5,
@@ -741,5 +742,5 @@ def servo_axis(preset: str) -> ServoAxis:
         damping=10.0,
         resolution=2 * np.pi / (100 * 2**14),
         motion="rotary",
-        drive=ServoDrive(fs=4000, kv=15, kp=16, tn=0.05, max_current=10.0, lag=0.5e-3),
+        drive=ServoDrive(fs=4000, kv=15, kp=16, tn=0.05, max_current=10.0, lag=0.5e-3, velocity_feedforward=1.0),
     )

@@ -47,7 +47,7 @@ class FrictionCure:
     --------
     >>> cure = FrictionCure(change="tn 10 ms -> 15 ms", verdict=FrictionVerdict.SETTLES, error=2e-6, unit="m")
     >>> print(cure)
-    tn 10 ms -> 15 ms: settles, within 2e-06 m
+    tn 10 ms -> 15 ms: settles, may move within 2e-06 m for ever
     """
 
     change: str
@@ -56,8 +56,10 @@ class FrictionCure:
     unit: str
 
     def __str__(self) -> str:
-        bound = f"within {self.error:.3g} {self.unit}" if np.isfinite(self.error) else "without a bound"
-        return f"{self.change}: {self.verdict}, {bound}"
+        within = f"within {self.error:.3g} {self.unit}"
+        if self.verdict is not FrictionVerdict.PROVED:
+            within = f"may move {within} for ever"
+        return f"{self.change}: {self.verdict}, {within if np.isfinite(self.error) else 'without a bound'}"
 
 
 def friction_cures(

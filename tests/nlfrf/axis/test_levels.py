@@ -118,7 +118,7 @@ FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
 
 
 def levels_with_play(tmp_path, **machine):
-    drive = nlfrf.rig.ServoDrive(fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3)
+    drive = nlfrf.rig.ServoDrive(fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
     rough = nlfrf.rig.ServoAxis(
         motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, force_constant=1.0, drive=drive
     )

@@ -1,5 +1,6 @@
 """The most likely mistakes between the drive and the record: the table of docs/guide/axis.md, a row a test."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +38,7 @@ ROWS = {
     "a trace that is too short": "test_a_trace_that_ends_too_early",
     "a trace that begins somewhere else": "test_a_trace_that_begins_somewhere_else",
     "current at its limit": "test_a_saturated_current",
+    "a drive with another velocity feedforward": "test_a_drive_without_the_feedforward_of_the_design_is_named",
     "a level at which friction changes the loop": "test_a_level_so_low_that_friction_changes_the_loop",
     "an axis that turns back": "test_an_axis_that_turns_back_in_motion",
     "play in front of a load with friction": "test_play_in_front_of_a_load_with_friction_is_seen",
@@ -150,6 +152,47 @@ def test_a_wrong_sign_of_the_position(at_rest, in_motion):
         ValueError, match=r"y must move at 0\.15 m/s forward, as the file does, got -0\.15: turn its sign"
     ):
         in_motion.read(change={POSITION: -1})
+
+
+@pytest.mark.parametrize("in_amperes", [False, True])
+def test_a_drive_without_the_feedforward_of_the_design_is_named(tmp_path, in_amperes):
+    """The factors are those of force and position in N and m, whatever the header has, and the drive is named first."""
+    drive = replace(ROUGH.drive, velocity_feedforward=0.0)
+    experiment = design_experiment(ROUGH, n_samples=N, f_min=4, f_max=250, rms=60, rng=1, base_velocity=0.15)
+    nlfrf.save(experiment, tmp_path / "play.csv")
+    (tmp_path / "play.npz").rename(tmp_path / "design.npz")  # which would refuse this drive
+    play_experiment(replace(ROUGH, drive=drive), tmp_path / "play.csv", tmp_path / "trace.csv")
+    names, *rows = (tmp_path / "trace.csv").read_text().splitlines()
+    table, names = np.array([row.split(",") for row in rows], dtype=float), names.split(",")
+    if in_amperes:
+        for k, scale, unit in ((names.index("force set point [N]"), 1 / ROUGH.force_constant, "A"), (2, 1e3, "mm")):
+            table[:, k] *= scale
+            names[k] = f"{names[k].partition(' [')[0]} [{unit}]"
+    np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+    with pytest.warns(DataWarning) as seen:
+        records = load_trace(tmp_path / "trace.csv", tmp_path / "design.npz")
+    texts = [str(one.message) for one in seen]
+    found = [re.match(r"([uy]) is (\S+) times what the design expects", text) for text in texts]
+    z = np.exp(2j * np.pi * experiment.ms.f[-(experiment.ms.f.size // 3) :] / ROUGH.drive.fs)
+    true = np.median(np.abs(ROUGH.drive.kv / (ROUGH.drive.kv + (1 - 1 / z) * ROUGH.drive.fs)))  # of what feeds the PI
+    assert [one[1] for one in found] == ["u", "y"]
+    assert [float(one[2]) for one in found] == pytest.approx([true, true], rel=0.06)
+    assert all(
+        "hardly counts: is it a drive with another velocity feedforward or other gains (assumed: " in text
+        for text in texts
+    )
+    assert all("velocity_feedforward = 1" in text for text in texts)
+    assert records[0].u_unit == ("A" if in_amperes else "N")
+
+
+def test_at_rest_another_force_than_designed_has_a_category_of_its_own(tmp_path):
+    experiment = design_experiment(ROUGH, n_samples=N, f_min=4, f_max=250, rms=2, rng=1)
+    nlfrf.save(experiment, tmp_path / "play.csv")
+    play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")
+    with pytest.warns(
+        nlfrf.axis.LevelWarning, match="friction, another machine, or a drive with another velocity feed"
+    ):
+        load_trace(tmp_path / "trace.csv", experiment)
 
 
 def test_a_wrong_unit_factor(at_rest, in_motion):

@@ -302,3 +302,41 @@ def test_a_set_of_several_channels_that_is_not_stable_has_a_plant_that_shows_it(
         worst_case(set_, -K_2X2)
     with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
         sample_loops(set_, K_2X2, 5, delay=0.1)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_check_names_the_largest_sensitivity_of_the_worst_plant(form):
+    K = control.tf([3], [1, 2])
+    report, worst = check(model(form), K), worst_case(model(form), K)
+    assert report.S_worst == pytest.approx(worst.achieved, rel=1e-3)
+    assert f"worst case: |S| at most {report.S_worst:.3g} over the set, at" in unwrapped(str(report))
+    assert ("thin margins" in str(report)) == (report.S_worst > 2)
+    # with any demand the largest |S| is the same one, not that of w_P S
+    assert check(model(form), K, w_P=performance_weight(1.0)).S_worst == pytest.approx(report.S_worst, rel=1e-9)
+    if form != "coprime":  # whose weight stays below one
+        far = check(model(form, 40.0), K)
+        assert not np.isfinite(far.S_worst)
+        assert "worst case" not in str(far)
+    assert np.isnan(check(model(form), -3.0).S_worst)
+
+
+def test_the_check_of_several_channels_names_the_largest_singular_value():
+    set_ = set_of_several("additive", 0.1)
+    K = control.ss([], [], [], 0.5 * np.eye(2), set_.nominal.dt)
+    report, worst = check(set_, K), worst_case(set_, K)
+    assert report.S_worst == pytest.approx(worst.gain.max(), rel=1e-9)
+    assert f"the largest singular value of S at most {report.S_worst:.3g} over the set" in unwrapped(str(report))
+
+
+def test_a_stable_loop_with_thin_margins_is_warned_of():
+    """A light mode under a gain is stable with its whole set, and close to instability with one plant of it."""
+    G = control.ss(control.tf([1], [1, 0.4, 1]))
+    set_ = UncertaintyModel(G, control.ss([], [], [], [[0.3]]), "multiplicative", LINES, np.full(3, 0.29))
+    report = check(set_, 0.8)
+    assert report.robustly_stable
+    assert report.S_worst > 2
+    found = unwrapped(str(report))
+    assert f"warning: thin margins: |S| reaches {report.S_worst:.3g} over the set, at" in found
+    assert "and a small change makes the loop unstable: lower the gain" in found
+    assert check(set_, 0.8 * 0.5).S_worst < report.S_worst
+    assert "thin margins" not in str(check(set_, 1e-3))

@@ -17,7 +17,7 @@ from nlfrf.rig import Rig, ServoAxis, ServoDrive, run_servo, simulate_servo
 FS = 4000.0
 TS = 1 / FS
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
-DRIVE = ServoDrive(fs=FS, kv=40, kp=20, tn=0.03, lag=0.4e-3)
+DRIVE = ServoDrive(fs=FS, kv=40, kp=20, tn=0.03, lag=0.4e-3, velocity_feedforward=1.0)
 MASS = ServoAxis(motor_inertia=12.0, force_constant=50.0, drive=DRIVE)
 TWO = replace(
     MASS, motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=90.0, motor_damping=20.0, load_damping=30.0
