@@ -119,12 +119,13 @@ def friction(u, fs, rng):
 def record(rng, like="plain", *, P=None, smooth=False, fs=None):
     """One `Run`: "plain", "resonant", "noisy", "friction", "high crest", "quantised", "from rest" or "drifting"."""
     N = int(rng.integers(200, 401))
-    P = int(rng.integers(3, 6)) if P is None else P
+    P = int(rng.integers(2 if like == "from rest" else 3, 6)) if P is None else P
     fs = float(rng.choice(RATES)) if fs is None else fs
-    f_max = (0.08 if smooth else rng.uniform(0.2, 0.4)) * fs
-    if smooth:
-        N = int(rng.integers(500, 701))
-    ms = nlfrf.multisine(fs=fs, n_samples=N, f_min=fs / N, f_max=f_max, rng=rng)
+    f_max = (0.08 if smooth else rng.uniform(0.08 if like == "from rest" else 0.2, 0.4)) * fs
+    if smooth or like == "from rest":
+        N = int(rng.integers(500, 701) if smooth else rng.integers(800, 1601))
+    f_min = (1 if like != "from rest" else rng.integers(1, 5)) * fs / N
+    ms = nlfrf.multisine(fs=fs, n_samples=N, f_min=f_min, f_max=f_max, rng=rng)
     lines, u = ms.lines.excited, ms.u[0]
     if like == "high crest":
         phases = 2 * np.pi * rng.uniform(0, 0.15, lines.size)
@@ -133,7 +134,8 @@ def record(rng, like="plain", *, P=None, smooth=False, fs=None):
         u = np.fft.irfft(spectrum, N)
     u = u / np.std(u) * 10 ** rng.uniform(-1, 2)
     damping = rng.uniform(0.005, 0.03) if like == "resonant" else rng.uniform(0.05, 0.4)
-    w = 2 * np.pi * rng.uniform(0.25, 0.8) * f_max
+    damping = 10 ** rng.uniform(-1.7, -0.4) if like == "from rest" else damping
+    w = 2 * np.pi * rng.uniform(0.05 if like == "from rest" else 0.25, 0.8) * f_max
     gain = 10 ** rng.uniform(-1, 1.5)
     b, a = signal.bilinear([gain * w * w], [1, 2 * damping * w, w * w], fs)
     f = np.fft.rfftfreq(N, 1 / fs)
@@ -145,7 +147,8 @@ def record(rng, like="plain", *, P=None, smooth=False, fs=None):
     elif like == "from rest":
         y = signal.lfilter(b, a, u)
     clean = np.tile(y[-N:], P)
-    noise = np.std(y) * 10 ** (rng.uniform(-1.5, -0.3) if like == "noisy" else rng.uniform(-5, -2.5))
+    exponents = {"noisy": (-1.5, -0.3), "from rest": (-3.0, -1.5)}.get(like, (-5.0, -2.5))
+    noise = np.std(y) * 10 ** rng.uniform(*exponents)
     y = y + noise * rng.standard_normal(y.size)
     if rng.random() < 0.4:
         u, y = (one + rng.uniform(-3, 3) * np.std(one) for one in (u, y))
