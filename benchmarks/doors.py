@@ -26,6 +26,7 @@ from collections import Counter, defaultdict
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -110,7 +111,8 @@ def compare(case, bla):
         near = near[same]
         if same.mean() < NEARLY_ALL_LINES or np.unique(near).size < NEARLY_ALL_LINES * run.f.size:
             return f"lines {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz, not {run.f[0]:.4g} to {run.f[-1]:.4g} Hz"
-        truths, scatter = [run.G[near], run.measured()[near]], case.gain * run.scatter[near]
+        truths = [run.G[near]] if case.table else [run.G[near], run.measured()[near]]
+        scatter = case.gain * run.scatter[near] * (not case.table)
     scale = case.gain * np.abs(truths[0])
     known = np.maximum(TOLERANCE * scale, SIGMAS * scatter)
     error = np.min([np.abs(bla.G[same] - case.gain * one) for one in truths], axis=0)
@@ -201,31 +203,40 @@ def invoke(app, words):
     return done.exit_code, done.output, said, error
 
 
+def printed_command(printed, case, out):
+    """The command that `nlfrf inspect` printed, word by word, with what it leaves to the user filled in."""
+    words = next((shlex.split(line[5:]) for line in printed.splitlines() if line.startswith("run:")), [])
+    filled = {"HERTZ": f"{case.run.fs:.12g}", "POLES": "2", "RELATIVE-STD": "0.02", "AVERAGES": "16"}
+    words = [filled.get(word, word) for word in words]
+    if "-o" in words:
+        words[words.index("-o") + 1] = str(out)
+        words.append("--overwrite")
+    return words
+
+
 def commands(case, path):
     """What `nlfrf inspect` and the command that it prints do: empty where all is well."""
     code, printed, _, error = invoke(measuring.app, ["inspect", str(path)])
     if code:
         return "" if isinstance(error, ValueError) else f"inspect ends with {code}: {error!r}"
-    words = next((shlex.split(line[5:]) for line in printed.splitlines() if line.startswith("run:")), [])
-    if "identify" not in words:
+    out = path.with_name("bla.npz")
+    words = printed_command(printed, case, out)
+    if words[:2] != ["nlfrf", "identify"]:
         return f"inspect prints {' '.join(words) or 'no command'}"
     given = dict(itertools.pairwise(words))
-    if {given.get("--input"), given.get("--output")} & {"INPUT", "OUTPUT"}:
+    u, y = given["--input"], given["--output"]
+    if {u, y} & {"INPUT", "OUTPUT"}:
         return "inspect finds no input or no output"
-    words = [f"{case.run.fs:.12g}" if word == "HERTZ" else word for word in words[1:]]
-    words[words.index("-o") + 1] = str(path.with_name("bla.npz"))
-    code, _, said, error = invoke(measuring.app, [*words, "--overwrite"])
+    code, _, said, error = invoke(measuring.app, words[1:])
     if code:
         known = isinstance(error, ValueError)
         return f"its command is refused: {error}" if known else f"its command ends with {code}: {error!r}"
-    y, u = given["--output"], given["--input"]
-    bla = nlfrf.load(path.with_name("bla.npz"))
     file = read_channels(path)
     if strictly_rising(file.arrays.get(y, np.zeros(2))):
         return f"it proposes the rising column {y} as output"
     if [one.strip('"') for one in (u, y)] != list(map(file.full_name, (case.u, case.y))):
         return f"it guesses input {u}, output {y}"
-    wrong = compare(case, bla)
+    wrong = compare(case, nlfrf.load(out))
     return f"its command is {WRONG}: {wrong}" if wrong and not said else ""
 
 
@@ -236,25 +247,28 @@ def strictly_rising(stream):
 
 def judge_frf(case, path):
     """The outcome of a table of an FRF: no command takes it for a record, and `robust model` takes it as it is."""
-    model = path.with_name("model.json")
+    out, model = path.with_name("bla.npz"), path.with_name("model.json")
     code, printed, _, error = invoke(measuring.app, ["inspect", str(path)])
-    words = next((shlex.split(line[5:]) for line in (printed or "").splitlines() if line.startswith("run:")), [])
-    text = printed if not code else str(error)
+    text = str(error) if code else printed
+    words = [] if code else printed_command(printed, case, out)
     if words[:2] == ["nlfrf", "identify"]:
-        words = ["1000" if word == "HERTZ" else word for word in words[1:]]
-        words[words.index("-o") + 1] = str(path.with_name("bla.npz"))
-        done, _, said, _ = invoke(measuring.app, [*words, "--overwrite"])
+        done, _, said, _ = invoke(measuring.app, words[1:])
         if not done and not said:
             return Result(case, Outcome.SILENT, [], f"identified as a record: {' '.join(words)}")
-    model.unlink(missing_ok=True)
-    code, _, said, error = invoke(controlling.app, ["model", str(path), "--poles", "2", "-o", str(model)])
+    if words[:2] != ["robust", "model"]:
+        words = ["robust", "model", str(path), "--poles", "2", "-o", str(model)]
+    words[words.index("-o") + 1] = str(model)
+    code, _, said, error = invoke(controlling.app, words[1:])
     if not code:
-        wrong = compare(case, robust.load_model(model).records[0])
-        return Result(case, Outcome.SILENT if wrong and not said else Outcome.RIGHT, said, wrong)
+        one = robust.load_model(model).records[0]
+        wrong = compare(case, SimpleNamespace(f=one.omega / (2 * np.pi), G=one.G, unit="", bound=lambda: 0 * one.omega))
+        if wrong:
+            return Result(case, Outcome.WARNED_WRONG if said else Outcome.SILENT, said, wrong)
+        return Result(case, Outcome.OTHER if said else Outcome.RIGHT, said)
     if not isinstance(error, ValueError | None):
         return Result(case, Outcome.CRASH, said, repr(error))
     named = re.search(case.words, f"{text} {error}", re.I)
-    return Result(case, Outcome.REFUSED if named else Outcome.DEAD_END, said, f"{text} {error}"[:300])
+    return Result(case, Outcome.REFUSED if named else Outcome.DEAD_END, said, f"{text} {error}"[-300:])
 
 
 def result_of(case, folder, *, with_commands=False):

@@ -781,11 +781,29 @@ def lost(rng):
     at = int(rng.integers(16, run.u.size - n - 16))
     kept = np.delete(np.arange(run.u.size), np.arange(at, at + n))
     words = r"lost|resample|out of place|\bgap|missing|time jumps|whole period"
+    if repeated := rng.random() < 0.2:
+        kept = np.insert(np.arange(run.u.size), at, np.full(n, at))
     text = "u,y\n" + rows(run.u[kept], run.y[kept])
-    if rng.random() < 0.6:
+    if repeated or rng.random() < 0.6:
         return Case("", run, "run.csv", text, "u", "y", options={"fs": run.fs}, words=words)
     text = "time [s],u,y\n" + rows(time_cells(run.t[kept]), run.u[kept], run.y[kept])
     return Case("", run, "run.csv", text, "u", "y", words=words)
+
+
+@kind("period of no whole number of samples", 4.0)
+def other_clock(rng):
+    run = record(rng, str(rng.choice(["plain", "noisy"])), P=int(rng.integers(4, 7)))
+    ratio = 1 + rng.choice([-1, 1]) * 10 ** rng.uniform(-3.5, -1)  # of the clock of the logger over that of the player
+    n = int(run.N * (run.P - 0.1) * min(ratio, 1.0))
+    at = 2 * np.pi * np.outer(np.arange(n) / ratio / run.N, np.arange(run.N // 2 + 1))
+    basis = np.concatenate([np.cos(at), -np.sin(at)], axis=1)
+    u, y = (
+        basis @ np.concatenate([2 * (X := np.fft.rfft(one[: run.N]) / run.N).real, 2 * X.imag]) - X[0].real
+        for one in (run.u - run.u.mean(), run.y - run.y.mean())
+    )
+    how = dict(words=r"whole number|resample|period|clock")
+    text = "time [s],u,y\n" + rows(time_cells(np.arange(n) / (run.fs * ratio)), u, y)
+    return Case("", run, "run.csv", text, "u", "y", **how)
 
 
 @kind("hits of a hammer", 3.0)
@@ -1050,9 +1068,27 @@ def thousands(rng):
     t, unit = in_unit(run.t, rng, ("s", "ms"))
     text = f"Zeit [{unit}];Moment [Nm];Drehzahl [1/min]\n"
     text += rows(time_cells(t, decimal=","), run.u, speed, sep=";", decimal=",")
-    return instrument(
-        run, "drehzahl.csv", text, "Moment", "Drehzahl", encoding=str(rng.choice(["utf-8", "latin-1"])), gain=gain
-    )
+    how = dict(encoding=str(rng.choice(["utf-8", "latin-1"])), gain=gain)
+    words = r"thousand|separator|group|holds"  # it may be refused: a point between digits is rarely one of thousands
+    return instrument(run, "drehzahl.csv", text, "Moment", "Drehzahl", sound=False, words=words, **how)
+
+
+@kind("layout: dates and times", 2.0)
+def stamps(rng):
+    run = record(rng, "plain", fs=float(rng.choice([200, 250, 500, 1000, 2000])))
+    moments = np.datetime64("2024-03-01T23:59:58", "us") + np.round(1e6 * run.t).astype("timedelta64[us]")
+    texts = [str(one) for one in moments]
+    style, sep, decimal = rng.integers(4), ",", "."
+    if style == 1:
+        texts = [one.replace("T", " ") + "Z" for one in texts]
+    elif style == 2:
+        sep, decimal = ";", ","
+        texts = [f"{one[8:10]}.{one[5:7]}.{one[:4]} {one[11:].replace('.', ',')}" for one in texts]
+    elif style == 3:
+        texts = [f"{one[:10]}{sep}{one[11:]}" for one in texts]
+    name = f"Date{sep}Time" if style == 3 else str(rng.choice(["timestamp", "Zeitstempel", "Time", "Uhrzeit"]))
+    text = sep.join([name, "Moment", "Drehzahl"]) + "\n" + rows(texts, run.u, run.y, sep=sep, decimal=decimal)
+    return instrument(run, "stamps.csv", text, "Moment", "Drehzahl")
 
 
 # ---- Tables of an FRF
@@ -1069,12 +1105,12 @@ def frf_table(rng):
         "", run, "bode.csv", "", "", "", words=r"frequency response|\bFRF\b|bla_from_frf|robust model", table=way
     )
     if way == "UFF 58":
+        df = float(f[1] - f[0])
+        grid = df * np.arange(round(f[-1] / df) + 1)
 
         def write(path):
             import pyuff
 
-            df = float(f[1] - f[0])
-            grid = df * np.arange(round(f[-1] / df) + 1)
             H = run.at(grid)
             about = dict(binary=0, func_type=4, rsp_node=1, rsp_dir=3, ref_dir=3, ref_node=1, id1="FRF 1z/1z", data=H)
             about |= dict(abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=df, ordinate_axis_units_lab="mm/N", x=grid)
@@ -1083,6 +1119,7 @@ def frf_table(rng):
             pyuff.UFF(str(path)).write_sets(pyuff.prepare_58(**about), "add")
 
         case.file, case.write = "frf.uff", write
+        case.run = replace(run, f=grid[1:], G=run.at(grid[1:]), scatter=0 * grid[1:])
         return case
     phase = np.degrees(np.angle(G))
     phase = np.degrees(np.unwrap(np.angle(G))) if rng.random() < 0.5 else phase
