@@ -801,7 +801,7 @@ def other_clock(rng):
         basis @ np.concatenate([2 * (X := np.fft.rfft(one[: run.N]) / run.N).real, 2 * X.imag]) - X[0].real
         for one in (run.u - run.u.mean(), run.y - run.y.mean())
     )
-    how = dict(words=r"whole number|resample|period|clock")
+    how = dict(words=r"whole number|resample|clock")
     text = "time [s],u,y\n" + rows(time_cells(np.arange(n) / (run.fs * ratio)), u, y)
     return Case("", run, "run.csv", text, "u", "y", **how)
 
