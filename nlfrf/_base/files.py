@@ -411,7 +411,7 @@ KIND_READERS: dict[str, Callable[[Path], str | None]] = {
 
 DECIMALS = (".", ",")  # marks of decimals that a table may have
 CHUNK_ROWS = 1 << 14  # of a table that are put into text at a time
-VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
+VERSION = 1  # of the schemas of records and results
 
 
 def to_path(path: object) -> Path:

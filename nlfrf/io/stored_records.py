@@ -183,7 +183,7 @@ def stored_experiments(
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
     found, lines, hold = stored_periods(file, signals, options)
-    units = {name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays}  # 0.1 had none
+    units = {name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays}
     if y is not None:
         chosen = [outputs.index(name) for name in y]
         found["y"], outputs = found["y"][chosen], tuple(y)

@@ -130,11 +130,11 @@ def to_scalar(array: np.ndarray) -> object:
 
 
 def require_known_version(file: Channels, schema: str, axes: str) -> None:
-    """Refuse a file of a version, or with axes, that this package does not know; older versions are known."""
+    """Refuse a file of a version, or with axes, that this package does not know."""
     stored = file.arrays.get("version")
     version = int(np.ravel(stored)[0]) if stored is not None and stored.dtype.kind in "iuf" and stored.size == 1 else 0
-    if not 1 <= version <= VERSION:
-        raise ValueError(f"path must hold schema version 1 to {VERSION} of {schema}, got {version} in {file.path!r}")
+    if version != VERSION:
+        raise ValueError(f"path must hold schema version {VERSION} of {schema}, got {version} in {file.path!r}")
     found = file.text("axes")
     if found not in ("", axes):
         raise ValueError(f"path must hold signals with the axes {axes!r}, got {found!r} in {file.path!r}")

@@ -122,11 +122,6 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
 
 MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
 UNITS = {MODEL_SCHEMA: {"omega": "rad/s", "delay": "s", "dt": "s"}, MATRIX_SCHEMA: {"omega": "rad/s", "dt": "s"}}
-#: Field -> its name in a file, where that is the one it had in version 0.1.
-NAMES_IN_FILES = {
-    MODEL_SCHEMA: {"records": "evidence"},
-    MATRIX_SCHEMA: {"records": "measured", "alternative_form": "other", "variance": "C"},
-}
 #: Fields that a set of such a schema does not have.
 FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "unit", "W1", "W2")}
 PARTS_OF_RADIUS = tuple(f"radius_{name}" for name in PARTS)
@@ -140,7 +135,6 @@ RECORD_FIELDS = {
 def encode_model(model: UncertaintyModel) -> JsonObject:
     """Return a model as JSON holds it."""
     schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
-    names = NAMES_IN_FILES[schema]
     content: JsonObject = {"schema": schema, "version": VERSION, "units": UNITS[schema]}
     for name in field_names(model):
         held = getattr(model, name)
@@ -150,29 +144,23 @@ def encode_model(model: UncertaintyModel) -> JsonObject:
         if unknown or name in FIELDS_LEFT_OUT[schema]:
             continue
         if name == "records":
-            held = [
-                {names.get(part, part): encode(getattr(one, part)) for part in RECORD_FIELDS[schema]} for one in held
-            ]
+            held = [{part: encode(getattr(one, part)) for part in RECORD_FIELDS[schema]} for one in held]
         elif isinstance(held, UncertaintyModel):  # of two forms of a set the records are the same
             held = encode_model(replace(held, records=()))
-        content[names.get(name, name)] = held if name == "records" or isinstance(held, dict) else encode(held)
+        content[name] = held if name == "records" or isinstance(held, dict) else encode(held)
     return content
 
 
 def decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
-    """Return the way back; what a file of before does not say is as in a set that was not made of a record."""
-    known, names = {}, NAMES_IN_FILES[schema]
-    for field in fields(UncertaintyModel):
-        name = names.get(field.name, field.name)
-        if name in content and field.name not in ("records", "alternative_form"):
-            known[field.name] = decode_field(content[name], str(field.type))
-    of_records = content.get(names["records"], [])  # older files of several channels have one, not a list
-    records = tuple(
-        decode_record(one, schema) for one in (of_records if isinstance(of_records, list) else [of_records])
-    )
-    other = content.get(names.get("alternative_form", ""))
-    if other is not None:
-        known["alternative_form"] = replace(decode_model(other, schema), records=records)
+    """Return the way back; what a file does not say is as in a set that was not made of a record."""
+    known = {
+        field.name: decode_field(content[field.name], str(field.type))
+        for field in fields(UncertaintyModel)
+        if field.name in content and field.name not in ("records", "alternative_form")
+    }
+    records = tuple(decode_record(one, schema) for one in content.get("records", ()))
+    if "alternative_form" in content:
+        known["alternative_form"] = replace(decode_model(content["alternative_form"], schema), records=records)
     return UncertaintyModel(**known, records=records)
 
 
@@ -199,14 +187,13 @@ def decode_record(content: JsonObject, schema: str) -> RecordSummary:
     """Return what a model remembers of a record."""
     parts: dict[str, Any] = {}
     for part in RECORD_FIELDS[schema]:
-        name = NAMES_IN_FILES[schema].get(part, part)
-        held = decode(content.get(name))  # files of before do not say the rms
+        held = decode(content[part])
         if part in COMPLEX_FIELDS[schema]:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
-                raise ValueError(f"{name} must have complex numbers for each line of the record, got {held.shape}")
+                raise ValueError(f"{part} must have complex numbers for each line of the record, got {held.shape}")
             held = held[..., 0] + 1j * held[..., 1]
         if np.ndim(held) and len(held) != len(parts.get("omega", held)):
-            raise ValueError(f"{name} must have one number for each line of the record, got {len(held)}")
+            raise ValueError(f"{part} must have one number for each line of the record, got {len(held)}")
         parts[part] = held
     return RecordSummary(**parts)
 

@@ -229,7 +229,7 @@ def claim_to_dict(claim: FrictionClaim) -> JsonObject:
 def claim_from_dict(given: object) -> FrictionClaim:
     """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
     names = {one.name for one in fields(FrictionClaim)}
-    if not isinstance(given, dict) or set(given) | {"actuator", "settling", "other_ports"} != names:
+    if not isinstance(given, dict) or set(given) != names:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
     try:
         parts: JsonObject = {}
@@ -277,9 +277,7 @@ def port_from_dict(given: JsonObject) -> PortClass:
 # ---- Proofs of a machine with friction as files that someone else can check: every number as given, and a digest.
 
 SCHEMA = "robust-friction-certificate"
-VERSION = 5
-#: The first is without actuators, the second without settling, the third without sources, the fourth of one port.
-READABLE_VERSIONS = (1, 2, 3, 4, 5)
+VERSION = 1
 
 
 def write_friction_claim(
@@ -315,8 +313,8 @@ def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
     entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
         return None
-    if entries.get("version") not in READABLE_VERSIONS:
-        raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
+    if entries.get("version") != VERSION:
+        raise ValueError(f"path must have version {VERSION}, got {entries.get('version')!r} in {str(path)!r}")
     if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "

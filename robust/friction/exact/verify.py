@@ -193,7 +193,7 @@ def with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fm
 def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """Return the supply of Maxwell-slip friction: states (y, e_j), inputs d = f - fh_1 a port; theorems T1 and T2."""
     zero, ports, n = to_rational(0.0), claim.ports, loop.F.nrows()
-    # at one itself the energy is not positive; certificates of version 0.1 say one and were made with 1.001
+    # at one itself the energy is not positive
     ratios = [to_rational(port.stiction if port.stiction > 1 else 1.001) for port in ports]
     filters = [[to_rational(a) for a in port.rates] for port in ports]
     rest = equilibrium(loop)

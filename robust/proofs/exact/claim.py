@@ -276,7 +276,7 @@ def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
         raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
     if entries.get("version") != VERSION:
-        raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
+        raise ValueError(f"path must have version {VERSION}, got {entries.get('version')!r} in {str(path)!r}")
     if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "

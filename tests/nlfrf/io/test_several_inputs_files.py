@@ -118,7 +118,7 @@ def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
     write_arrays(path, whole | {"axes": np.array("realization period sample")})
     assert "axes 'channel realization period sample'" in refusal()
     write_arrays(path, whole | {"version": np.array(99)})
-    assert "schema version 1 to 2 of nlfrf-multirecord" in refusal()
+    assert "schema version 1 of nlfrf-multirecord" in refusal()
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5"])
