@@ -40,7 +40,10 @@ SECONDS_PER_UNIT = {
 }
 RATE_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}  # of rates, where nobody means a thousandth
 RATE_UNIT = re.compile(r"([kmg]?)(?:hz|sps|sa?(?:mples?)?/s(?:ec|econd)?|samples? per sec(?:ond)?)|1/s|s\^-1|", re.I)
-TIME_WORDS = r"t|time|tout|zeit|temps|tempo|tiempo|tijd|timestamps?|time stamp|x[._ ]data|x[._ -]?axis|x_value"
+TIME_WORDS = (
+    r"t|time|tout|(?:uhr)?zeit|zeitstempel|temps|tempo|tiempo|tijd|timestamps?|time stamp|date[ _]?time|date|datum|"
+    r"x[._ ]data|x[._ -]?axis|x_value"
+)
 #: A time channel, with its unit behind an underscore where it is written so: "t", "time_ms", "Elapsed time".
 TIME_NAME = re.compile(
     rf"(?:(?:elapsed|relative|rel|absolute|abs|sample|utc)[ _])?(?:{TIME_WORDS})(?:[ _]([a-zµμ]+))?", re.I
@@ -68,7 +71,7 @@ def is_time_name(name: str) -> bool:
     [True, True, True, False, False]
     """
     for short in (UNIT_SUFFIX.sub("", name), UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1]):
-        found = TIME_NAME.fullmatch(short.strip())
+        found = TIME_NAME.fullmatch(short.strip(" _"))
         if found and (found[1] is None or found[1].lower() in SECONDS_PER_UNIT):
             return True
     return False

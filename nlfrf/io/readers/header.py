@@ -65,12 +65,15 @@ RULES = (
 )
 #: Names of columns that rise from row to row beside those of times, of remarks that few rows have, and of sockets.
 COUNTER_NAME = re.compile(
-    r"(?:row[ _]?)?(?:index|idx|nr|no|row|samples?|counter|number|#|record|line|points?)\.?", re.I
+    r"(?:row[ _]?)?(?:index|idx|nr|no|row|samples?|count(?:er)?|number|#|record|line|points?|frames?|steps?|cycles?|"
+    r"ticks?|(?:loop[ _]?)?iterations?|id|seq(?:uence)?)\.?",
+    re.I,
 )
 REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
 SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
-FRONT, BACK = {Kind.CLOCK, Kind.EMPTY}, {Kind.TEXT, Kind.EMPTY}  # columns that may have no name, by where they stand
 SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
+#: What a name hardly stands for, of a time or a counter and of anything else.
+UNLIKE = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
 MAX_UNPAIRED = 2  # columns without a name, or names without a column
 
 #: A line above a table that gives the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
@@ -122,8 +125,6 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     names, units, constants = find_names(rows, kinds)
     label = names[0] if find_role(names) is Role.NAMES else ""
     names = names[len(names) > width :] if label else names
-    if names and REMARK_NAME.fullmatch(names[-1]) and (len(names) > width or kinds[0] is Kind.EMPTY):
-        names = names[:-1]
     first = place_names(names, kinds)
     why = f"is one of {len(names)} names above {width} columns: give each column its name, or use col1, col2, ..."
     unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
@@ -231,8 +232,8 @@ def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], lis
     rows = rows[:1] + [row for row in rows[1:] if not all(TYPE_CELL.fullmatch(cell) or not cell for cell in row)]
     over, above = [[], [], *(names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
     row, constants = rows[-1] if rows else [], []
-    if above and len(row) <= len(above):
-        row = [*row, *[""] * (len(above) - len(row))]
+    if above and {*row[len(above) :]} <= {"", "-"}:
+        row = slice_row(row, 0, len(above))
         clocks = [j for j, name in enumerate(above) if STEP_NAME.fullmatch(name) and NUMBER_CELL.fullmatch(row[j])]
         constants = [f"{above[j]},{row[j]}" for j in clocks]
         row = ["" if clocks and NUMBER_CELL.fullmatch(cell) else cell for cell in row]
@@ -260,6 +261,8 @@ def names_in(row: list[str], kinds: list[Kind]) -> list[str]:
     """
     names = row[: max((j + 1 for j, cell in enumerate(row) if cell), default=0)]
     least = max(j + 1 for j, kind in enumerate(kinds) if kind is not Kind.EMPTY)
+    if names and REMARK_NAME.fullmatch(names[-1]) and (len(names) > least or kinds[0] is Kind.EMPTY):
+        return names_in(names[:-1], kinds)
     numbers = [cell for cell in names if NUMBER_CELL.fullmatch(cell)]
     if len(numbers) == len(names) or any(map(MOMENT.match, names)):
         return []
@@ -273,22 +276,23 @@ def names_in(row: list[str], kinds: list[Kind]) -> list[str]:
 def place_names(names: list[str], kinds: list[Kind]) -> int | None:
     """Return the column of the first name, None where the numbers do not show it.
 
-    Columns without a name stand in front if they run forward, as row numbers and times do, or hold nothing; behind if
-    they hold no numbers. A time or a counter runs forward. Any other name is rather not that of a clock.
+    Columns without a name hold nothing, or stand in front and run forward, as row numbers and times do. A time or a
+    counter runs forward. Any other name is rather not that of a clock.
 
     >>> clock, numbers = Kind.CLOCK, Kind.NUMBERS
     >>> place_names(["time", "u", "y"], [clock, clock, numbers, numbers])
     1
     >>> place_names(["time", "u", "y"], [clock, numbers, numbers, numbers])     # the last name is missing, or another
+    >>> place_names(["u", "y"], [Kind.EMPTY, numbers, Kind.EMPTY])     # either may be the channel
     """
     if not names or len(names) == len(kinds):
         return 0
     costs = {}
     for first in range(len(kinds) - len(names) + 1):
         pairs = [(is_counter_name(name), kinds[first + i]) for i, name in enumerate(names)]
-        unnamed = {*kinds[:first]} - FRONT | {*kinds[first + len(names) :]} - BACK
-        if not unnamed and (True, Kind.NUMBERS) not in pairs:
-            costs[first] = sum(not counter and kind in (Kind.CLOCK, Kind.EMPTY) for counter, kind in pairs)
+        unnamed = {*kinds[:first]} - {Kind.CLOCK} | {*kinds[first + len(names) :]}
+        if unnamed <= {Kind.EMPTY} and (not first or (True, Kind.NUMBERS) not in pairs):
+            costs[first] = sum(kind in UNLIKE[counter] for counter, kind in pairs)
     best = [first for first, cost in costs.items() if cost == min(costs.values())]
     return best[0] if len(best) == 1 else None
 

@@ -40,6 +40,8 @@ def holds(path, u="u", y="y", rate=FS, factor=1.0, **options):
 
 # Fewer names than columns
 
+ANGLE = np.cumsum(np.abs(U) + 0.1)
+
 
 @pytest.mark.parametrize(("sep", "decimal"), CUTS)
 @pytest.mark.parametrize("quoted", [False, True])
@@ -76,6 +78,13 @@ def test_any_index_without_a_name(index, sep, tmp_path):
         holds(path)
 
 
+@pytest.mark.parametrize("name", ["Uhrzeit", "Zeitstempel", "Date", "Datum", "DateTime", "Date Time"])
+def test_a_column_of_dates_is_a_clock(name, tmp_path):
+    moments = ["01.02.2026" + f" 10:00:{s:06.3f}".replace(".", ",") for s in T]
+    body = rows(moments, U, Y, sep=";", decimal=",")
+    holds(written(tmp_path, [f"{name};u;y", *body]))
+
+
 def test_two_names_are_missing(tmp_path):
     holds(written(tmp_path, ["u,z,y", *rows(NUMBERS, T, U, 7 * Y, Y)]), fs=FS)
     holds(written(tmp_path, ["u,z,y", *(f"{row}," for row in rows(NUMBERS, U, 7 * Y, Y))]), fs=FS)
@@ -96,6 +105,12 @@ def test_a_time_decides_where_two_columns_run_forward(tmp_path):
         ("sample,u,y", (NUMBERS, U, Y, 7 * Y)),
         ("u,y", (7 * Y, U, Y)),
         ("t,u,y,z", (U, Y, 7 * Y)),
+        ("t,u,y", (T, U, Y, ["OK"] * N)),  # or that of a column between them
+        ("frame,u,y", (NUMBERS, U, Y, 7 * Y)),
+        ("time_[s],u,y", (T, U, Y, 7 * Y)),
+        ("u,y,dead", (NUMBERS, U, Y, [""] * N)),
+        ("angle,u", (ANGLE, U, Y)),  # that turns forward, and is no index
+        ("t,angle,u", (T, ANGLE, U, Y)),
         ("u,y,z", (U, Y)),
         ("u,y,z", (T, U, Y, 3 * Y, 7 * Y)),
     ],
@@ -111,10 +126,11 @@ def test_names_that_belong_to_no_column_for_sure_are_refused_with_a_cure(header,
     holds(path, u=at[id(U)], y=at[id(Y)], fs=FS)  # the cure works
 
 
-def test_columns_without_numbers_need_no_name(tmp_path):
-    holds(written(tmp_path, ["t,u,y", *rows(T, U, Y, ["OK"] * N)]))
+def test_columns_that_hold_nothing_need_no_name(tmp_path):
     holds(written(tmp_path, ["t;u;y", *(f"{row};;" for row in rows(T, U, Y, sep=";"))]))
     holds(written(tmp_path, ["t,u,y,,,", *(f"{row},,," for row in rows(T, U, Y))]))
+    holds(written(tmp_path, ["T,u,y", *(f"{row}," for row in rows(20 + 0.1 * U, U, Y))]), fs=FS)  # a temperature
+    holds(written(tmp_path, ["t,u,y,,comment", "s,N,mm,,-", *(f"{row}," for row in rows(T, U, Y))]))
 
 
 # More names than columns
@@ -274,6 +290,11 @@ def test_channels_of_a_labview_file_that_begin_at_different_moments(tmp_path):
     with pytest.raises(ValueError, match=r"'y' begins \+3000 samples behind 'u'; bring them to one clock"):
         nlfrf.load_record(saved(Channels="X0\t0.0\t3.0\t"))
     holds(saved(Channels="Time\t10:00:00,5\t10:00:00,5"))
+
+
+def test_a_labview_file_whose_names_have_none_for_the_empty_column_of_times(tmp_path):
+    lines = labview(X_Value="u\ty\tComment")
+    holds(written(tmp_path, lines, name="run.lvm"))
 
 
 def test_a_slow_labview_file_counts_in_seconds(tmp_path):
