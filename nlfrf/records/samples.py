@@ -354,11 +354,16 @@ def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
     """Leave out, in place, what stands before and behind the excitation, the signal `known`, and warn of it."""
     for m, excitation in enumerate(streams[known]):
         some = excited_span(excitation, n_samples)
-        silent = {"before": some.start, "behind": excitation.size - some.stop}
-        found = [f"{n} samples ({n / n_samples:.2g} periods) {where}" for where, n in silent.items() if n]
+        found = [
+            f"{n} samples ({n / n_samples:.2g} periods) {where}"
+            for n, where in ((some.start, "before"), (excitation.size - some.stop, "behind"))
+            if n
+        ]
         if found:
-            label = output_label(known, m, streams[known])
-            data_warning(f"{label} is silent for {' and '.join(found)} the excitation: they are left out")
+            data_warning(
+                f"{output_label(known, m, streams[known])} is silent for {' and '.join(found)} the excitation: they "
+                "are left out"
+            )
             for signal in streams.values():
                 signal[m] = signal[m][some]
 
