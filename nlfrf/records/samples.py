@@ -114,7 +114,9 @@ def record_from_samples(
     Warns
     -----
     DataWarning
-        Periods that are slightly out of place, a clipped signal, a signal that stands still.
+        Periods that are slightly out of place, a clipped signal, a signal that stands still; silence before and behind
+        the excitation, which is left out; a position that wraps, which is unwrapped; outliers of an output; hits of a
+        hammer; a first period that differs from the others by no transient, which is left out.
 
     Examples
     --------
@@ -438,9 +440,10 @@ def examine_outputs(
                     f"{described_label} must stand still against u from period to period, got: {lag.fault}"
                 )
             if lag.fault:
-                share = f"{100 * lag.misplaced:.2g} % of the power of {described_label} is out of place"
-                message = f"{lag.fault}; as it is, {share}"
-                data_warning(message)
+                data_warning(
+                    f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {described_label} is out of "
+                    "place"
+                )
             drifts += [f"{described_label}: {message}" for message in (lag.start, lag.drift) if message]
             n_unsettled = max(n_unsettled, lag.n_unsettled)
     if not cured:  # what was cured is looked at again, and the others with it

@@ -287,8 +287,9 @@ def slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarra
         ):
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
-        whole = confirms_shift(np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur)
-        if whole and explained > most:
+        if explained > most and confirms_shift(
+            np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur
+        ):
             rest, remainder = (one - there)[:end], one - np.where(np.arange(n) < gap, there, following)
             if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end and not is_free_response(
                 one - following, remainder, begin=0, gap=gap

@@ -41,8 +41,11 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
     if not fits:
         return x
     turn, steps = fits[0], np.diff(x)
-    is_jump, size = np.abs(steps) > turn / 2, np.abs(steps - turn * np.round(steps / turn))
-    jumps, fast = np.flatnonzero(is_jump), size.max() > MAX_STEP * turn
+    jumps = np.flatnonzero(np.abs(steps) > turn / 2)
+    steps -= turn * np.round(steps / turn)
+    size = np.abs(steps)
+    # where a step is taken for one of the other direction, it changes by a whole turn against those around it
+    fast = size.max() > MAX_STEP * turn and np.abs(np.diff(steps)).max(initial=0.0) > turn / 2
     share = np.histogram(x, PARTS, (low, high))[0] / x.size
     ends = share[[0, -1]].sum()
     stands = np.mean((x == low) | (x == high)) > MAX_STANDSTILL or clipped_share(x) > 0
@@ -57,10 +60,10 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
             f"{name} has {found}. Where it is a position that wraps, record it unwrapped; it was left as it is"
         )
     around = jumps[:, None] + np.delete(np.arange(-NEIGHBOURS, NEIGHBOURS + 1), NEIGHBOURS)
-    others = np.where(is_jump, 0.0, size).take(around, mode="clip").max(axis=1)
-    smooth = np.count_nonzero(size[jumps] <= 2 * others + size[size > 0].min(initial=turn))
+    left, quantum, size[jumps] = size[jumps], size[size > 0].min(initial=turn), 0.0
+    smooth = np.count_nonzero(left <= 2 * size.take(around, mode="clip").max(axis=1) + quantum)
     # what is as wide as a turn by chance makes its largest steps far from the ends
-    by_chance = ends < MIN_EDGE and np.count_nonzero(size[is_jump] > MAX_CROSSING * turn) > jumps.size / 2
+    by_chance = ends < MIN_EDGE and np.count_nonzero(left > MAX_CROSSING * turn) > jumps.size / 2
     if fast or smooth <= MIN_SMOOTH * jumps.size or by_chance or stands:
         return x
     data_warning(
@@ -144,8 +147,7 @@ HIT_CREST, HIT_SHARE, HIT_HEIGHT, SAME_TIME, SAME_HEIGHT = 10.0, 0.03, 0.3, 2, 0
 
 def has_pulses(u: np.ndarray) -> bool:
     """Return whether a signal (n,) has higher peaks than random phases make."""
-    variance = float(np.vdot(u, u)) / u.size - float(np.add.reduce(u) / u.size) ** 2
-    return bool(np.ptp(u) > HIT_CREST * max(variance, 0.0) ** 0.5)
+    return bool(np.ptp(u) ** 2 > HIT_CREST**2 * (np.vdot(u, u) / u.size - (np.add.reduce(u) / u.size) ** 2))
 
 
 def warn_of_hits(name: str, u: np.ndarray) -> None:
