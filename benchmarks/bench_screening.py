@@ -236,7 +236,7 @@ def hit(rng):
 
 def tally(title, found):
     """Print a row of counts."""
-    print(f"{title:<46}" + ", ".join(f"{n} {word}" for word, n in sorted(found.items())), flush=True)
+    print(f"{title:<50}" + ", ".join(f"{n} {word}" for word, n in sorted(found.items())), flush=True)
 
 
 def main(arguments=None) -> dict[str, Counter]:
@@ -275,7 +275,7 @@ def main(arguments=None) -> dict[str, Counter]:
             judge(u, y, run) + (", one warning" if "silent" in said and "|" not in said else ""),
         )
         u, y, factor, step = wrapped(run, rng)
-        kind = "over a half" if step > 0.5 else "over a third" if step > 1 / 3 else "up to a third"
+        kind = "over 0.45" if step > 0.45 else "up to 0.45"
         count(f"position that wraps, steps {kind} of a turn", judge(u, y, run, factor))
         u, y = run.cut(WARM - 1)
         count("outliers", "found" if "outlier" in screen(u, spiked(y, rng))[0] else "silent")

@@ -116,7 +116,9 @@ def record_from_samples(
     Warns
     -----
     DataWarning
-        Periods that are slightly out of place, a clipped signal, a signal that stands still.
+        Periods that are slightly out of place, a clipped signal, a signal that stands still; silence before and behind
+        the excitation, which is left out; a position that wraps, which is unwrapped; outliers of an output; hits of a
+        hammer; a first period that differs from the others by no transient, which is left out.
 
     Examples
     --------
@@ -352,11 +354,16 @@ def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
     """Leave out, in place, what stands before and behind the excitation, the signal `known`, and warn of it."""
     for m, excitation in enumerate(streams[known]):
         some = excited_span(excitation, n_samples)
-        silent = {"before": some.start, "behind": excitation.size - some.stop}
-        found = [f"{n} samples ({n / n_samples:.2g} periods) {where}" for where, n in silent.items() if n]
+        found = [
+            f"{n} samples ({n / n_samples:.2g} periods) {where}"
+            for n, where in ((some.start, "before"), (excitation.size - some.stop, "behind"))
+            if n
+        ]
         if found:
-            label = output_label(known, m, streams[known])
-            data_warning(f"{label} is silent for {' and '.join(found)} the excitation: they are left out")
+            data_warning(
+                f"{output_label(known, m, streams[known])} is silent for {' and '.join(found)} the excitation: they "
+                "are left out"
+            )
             for signal in streams.values():
                 signal[m] = signal[m][some]
 
@@ -431,9 +438,10 @@ def examine_outputs(
                     f"{described_label} must stand still against u from period to period, got: {lag.fault}"
                 )
             if lag.fault:
-                share = f"{100 * lag.misplaced:.2g} % of the power of {described_label} is out of place"
-                message = f"{lag.fault}; as it is, {share}"
-                data_warning(message)
+                data_warning(
+                    f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {described_label} is out of "
+                    "place"
+                )
             drifts += [f"{described_label}: {message}" for message in (lag.start, lag.drift) if message]
             n_unsettled = max(n_unsettled, lag.n_unsettled)
     if not cured:  # what was cured is looked at again, and the others with it

@@ -27,8 +27,7 @@ WHOLE_TOLERANCE = (
 )
 ROUNDING_POWER = 1e-9  # share of the power of y that is no difference
 MIN_SAMPLES = 16  # samples of the noise that tell its variance
-TRANSIENT_RANK = 4  # of the Hankel matrix of two modes; more would explain short gaps, too
-HANKEL_SAMPLES = 256  # samples of a difference that tell its rank
+TRANSIENT_RANK, HANKEL_SAMPLES = 4, 256  # of a Hankel matrix of two modes, more would explain gaps; samples of it
 MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried wherever they are
 SHORT_SHIFTS = [sign * k for k in range(1, MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
 SPIKE_SHARE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
@@ -227,14 +226,10 @@ def has_slip_pair(
         if begin < edge or difference[-1] - difference[behind] > 2 * at.size * noise:
             continue
         if explained(j, begin, end) and (i == 0 or explained(i, 0, begin)):
-            first, last_gap = begin * stride, behind * stride
-            remainder = np.concatenate(
-                [
-                    one[some] - np.roll(following, -tried[k])[some]
-                    for k, some in ((i, slice(first)), (j, slice(first, last_gap)), (0, slice(last_gap, n)))
-                ]
-            )
-            return not is_free_response(one - following, remainder, begin=first, gap=last_gap), tried[i]
+            ends = begin * stride, behind * stride
+            parts = zip((i, j, 0), np.split(np.arange(n), ends), strict=True)
+            left_of_gaps = one - np.concatenate([np.roll(following, -tried[k])[some] for k, some in parts])
+            return not is_free_response(one - following, left_of_gaps, begin=ends[0], gap=ends[1]), tried[i]
     return False, 0
 
 
@@ -292,13 +287,13 @@ def slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarra
         ):
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
-        whole = confirms_shift(np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur)
-        if whole and explained > most:
-            rest, behind_gap = (one - there)[:end], np.arange(n) >= gap
-            remainder = np.where(behind_gap, one - following, one - there)
-            if is_free_response(one - following, remainder, begin=0, gap=gap):
-                continue
-            if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end:
+        if explained > most and confirms_shift(
+            np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur
+        ):
+            rest, remainder = (one - there)[:end], one - np.where(np.arange(n) < gap, there, following)
+            if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end and not is_free_response(
+                one - following, remainder, begin=0, gap=gap
+            ):
                 found, most = shift, explained
     return found
 
@@ -313,8 +308,8 @@ def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, ga
     if 2 * reach < MIN_SAMPLES:
         return True  # so few samples do not tell
     some = slice(gap - reach, gap + reach)
-    modes, rank = np.linalg.svd(hankel(difference[some]), compute_uv=False), TRANSIENT_RANK
-    return bool(power(modes[rank:]) <= np.add.reduce(power(hankel(left[some]))))
+    modes = np.linalg.svd(hankel(difference[some]), compute_uv=False)
+    return bool(power(modes[TRANSIENT_RANK:]) <= power(hankel(left[some]).ravel()))
 
 
 def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANSIENT_RANK) -> float:

@@ -63,13 +63,17 @@ def describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, expla
     least = max(MIN_GAIN_DRIFT, noise)
     if rest < bend or at.size < 3:
         if abs(step) > least and rest < CLEAR_SHARE * abs(step) and (place > 1 or explained > ALONE):
-            where = f"before period {at[place] + 1}"
-            return f"the gain from u to y steps by {100 * step:+.2g} % {where}: G is that of neither side; {DRIFT_CURE}"
+            return (
+                f"the gain from u to y steps by {100 * step:+.2g} % before period {at[place] + 1}: G is that of "
+                f"neither side; {DRIFT_CURE}"
+            )
         if place == 1:
             return ""
     if at.size >= FEW and abs(drift) > least and bend < CLEAR_SHARE * abs(drift):
-        message = f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it"
-        return f"{message}; {DRIFT_CURE}"
+        return (
+            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it; "
+            f"{DRIFT_CURE}"
+        )
     return ""
 
 
@@ -124,8 +128,7 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     explained = power(windows @ smooth_basis())
     rest = np.maximum(total - explained, 1e-12 * total)
     # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
-    ratio = explained / np.maximum(rest, TINY)
-    ratio *= (WINDOW_LINES - N_POLYNOMIAL) / N_POLYNOMIAL
+    ratio = explained / np.maximum(rest, TINY) * (WINDOW_LINES - N_POLYNOMIAL) / N_POLYNOMIAL
     return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
 
 
@@ -135,9 +138,10 @@ def smooth_basis() -> np.ndarray:
     return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
-MAX_BEAT, MIN_DECAY = 2.0, 1.1  # power in the second half of a period over the first, and the first over the second
-SETTLING_SHARE, MIN_OVER_NOISE = 0.95, 3.0  # of 1 in 300 random records from rest four modes explain less
-MODAL_SHARE = 0.9  # of what differs that two damped modes explain: of a gap 0.5 to 0.9, of noise 0.1
+#: Of what differs: two damped modes explain 0.5 to 0.9 of a gap and 0.1 of noise; four explain less than 0.95 of a
+#: start from rest in one of 300 random records. The power in the second half of a period over the first, of modes that
+#: beat, and of the first over the second. All are tuned on the records of `benchmarks.bench_screening`.
+MODAL_SHARE, SETTLING_SHARE, MIN_OVER_NOISE, MAX_BEAT, MIN_DECAY = 0.9, 0.95, 3.0, 2.0, 1.1
 SIGMAS = 6.0  # standard deviations past which a fault is believed
 MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
 VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
@@ -176,8 +180,8 @@ class OutputAlignment:
         Its standard deviation by noise.
     offset : (P,) ndarray
         Mean of y over each period, in rms of y about its mean.
-    strange : bool
-        Whether what stands before the first sound period differs from it by no transient.
+    n_unsettled : int
+        Periods at the start that differ from the others by no transient; they are left out.
     """
 
     n_samples: int
@@ -191,7 +195,7 @@ class OutputAlignment:
     gain: np.ndarray
     gain_noise: float
     offset: np.ndarray
-    mismatched: bool = False
+    n_unsettled: int = 0
 
     @property
     def broken(self) -> bool:
@@ -255,21 +259,15 @@ class OutputAlignment:
         )
 
     @property
-    def n_unsettled(self) -> int:
-        """Periods at the start that differ from the others by no transient, and are left out for it."""
-        return max(int(np.argmax(self.sound)), 1) if self.mismatched else 0
-
-    @property
     def start(self) -> str:
-        """What may be wrong before the first sound period, and what to do; empty where it may be a transient."""
-        n = self.n_unsettled
-        if not n:
+        """What may be wrong before the first settled period, and what to do; empty where it may be a transient."""
+        if not self.n_unsettled:
             return ""
-        which = "period 1 differs from the others" if n == 1 else f"periods 1 to {n} differ from the others"
+        which = "period 1 differs" if self.n_unsettled == 1 else f"periods 1 to {self.n_unsettled} differ"
         return (
-            f"{which} by more than noise and by no free response of a few modes, and is left out. It may be a start from "
-            "rest of a nonlinear machine. But where samples of y were lost in it, all that follows stands wrong against "
-            "u; then measure again"
+            f"{which} from the others by more than noise and by no free response of a few modes, and is left out. It "
+            "may be a start from rest of a nonlinear machine. But where samples of y were lost in it, all that follows "
+            "stands wrong against u; then measure again"
         )
 
     @property
@@ -314,11 +312,8 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
                 first,
             )
     first = int(np.argmax(lag.sound))
-    if first and not lag.fault and not lag.drift:
-        unbroken = np.zeros(first, dtype=bool)
-        lag = replace(lag, mismatched=first_settled_period(y[: first + 1], int(lines[-1]), unbroken) < first)
-    if len(y) > 2 and not (lag.fault or lag.drift or lag.mismatched):
-        lag = replace(lag, mismatched=not is_free_response_of_modes(y[max(first - 1, 0) :]))
+    if len(y) > 2 and not (lag.fault or lag.drift or is_modal(np.diff(y, axis=0), max(first - 1, 0))):
+        lag = replace(lag, n_unsettled=max(first, 1))
     # a gap before all that is sound: that is where the rest stands
     gaps[first:] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
@@ -334,22 +329,23 @@ def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     Y = rfft_at(y, np.arange(1, last + 1))[:, None]
     for j, (one, following) in enumerate(itertools.pairwise(y)):
         early, late = map(power, np.array_split(one - following, 2))
-        smooth = late < MAX_BEAT * early and is_transient(Y[j], Y[j + 1])
-        if broken[j] or not (smooth or (MIN_DECAY * late < early and modal_share(one - following) > MODAL_SHARE)):
+        if broken[j] or not (
+            (late < MAX_BEAT * early and is_transient(Y[j], Y[j + 1]))
+            or (MIN_DECAY * late < early and modal_share(one - following) > MODAL_SHARE)
+        ):
             return j
     return len(y) - 1
 
 
-def is_free_response_of_modes(y: np.ndarray) -> bool:
-    """Return whether the first of the periods (P, N) differs from the next by a few damped modes, or by no more than noise.
+def is_modal(differences: np.ndarray, j: int) -> bool:
+    """Return whether periods differ by a few damped modes, or noise, in row j of their differences (P - 1, N).
 
-    Noise is the least that two of the periods behind it differ by. Modes with a weak cubic spring take rank 8.
+    Noise is the least that two periods differ by. Modes with a weak cubic spring take rank 8.
     """
-    difference, *others = np.diff(y, axis=0)
-    noise = min(map(power, others))
+    noise = min(map(power, differences))
     return bool(
-        power(difference) < MIN_OVER_NOISE * noise
-        or modal_share(difference, noise / difference.size, rank=2 * TRANSIENT_RANK) > SETTLING_SHARE
+        power(differences[j]) < MIN_OVER_NOISE * noise
+        or modal_share(differences[j], noise / differences.shape[1], rank=2 * TRANSIENT_RANK) > SETTLING_SHARE
     )
 
 
