@@ -24,6 +24,7 @@ __all__ = ["bla_from_frf"]
 #: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
 KNOWN_DOF = 1e6
 MAX_GAIN_VARIATION = 0.01  # relative, of a gain without phase: a minimum-phase one that varies more turns its phase
+ROUNDING = 1e-6  # of a coherence, below which digits were lost in computing it, and not when it was written
 MAX_RAISED_STD = 2.0  # times that a standard deviation of an entry may be raised without a word
 
 
@@ -194,13 +195,12 @@ def entry_variances(
         raise ValueError(f"coherence must be above 0 and at most 1, got {bad:g}; leave lines without any out")
     if np.all(numbers == 1):
         raise ValueError("coherence must be below 1 on some lines, got 1 on all, as a single average has it: give std")
-    if np.any(numbers == 1):
-        highest = numbers[numbers < 1].max()
+    below = np.minimum(numbers, numbers[numbers < 1].max())
+    if np.max(numbers - below) > ROUNDING:
         data_warning(
-            f"coherence of 1 on some lines is rounded, and would leave G without variance: {highest:g} is taken"
+            f"coherence of 1 on some lines is rounded, and would leave G without variance: {below.max():g} is taken"
         )
-        numbers = np.minimum(numbers, highest)
-    return (1 - numbers) / numbers * np.abs(G) ** 2 / (n - 1), n - 1
+    return (1 - below) / below * np.abs(G) ** 2 / (n - 1), n - 1
 
 
 def unknown_levels(f: np.ndarray) -> DistortionLevels:

@@ -23,7 +23,7 @@ QUANTITIES = {
     "std": r"std\w*|sigma|σ",
     "coherence": r"coh\w*|kohärenz|γ²",
     "phase": r"pha\w*|winkel|phi|φ|ϕ|theta|θ|angle|arg(?:ument)?|deg\w*|grad|°|º",
-    "real": r"re|real\w*|r[eé]el\w*",
+    "real": r"re|real(?:teil|part)?|r[eé]el(?:le)?",
     "imaginary": r"im|imag\w*",
     "magnitude": r"mag\w*|gain|ampl\w*|amp|abs\w*|mod(?:ulus)?|betrag|verstärkung|ratio|db|\|",
     "frequency": r"f|freq\w*|fréq\w*|omega|ω|w|[kmg]?hz",

@@ -362,7 +362,9 @@ def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndar
 def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str, str]:
     """Return the input, its period in samples, what is excited, in words, and a reference that repeats with it."""
     found: dict[str, tuple[float, float, str]] = {}
-    likely = sorted(candidates, key=lambda name: not (is_input_name(name) or is_set_point(name)))[:MAX_CANDIDATES]
+    likely = sorted(candidates, key=lambda name: not (INPUT_NAMES.fullmatch(bare_name(name)) or is_set_point(name)))[
+        :MAX_CANDIDATES
+    ]
     for name in candidates:
         if name not in likely:
             continue
@@ -393,7 +395,7 @@ def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str,
     best = min(
         found,
         key=lambda name: (
-            not is_input_name(name),
+            not INPUT_NAMES.fullmatch(bare_name(name)),
             bool(OUTPUT_NAMES.fullmatch(bare_name(name))),
             found[name][0],
         ),
@@ -410,7 +412,7 @@ def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
     others = [name for name in candidates if name != u and (not u or candidates[name].size == candidates[u].size)]
     ranked = sorted(
         (name for name in others if not is_set_point(name)),
-        key=lambda name: (not OUTPUT_NAMES.fullmatch(bare_name(name)), is_input_name(name)),
+        key=lambda name: (not OUTPUT_NAMES.fullmatch(bare_name(name)), bool(INPUT_NAMES.fullmatch(bare_name(name)))),
     )
     return ranked[0] if ranked else ""
 
@@ -422,17 +424,6 @@ def is_set_point(name: str) -> bool:
     [True, True, True, False]
     """
     return bool(SET_POINT.search(bare_name(name)))
-
-
-def is_input_name(name: str) -> bool:
-    """Return whether a channel is called like an input; the set point of an output is not.
-
-    >>> is_input_name("current command"), is_input_name("cmd"), is_input_name("position command")
-    (True, True, False)
-    """
-    bare = bare_name(name)
-    core = SET_POINT.sub("", bare)
-    return bool(INPUT_NAMES.fullmatch(bare)) and (core == bare or not OUTPUT_NAMES.fullmatch(core))
 
 
 def bare_name(name: str) -> str:
