@@ -252,7 +252,9 @@ def rs_breakdown_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) ->
 def check_matrix(
     model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float, certify: bool
 ) -> RobustnessReport:
-    """Check several channels by the blocks of the best form, with the margins of every loop."""
+    """Check several channels by the blocks of the best form, with the margins of every loop; one by `check`."""
+    if model.is_single:
+        return check(model, K, w_P=w_P, delay=delay, certify=certify)
     forms = [
         set_on_controller_time_base(form, K, delay) for form in (model, model.alternative_form) if form is not None
     ]

@@ -38,7 +38,7 @@ from robust.lti.sampling import sampled
 from robust.models.fit.weights import fit_weight
 from robust.models.sets.forms import ADDITIVE, ELEMENTS
 from robust.models.sets.measured import warn_of_unknown_hold
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_several_channels
 from robust.models.sets.radius import diagonal_bound
 
 __all__ = ["SampledSet", "sampled_set", "set_on_controller_time_base"]
@@ -100,8 +100,10 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
     Raises
     ------
     ValueError
-        A perturbation that is any operator, or that reaches the sampler unfiltered, so that the sum has no bound.
+        A perturbation that is any operator, or that reaches the sampler unfiltered, so that the sum has no bound. A set
+        of one input and one output, whose aliases `check` takes as they are.
     """
+    require_several_channels(model, "be folded into a sampled set", "check takes each of its aliases as it is")
     if model.perturbation == "operator":
         raise ValueError(
             "model must have a sampled nominal for operators of several channels under a sampled K: take "

@@ -147,7 +147,8 @@ def friction_plant(
     ------
     ValueError
         A model that is sampled, not strictly proper, or without a velocity at its friction port (a fit needs at least
-        two poles more than zeros); a mass that is not positive.
+        two poles more than zeros); one that a force accelerates backwards, whose friction would push; a mass that is
+        not positive.
 
     References
     ----------
@@ -297,6 +298,14 @@ def plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fri
             "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by "
             f"{np.abs(places @ B).max():.3g} {units.velocity} per {units.force} of force. Fit it with at "
             "least two poles more than zeros"
+        )
+    ports = B[:, 1:] if port else B
+    push = np.diag(places @ G.A @ ports)  # acceleration of each port by a force at it, the inverse of a mass
+    if np.any(push < -ROUNDING * np.linalg.norm(places @ G.A, axis=1) * np.linalg.norm(ports, axis=0)):
+        raise ValueError(
+            f"mass must be a model that a force accelerates in its own direction at the friction port, got "
+            f"{push.min():.3g} {units.velocity} per second and {units.force}: its friction would push. "
+            "Give the model, and K with it, the other sign: force and position are counted in one direction"
         )
     several = wanted > 2
     description = f"model of order {G.nstates}"

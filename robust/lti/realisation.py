@@ -46,13 +46,34 @@ def multivariable(name: str, system: object) -> control.StateSpace:
         system = control.StateSpace(
             real.A, real.B, real.C, real.D, real.dt, inputs=system.input_labels, outputs=system.output_labels
         )
+    if isinstance(system, control.TransferFunction):
+        system = realise_transfer_matrix(name, system)
     if not isinstance(system, control.StateSpace):
-        cure = f" Convert it: control.ss({name})." if isinstance(system, control.TransferFunction) else ""
-        for part in ("nominal", "G"):  # a model or a fit, where the plant alone is wanted
-            if isinstance(getattr(system, part, None), control.StateSpace):
-                cure = f" Give its {part}."
+        # a model or a fit, where the plant alone is wanted
+        parts = [part for part in ("nominal", "G") if isinstance(getattr(system, part, None), control.StateSpace)]
+        cure = f" Give its {parts[-1]}." if parts else ""
         raise ValueError(f"{name} must be a control.StateSpace, got {short_form(system)}.{cure}")
     return require_complete(name, system)
+
+
+def realise_transfer_matrix(name: str, system: control.TransferFunction) -> control.StateSpace:
+    """Return a minimal state space of a matrix of transfer functions, or a refusal where it hides an unstable mode.
+
+    Modes that entries have in common are one mode. An unstable one that cancels within an entry would be lost.
+    """
+    entries = [
+        from_polynomials(name, num, den=den, dt=system.dt)
+        for nums, dens in zip(system.num, system.den, strict=True)
+        for num, den in zip(nums, dens, strict=True)
+    ]
+    found = control.ss(system)
+    asked, kept = np.concatenate([poles(entry) for entry in entries]), poles(found)
+    near = 1e-3 * np.abs(asked) + 1e-6 * np.abs(asked).max(initial=0.0)
+    unstable = np.abs(asked) >= 1 if timebase(found) else asked.real >= 0
+    lost = unstable & np.all(np.abs(asked[:, None] - kept) > near[:, None], axis=1)
+    if lost.any():
+        raise ValueError(f"{name} must show its unstable modes, got one that cancels at {asked[lost][0]:.4g}")
+    return found
 
 
 def gain_matrix(name: str, gain: object) -> np.ndarray:

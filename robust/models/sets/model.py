@@ -92,6 +92,7 @@ __all__ = [
     "own_weights_call",
     "require_one_channel",
     "require_parametric",
+    "require_several_channels",
 ]
 
 

@@ -191,11 +191,7 @@ def decide_norm_at_precision(
 def is_zero_transfer(loop: Balls) -> bool:
     """Return whether nothing passes from input to output, by zeros that are exact."""
     A, B, C, D = loop
-    markov, state = [D], B
-    for _ in range(A.nrows()):
-        markov.append(C * state)
-        state = A * state
-    return all(x == 0 for M in markov for row in M.tolist() for x in row)
+    return all(x == 0 for M in (D, *(C * A**k * B for k in range(A.nrows()))) for row in M.tolist() for x in row)
 
 
 def refine_storage(loop: Balls, square: arb, more: arb) -> arb_mat | None:

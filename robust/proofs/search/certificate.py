@@ -41,7 +41,7 @@ class Certificate:
     level : float
         The norm is below this level at every frequency.
     method : str
-        "exact arithmetic" (one loop: proved, rigorous), "KYP" (P from cvxpy), "KYP, P from a Riccati equation",
+        "exact arithmetic" (proved, rigorous), "KYP" (P from cvxpy),
         "Hamiltonian, interval by interval" (mu), "periodic Riccati equation, Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) of a norm; where it is violated.

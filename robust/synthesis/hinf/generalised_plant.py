@@ -96,24 +96,25 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
             C[:z], D[:z, :w] = C[:z] + change[n:, :n], D[:z, :w] + change[n:, n:]
         A, B, C, D = to_continuous(A, B, C, D)
     A, B, C, speed = scale_plant(A, B, C)
-    plant = Plant(
-        A=A,
-        B1=B[:, :w],
-        B2=B[:, w:],
-        C1=C[:z],
-        C2=C[z:],
-        D11=D[:z, :w],
-        D12=D[:z, w:],
-        D21=D[z:, :w],
-        speed=speed,
-        first=first,
-        D22=D22,
-        D22_image=D[z:, w:],
-        into_u=np.eye(n_u),
-        out_of_y=np.eye(n_y),
-        dt=dt,
+    return compress_channels(
+        Plant(
+            A=A,
+            B1=B[:, :w],
+            B2=B[:, w:],
+            C1=C[:z],
+            C2=C[z:],
+            D11=D[:z, :w],
+            D12=D[:z, w:],
+            D21=D[z:, :w],
+            speed=speed,
+            first=first,
+            D22=D22,
+            D22_image=D[z:, w:],
+            into_u=np.eye(n_u),
+            out_of_y=np.eye(n_y),
+            dt=dt,
+        )
     )
-    return compress_channels(plant)
 
 
 def compress_channels(plant: Plant) -> Plant:
@@ -134,9 +135,8 @@ def independent_directions(effects: np.ndarray) -> np.ndarray:
     sizes = np.linalg.norm(effects, axis=0)
     units = 1 / np.where(sizes > 0, sizes, 1.0)
     _, values, V = np.linalg.svd(effects * units)
-    if values.size == len(V) and values[-1] > RANK_TOLERANCE * values[0]:
-        return np.eye(len(V))
-    return units[:, None] * V[: np.count_nonzero(values > RANK_TOLERANCE * values.max(initial=0.0))].T
+    rank = int(np.count_nonzero(values > RANK_TOLERANCE * values.max(initial=0.0)))
+    return np.eye(rank) if rank == len(V) else units[:, None] * V[:rank].T
 
 
 def shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
@@ -264,12 +264,13 @@ def has_full_rank(D: np.ndarray) -> bool:
 
 
 def typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> float:
-    """Median gain around the poles, one where there is none."""
+    """Median gain around the poles; of a path that nothing passes the size of its matrices, one where they are zero."""
     speed = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
     speed = speed[speed > 1e-9]
     low, high = min(speed.min(initial=1.0), 1.0), max(speed.max(initial=1.0), 1.0)
     gains = np.linalg.norm(evaluate_transfer(A, B, C, D, 1j * np.geomspace(low / 3, high * 3, 15)), axis=(1, 2))
-    return float(np.median(gains)) or 1.0
+    typical, size = float(np.median(gains)), float(np.linalg.norm(B) * np.linalg.norm(C) + np.linalg.norm(D))
+    return typical if typical > 1e-9 * size else size or 1.0
 
 
 def normalise_plant(plant: Plant) -> Plant | None:

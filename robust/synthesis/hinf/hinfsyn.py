@@ -198,13 +198,12 @@ def bisect_level(
 
 #: Decades between the circles and the slowest pole, and the fastest.
 CIRCLE_RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
+AXIS_RUNG = (4, 0)  # the last resort: the axis is kept, the plant is regularised by 1e-4 where rank is lacking
 REGULARISATIONS = (
     1e-2,
     1e-6,
 )  # where rank is lacking everywhere, relative to the scaled plant: a decade less a rung, and least
-AXIS_REGULARISATION = 1e-4  # added where the axis is kept: the last resort
-BOUND_ROUNDING = 1e-12  # of gamma: a lower bound this small is zero
-KERNEL_TOLERANCE = 1e-13  # of rows of length one: rounding
+KERNEL_TOLERANCE = 1e-13  # rounding, of rows of length one; of gamma a lower bound that is zero
 ON_AXIS = 1e-9  # of the scaled plant, whose poles have a geometric mean of one: from a pole to its frequency
 ANY_POINT = 1.2345  # in scaled time: no zero of a plant lies there but by chance
 BEYOND_POLES = 1.5  # no pole lies where a circle crosses
@@ -254,34 +253,22 @@ def synthesise_between_circles(
 
     The first one is K = 0, where that is stable.
     """
-    n_u, n_y, step = plant.B2.shape[1], plant.C2.shape[0], max(1.001, factor**0.5)
+    step = max(1.001, factor**0.5)
     nothing = control.StateSpace([], [], [], np.zeros((len(plant.into_u), plant.out_of_y.shape[1])), P.dt)
-    found = keep_if_better(P, plant, nothing, found=CircleResult(low=unchangeable_gain(plant, usual_points(plant))))
-    for rung in CIRCLE_RUNGS if n_u and n_y else ():
-        if is_near_enough(found, enough, factor) or found.n_steps >= n_steps:
-            return found
+    found = CircleResult(low=unchangeable_gain(plant, usual_points(plant)))
+    found = keep_if_better(plant, close_stable_loop(P, nothing), found=found)
+    for rung in (*CIRCLE_RUNGS, AXIS_RUNG) if plant.B2.shape[1] and plant.C2.shape[0] else ():
+        is_near = found.K is not None and found.gamma <= max(NEAR_ENOUGH * factor * found.low, enough)
+        if is_near or found.n_steps >= n_steps:
+            break
         if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.low:
             continue
         for problem in regular_outside(plant, *rung):
-            found = try_levels(
-                P, plant, problem=problem, found=replace(found, tried=10.0 ** -rung[0]), step=step, n_steps=n_steps
-            )
+            found = replace(found, tried=10.0 ** -rung[0])
+            found = try_levels(P, plant, problem=problem, found=found, step=step, n_steps=n_steps)
         if found.K is not None:
             found = raise_lower_bound(plant, rung, found=found, n_steps=n_steps)
-    last = normalise_plant(regularise_plant(plant, AXIS_REGULARISATION)) if n_u and n_y else None
-    if (
-        last is not None
-        and not is_near_enough(found, enough, factor)
-        and not (has_zero_on_axis(last) or has_zero_on_axis(dual_plant(last)))
-    ):
-        found = replace(found, tried=AXIS_REGULARISATION)
-        found = try_levels(P, plant, problem=last, found=found, step=step, n_steps=n_steps)
     return found
-
-
-def is_near_enough(found: CircleResult, enough: float, factor: float) -> bool:
-    """Return whether nothing better need be looked for."""
-    return found.K is not None and found.gamma <= max(NEAR_ENOUGH * factor * found.low, enough)
 
 
 def circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
@@ -296,12 +283,17 @@ def circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
 def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     """Return what is asked for outside of a disc in the left half plane, made regular, the hardest first."""
     a, b = circle_ends(plant, below, above)
-    problem = map_region(plant, -a, -b)
+    problem = plant if (below, above) == AXIS_RUNG else map_region(plant, -a, -b)
     if hidden_mode(problem):
         return []
-    sizes = (0.0,) if all(has_full_ranks(problem)) else (REGULARISATIONS[0] * 10.0**-below, REGULARISATIONS[1])
-    regular = (normalise_plant(regularise_plant(problem, size)) for size in sizes)
-    return [one for one in regular if one is not None]
+    lacking = (REGULARISATIONS[0] * 10.0**-below, REGULARISATIONS[1]) if problem.region else (10.0**-below,)
+    sizes = (0.0,) if all(has_full_ranks(problem)) else lacking
+    regular = [normalise_plant(regularise_plant(problem, size)) for size in sizes]
+    return [
+        one
+        for one in regular
+        if one is not None and (one.region or not any(map(has_zero_on_axis, (one, dual_plant(one)))))
+    ]
 
 
 def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: CircleResult, n_steps: int) -> CircleResult:
@@ -358,50 +350,51 @@ def try_levels(
 
     def is_kept(gamma: float) -> bool:
         nonlocal found
-        K = controller_of_level(problem, gamma)
-        reached = keep_if_better(P, plant, K, found=replace(found, K=None, gamma=np.inf))
+        nobody = replace(found, K=None, gamma=np.inf, n_steps=found.n_steps + 1)
+        reached = keep_if_better(plant, controlled_loop(P, problem, gamma), found=nobody)
         better = reached if reached.gamma < found.gamma else found
-        found = replace(better, low=max(found.low, reached.low), n_steps=found.n_steps + 1)
+        found = replace(better, low=reached.low, n_steps=reached.n_steps)
         return reached.gamma <= gamma * 1.001
 
-    before = level
-    for gamma in level * step * np.array(SINGULAR_STEPS_UP):
-        if found.n_steps >= n_steps:
-            break
-        if is_kept(gamma):
-            bisect_level(is_kept, (before, gamma), tolerance=LOOP_TOLERANCE, n_steps=n_steps - found.n_steps)
-            break
-        before = gamma
+    rises = level * step * np.array(SINGULAR_STEPS_UP)[: max(0, n_steps - found.n_steps)]
+    kept = next((gamma for gamma in rises if is_kept(gamma)), None)
+    if kept is not None and kept > rises[0]:
+        bisect_level(is_kept, (level * step, kept), tolerance=LOOP_TOLERANCE, n_steps=n_steps - found.n_steps)
     return found
 
 
-def controller_of_level(problem: Plant, gamma: float) -> control.StateSpace | None:
-    """Return the controller of a level of a regular problem, for the plant as it was given; None without one."""
+def controlled_loop(
+    P: control.StateSpace, problem: Plant, gamma: float
+) -> tuple[control.StateSpace, control.StateSpace] | None:
+    """Return the controller of a level of a regular problem and the loop of P with it; None if that is not stable."""
+    solution = solve_riccati_pair(problem, gamma)
+    if solution is None:
+        return None
     try:
-        solution = solve_riccati_pair(problem, gamma)
-        if solution is None:
-            return None
-        return restore_controller(problem, central_controller(problem, solution, rolled_off=bool(problem.region)))
+        matrices = central_controller(problem, solution, rolled_off=bool(problem.region))
+        return close_stable_loop(P, restore_controller(problem, matrices))
     except (ValueError, np.linalg.LinAlgError):
         return None
 
 
+def close_stable_loop(
+    P: control.StateSpace, K: control.StateSpace
+) -> tuple[control.StateSpace, control.StateSpace] | None:
+    """Return a controller and the loop of P with it; None where that is not stable."""
+    closed = lower_lft(P, K)
+    return (K, closed) if decide_stability(closed).stable else None
+
+
 def keep_if_better(
-    P: control.StateSpace, plant: Plant, K: control.StateSpace | None, *, found: CircleResult
+    plant: Plant, loop: tuple[control.StateSpace, control.StateSpace] | None, *, found: CircleResult
 ) -> CircleResult:
-    """With a controller if it is stable and better, by the norm that was asked, and the bound at its peak."""
-    try:
-        closed = lower_lft(P, K) if K else None
-    except (ValueError, np.linalg.LinAlgError):
-        return found
-    if closed is None or not decide_stability(closed).stable:
-        return found
-    achieved, peak = norm_as_given(closed)
-    if achieved >= found.gamma:
+    """With a controller and its loop if it is better, by the norm that was asked, and the lower bound at its peak."""
+    achieved, peak = norm_as_given(loop[1]) if loop else (np.inf, np.nan)
+    if loop is None or achieved >= found.gamma:
         return found
     where = (np.tan(peak * plant.dt / 2) if plant.dt else peak) / plant.speed
     low = max(found.low, unchangeable_gain(plant, np.array([where])))
-    return replace(found, K=K, gamma=achieved, size=found.tried, low=low)
+    return replace(found, K=loop[0], gamma=achieved, size=found.tried, low=low)
 
 
 def norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
@@ -419,9 +412,8 @@ def norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
 def usual_points(plant: Plant) -> np.ndarray:
     """Return frequencies of the scaled plant (W,): zero, infinity, those of its poles and some around."""
     poles = np.linalg.eigvals(plant.A) if plant.A.size else np.ones(1)
-    speeds = np.abs(poles)[np.abs(poles) > 1e-9]
-    around = np.geomspace(0.1 * min(speeds.min(initial=1.0), 1.0), 10 * max(speeds.max(initial=1.0), 1.0), 60)
-    return np.unique(np.concatenate([[0.0, np.inf], around, speeds, np.abs(poles.imag)]))
+    around = np.geomspace(*circle_ends(plant, 1, 1), 60)
+    return np.unique(np.concatenate([[0.0, np.inf], around, np.abs(poles), np.abs(poles.imag)]))
 
 
 def unchangeable_gain(plant: Plant, omega: np.ndarray) -> float:
@@ -546,7 +538,7 @@ def hinfsyn(
 
     Parameters
     ----------
-    P : control.StateSpace
+    P : control.StateSpace or TransferFunction
         Generalised plant from (w, u) to (z, y), continuous or discrete, weights inside.
     n_y, n_u : int
         How many of its last outputs are measured, how many of its last inputs are controlled.
@@ -576,6 +568,11 @@ def hinfsyn(
     mixed-sensitivity problem), the problem is singular: its infimum is approached and not reached. Circles on either
     side of the axis then take its place, closing in on it: controllers from the outside, a lower bound from the inside.
     Where more than 3 % is left between the two, the reason says so.
+
+    Combinations of u that act on nothing and of y that measure nothing are left out first: two equal actuators share
+    the work. K = 0 is the first controller that is tried where P is stable, and the answer where no other is better.
+    What no controller changes (at infinity, at poles of P on the axis, in outputs that u does not reach) is part of the
+    lower bound. The answer depends on `n_steps` and on no clock.
 
     References
     ----------
@@ -639,7 +636,7 @@ def synthesise(
     nothing = control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt)
     best = Synthesis(K=nothing, gamma=np.inf, gamma_min=np.inf, gamma_low=0.0, regularisation=0.0, n_steps=0, reason="")
     problem = normalise_plant(plant)
-    if problem is not None and not (has_zero_on_axis(problem) or has_zero_on_axis(dual_plant(problem))):
+    if problem is not None and not any(map(has_zero_on_axis, (problem, dual_plant(problem)))):
         best = synthesise_regular(P, problem, nothing=best, wanted=(gamma_min, tolerance, factor), n_steps=n_steps)
     if best.found or best.n_steps >= n_steps:
         return best
@@ -655,7 +652,7 @@ def synthesise_singular(
     if found.K is None:
         why = ALL_STEPS_MADE if late else "no level met the existence conditions, however regularised"
         return replace(nothing, n_steps=nothing.n_steps + found.n_steps, reason=why)
-    low = min(found.low, found.gamma) if found.low > BOUND_ROUNDING * found.gamma else 0.0
+    low = min(found.low, found.gamma) if found.low > KERNEL_TOLERANCE * found.gamma else 0.0
     reason = ""
     if found.gamma > SINGULAR_TOLERANCE * low and found.gamma > wanted[0]:
         why = ALL_STEPS_MADE if late else "the problem is singular"
@@ -671,11 +668,6 @@ def synthesise_singular(
         n_steps=nothing.n_steps + found.n_steps,
         reason=reason,
     )
-
-
-def better_synthesis(a: Synthesis, b: Synthesis) -> Synthesis:
-    """Return the one with the smaller norm, the later one where neither has one."""
-    return a if a.gamma < b.gamma else b
 
 
 def synthesise_regular(
@@ -700,22 +692,14 @@ def synthesise_regular(
     best = replace(best, reason="the loop with the controller of the Riccati equations is not stable")
     for step in STEPS_UP:
         gamma = high * factor * step
-        try:
-            K = (
-                restore_controller(problem, central_controller(problem, solution))
-                if (solution := solve_riccati_pair(problem, gamma))
-                else None
-            )
-            closed = lower_lft(P, K) if K else None
-        except (ValueError, np.linalg.LinAlgError):
+        loop = controlled_loop(P, problem, gamma)
+        if loop is None:
             continue
-        if K is None or not decide_stability(closed).stable:
-            continue
-        achieved = hinf_norm(closed)[0]
+        achieved = hinf_norm(loop[1])[0]
         reason = "" if achieved <= gamma * 1.001 else f"the norm reached is above the level {gamma:.4g} asked for"
         if late:
             reason = f"{ALL_STEPS_MADE} with gamma between {low:.4g} and {high:.4g}"
-        best = better_synthesis(best, replace(best, K=K, gamma=achieved, reason=reason))
+        best = replace(best, K=loop[0], gamma=achieved, reason=reason) if achieved < best.gamma else best
         if achieved <= gamma * 1.001:
             break
     return best

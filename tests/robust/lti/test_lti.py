@@ -17,7 +17,7 @@ from robust.lti.connections import (
     upper_lft,
 )
 from robust.lti.lti import balance_matrix, evaluate_transfer, poles, response, to_s_plane, zeros
-from robust.lti.realisation import from_roots, state_space
+from robust.lti.realisation import from_roots, multivariable, state_space
 
 OMEGA = np.geomspace(1e-2, 1e2, 60)
 
@@ -128,3 +128,28 @@ def test_zeros_of_several_channels_make_the_matrix_singular(direct):
     for z in found:
         sizes = np.linalg.svd(C @ np.linalg.solve(z * np.eye(4) - A, B) + D, compute_uv=False)
         assert sizes[1] < 1e-9 * sizes[0]
+
+
+@pytest.mark.parametrize("dt", [0, 0.1])
+def test_a_matrix_of_transfer_functions_is_one_minimal_system(dt):
+    """The unstable mode that its entries share is one mode, and every entry is what it was."""
+    pole = 1.2 if dt else 1.0
+    numerators = [[[1.0], [2.0]], [[3.0, 1.0], [0.5]]]
+    denominators = [[[1, -pole], [1, -pole]], [[1, 0.5 - pole, -0.5 * pole], [1, 0.3]]]
+    G = control.tf(numerators, denominators, dt, inputs=["a", "b"], outputs=["c", "d"])
+    system = multivariable("P", G)
+    assert (system.input_labels, system.output_labels, system.dt) == (["a", "b"], ["c", "d"], dt)
+    assert np.sum(np.abs(poles(system) - pole) < 1e-6) == 2  # of rank two: its residue is a full matrix
+    points = np.exp(1j * OMEGA[OMEGA < 3]) if dt else 1j * OMEGA
+    for s in points:
+        np.testing.assert_allclose(system(s), G(s), rtol=1e-7)
+
+
+def test_a_matrix_that_no_state_space_has_is_refused():
+    with pytest.raises(ValueError, match="P must be proper, got degree 2 over degree 1"):
+        multivariable("P", control.tf([[[1, 0, 0], [1]]], [[[1, 1], [1, 1]]]))
+    hidden = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, 3]]])  # (s - 1)/((s - 1)(s + 2))
+    with pytest.raises(ValueError, match="P must show its unstable modes, got one that cancels at 1"):
+        multivariable("P", hidden)
+    shared = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, -1]]])  # another entry shows it
+    assert np.isclose(poles(multivariable("P", shared)), 1).any()

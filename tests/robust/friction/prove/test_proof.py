@@ -27,6 +27,18 @@ def closed_poles(K, delay):
     return np.sort_complex(np.linalg.eigvals(A))
 
 
+def load_with_port(sign):
+    """Two masses on a spring, pushed and measured at the first; friction at the second, by the sign of its force."""
+    A = [[0, 1, 0, 0], [-50, 0, 50, 0], [0, 0, 0, 1], [80, 0, -80, 0]]
+    B, C = [[0, 0], [1, 0], [0, 0], [0, sign * 1.6]], [[1, 0, 0, 0], [0, 0, 1, 0]]
+    return control.StateSpace(A, B, C, np.zeros((2, 2)), 0)
+
+
+def test_a_machine_whose_friction_brakes_is_taken():
+    assert friction_plant(control.tf([1], [2, 3, 100])).resonance == pytest.approx(np.sqrt(50))
+    assert friction_plant(load_with_port(1.0), port=True).n_ports == 1
+
+
 @pytest.mark.parametrize("damping", [0.0, 0.5, 20.0])
 def test_viscous_friction_of_a_free_mass_takes_no_proof_away(damping):
     """Filters that were placed by its pole -c/m found no proof of a loop that is proved without that friction."""
@@ -252,6 +264,12 @@ def test_a_model_of_the_rig_is_the_rig():
         (lambda: friction_plant(1.0), "stiffness must be given with a mass"),
         (lambda: friction_plant(control.ss(control.tf([1, 0], [1, 1, 1]))), "must have a velocity at its friction"),
         (lambda: friction_plant(control.ss(control.tf([1, 0, 0], [1, 1, 1]))), "mass must be a strictly proper model"),
+        (
+            lambda: friction_plant(-control.tf([1], [2, 3, 100])),
+            "got -0.5 m/s per second and N: its friction would push",
+        ),
+        (lambda: friction_plant(-control.tf([1], [2, 0, 0])), "its friction would push. Give the model, and K with it"),
+        (lambda: friction_plant(load_with_port(-1.0), port=True), "accelerates in its own direction at the friction"),
         (lambda: friction_plant(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
         (lambda: any_maxwell_slip(0.0), "K0 must be positive, got 0"),
         (lambda: any_maxwell_slip(np.inf), "K0 must be"),

@@ -81,7 +81,7 @@ class Panic(BaseException):
 
 
 @pytest.mark.parametrize("failure", [Panic("index out of bounds"), cvxpy.SolverError("no"), ValueError("what")])
-def test_a_solver_that_fails_leaves_the_riccati_certificate(monkeypatch, failure):
+def test_where_a_solver_fails_exact_arithmetic_decides(monkeypatch, failure):
     def fail(self, *args, **kwargs):
         raise failure
 
@@ -89,7 +89,7 @@ def test_a_solver_that_fails_leaves_the_riccati_certificate(monkeypatch, failure
     system, norm = second_order(0.05)
     certificate = certify_norm(system, 1.01 * norm)
     assert certificate.holds
-    assert "Riccati" in certificate.method
+    assert certificate.method == "exact arithmetic"
     below = certify_norm(system, 0.99 * norm)
     assert below.violated
 
@@ -138,3 +138,52 @@ def test_magnitude_bounds_hold_on_random_intervals():
 def test_refuses_a_level_that_is_none(level):
     with pytest.raises(ValueError, match="level must be"):
         certify_norm(control.tf([1], [1, 1]), level)
+
+
+def many_states(n, dt=0.0):
+    """n lags side by side, from all ones: the norm is at 0 rad/s, the sum of n gains."""
+    rates = np.arange(1.0, n + 1)
+    A = np.diag(1 - rates / (2 * n)) if dt else np.diag(-rates)
+    system = control.StateSpace(A, np.ones((n, 1)) / n, np.ones((1, n)), [[0.0]], dt)
+    return system, float(np.sum((2 if dt else 1 / n) / rates))
+
+
+@pytest.mark.parametrize("n", [33, 40, 45])
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+def test_exact_arithmetic_decides_of_many_states(n, dt):
+    system, norm = many_states(n, dt)
+    above = certify_norm(system, norm * (1 + 1e-8))
+    assert above.holds
+    assert above.method == "exact arithmetic"
+    assert above.verify().verified
+    below = certify_norm(system, norm * (1 - 1e-8))
+    assert below.violated
+    assert below.reason == f"the norm is {norm:.10g}, at 0 Hz"
+    np.testing.assert_array_equal(below.intervals, [[0.0, 0.0]])
+    A = system.A.copy()
+    A[0, 0] = 1.2
+    unstable = certify_norm(control.StateSpace(A, system.B, system.C, system.D, dt), 1e6)
+    assert unstable.violated
+    assert "not stable: a pole at 1.2" in unstable.reason
+
+
+@pytest.mark.parametrize("slack", [1e-5, 1e-7, 1e-10, 1e-13])
+def test_a_level_near_the_norm_is_decided(slack):
+    assert certify_norm(control.tf([1], [1, 1]), 1 + slack).holds
+    assert certify_norm(control.tf([1], [1, 1]), 1 - slack).violated
+    assert certify_norm(control.tf([1], [1, 1]), 1.0).violated
+
+
+def test_gains_and_a_peak_at_infinity():
+    assert certify_norm(control.ss([], [], [], [[0.3, 0.4]]), 0.500001).holds
+    found = certify_norm(control.ss([], [], [], [[0.3, 0.4]]), 0.4999)
+    assert found.violated
+    assert "the norm is 0.5, at " in found.reason
+    found = certify_norm(control.tf([2, 1], [1, 1]), 1.9)
+    assert found.reason == "the norm is 2, at infinite frequency"
+    assert certify_norm(control.ss([], [], [], [[0.0]]), 1e-300).holds
+
+
+def test_what_is_no_solver_is_refused():
+    with pytest.raises(ValueError, match="solver must be one of 'CLARABEL', 'SCS', got 'nonsense'"):
+        certify_norm(control.tf([1], [1, 1]), 2.0, solver="nonsense")
