@@ -60,7 +60,7 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
             f"{name} has {found}. Where it is a position that wraps, record it unwrapped; it was left as it is"
         )
     around = jumps[:, None] + np.delete(np.arange(-NEIGHBOURS, NEIGHBOURS + 1), NEIGHBOURS)
-    left, quantum, size[jumps] = size[jumps], size[size > 0].min(initial=turn), 0.0
+    left, quantum = size[jumps], size[size > 0].min(initial=turn)
     smooth = np.count_nonzero(left <= 2 * size.take(around, mode="clip").max(axis=1) + quantum)
     # what is as wide as a turn by chance makes its largest steps far from the ends
     by_chance = ends < MIN_EDGE and np.count_nonzero(left > MAX_CROSSING * turn) > jumps.size / 2
