@@ -319,7 +319,7 @@ def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANS
     """
     matrix = hankel(difference - difference.mean())
     modes, noise = np.linalg.svd(matrix, compute_uv=False), noise * matrix.size
-    return float(1 - (power(modes[rank:]) - noise) / max(power(modes), TINY))
+    return float(1 - (power(modes[rank:]) - noise) / max(float(power(modes)), TINY))
 
 
 def hankel(x: np.ndarray) -> np.ndarray:
