@@ -318,8 +318,8 @@ def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANS
     What noise of so much a sample makes counts as explained.
     """
     matrix = hankel(difference - difference.mean())
-    modes = np.linalg.svd(matrix, compute_uv=False)
-    return float(1 - (power(modes[rank:]) - noise * matrix.size) / max(float(power(modes)), TINY))
+    modes, noise = np.linalg.svd(matrix, compute_uv=False), noise * matrix.size
+    return float(1 - (power(modes[rank:]) - noise) / max(float(power(modes)), TINY))
 
 
 def hankel(x: np.ndarray) -> np.ndarray:
