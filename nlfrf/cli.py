@@ -337,6 +337,7 @@ def design_for_drive(
     velocity: Annotated[float, typer.Option(help="Base velocity [m/s], [rad/s]; 0: at rest.")] = 0.0,
     strokes: Annotated[int, typer.Option(help="Strokes there and back.")] = 0,
     ramp: Annotated[int, typer.Option(help="Levels of a pre-test at rest, up to --rms; 0: none.")] = 0,
+    span: Annotated[float, typer.Option(help="Highest over lowest level of the pre-test.")] = 1e4,
     periods: Annotated[int, typer.Option(help="Periods to keep, of each stroke or level.")] = 2,
     discard: Annotated[int, typer.Option(help="Periods before them.")] = 2,
     realizations: Annotated[int, typer.Option(help="Realisations, a file each.")] = 1,
@@ -366,7 +367,7 @@ def design_for_drive(
     if ramp and (velocity or strokes or realizations != 1):
         raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
     motion = partial(nlfrf.axis.design_experiment, base_velocity=velocity, strokes=strokes, n_realizations=realizations)
-    experiment = (partial(nlfrf.axis.design_ramp, n_levels=ramp) if ramp else motion)(
+    experiment = (partial(nlfrf.axis.design_ramp, n_levels=ramp, span=span) if ramp else motion)(
         origin,
         n_samples=period,
         f_min=f_min,

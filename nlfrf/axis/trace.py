@@ -42,7 +42,7 @@ START = 0.1  # of a period by which phases may look late: sticking friction that
 AGREE = 0.7  # mean of unit phasors above which lines agree on a phase; 15 random ones are below 0.7 but for 0.06 %
 TURNED = 135.0  # degrees from what the design expects above which a signal has the other sign
 UPPER_SHARE = 1 / 3  # of the lines that count as upper
-ALIKE = 1.5  # largest ratio of the factors of force and position by which both are off alike, as by another drive
+SIMILAR = 1.5  # largest ratio of the factors of force and position that counts as one, as another drive makes it
 LITTLE = 0.1  # share of the base motion below which an axis was at rest
 OFF_VELOCITY = 0.1  # relative: the base velocity that is measured against that which was played
 TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back that is not warned of
@@ -50,6 +50,10 @@ TURNED_BACK = 1e-3  # share of samples in which an axis in motion turns back tha
 
 class LevelWarning(DataWarning):
     """At rest the force is far from the designed one, as friction makes it: no fault of the trace.
+
+    References
+    ----------
+    docs/guide/axis.md: the force on each line where friction sticks, over that asked for.
 
     Examples
     --------
@@ -176,31 +180,26 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
     return tuple(records)
 
 
-def unit_factors(u_unit: str, y_unit: str, experiment: AxisExperiment) -> tuple[float, float]:
-    """Return the factors from units of force and position to those of a design; nan of one that cannot be converted.
+def unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan) -> float:
+    """Return how many units of a design one unit is, and one if there is none; nan where it cannot be converted.
 
-    A current counts as the force that it makes. A signal without a unit is in that of the design.
+    known : base unit and factor of the units there are. constant : the force that one A makes.
     """
-    designed = experiment.force_unit, experiment.position_unit
-    (force, size), (own_force, own_size) = (
-        OUTPUTS.get(one, (one, 1.0)) for one in (u_unit or designed[0], designed[0])
-    )
-    (way, length), (own_way, own_length) = (
-        POSITIONS.get(one, (one, 1.0)) for one in (y_unit or designed[1], designed[1])
-    )
-    constant = experiment.force_constant if force == "A" else np.nan
-    u = (1.0 if force == own_force else constant) * size / own_size
-    return u, length / own_length if way == own_way else np.nan
+    (base, size), (own, own_size) = (known.get(one, (one, 1.0)) for one in (unit or designed, designed))
+    return (1.0 if base == own else constant if base == "A" else np.nan) * size / own_size
 
 
 def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
     """Return a record in the units of its design; a signal whose unit cannot be converted stays as it is."""
-    u, y = unit_factors(record.u_unit, record.y_unit, experiment)
-    if np.isfinite(u):
-        record = replace(record, u=u * record.u, input_units=(experiment.force_unit,))
-    if np.isfinite(y):
-        record = replace(record, y=y * record.y, output_units=(experiment.position_unit,))
-    return record
+    u = unit_ratio(record.u_unit, experiment.force_unit, OUTPUTS, experiment.force_constant)
+    y = unit_ratio(record.y_unit, experiment.position_unit, POSITIONS)
+    return replace(
+        record,
+        u=np.nan_to_num(u, nan=1.0) * record.u,
+        y=np.nan_to_num(y, nan=1.0) * record.y,
+        input_units=(experiment.force_unit if np.isfinite(u) else record.u_unit,),
+        output_units=(experiment.position_unit if np.isfinite(y) else record.y_unit,),
+    )
 
 
 class Run(NamedTuple):
@@ -254,7 +253,7 @@ def cut_run(run: Run, experiment: AxisExperiment, *, N: int, start: float) -> di
     first = round(start * run.fs)
     block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
     moments = (np.arange(run.y.size) - first) / run.fs
-    scale = 1 / np.nan_to_num(unit_factors("", run.labels["y_unit"], experiment)[1], nan=1.0)
+    scale = 1 / np.nan_to_num(unit_ratio(run.labels["y_unit"], experiment.position_unit, POSITIONS), nan=1.0)
     base = scale * np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
     require_same_motion(run, experiment, base=base, N=N, travel=scale * experiment.travel)
     found = {}
@@ -373,14 +372,14 @@ def examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     units = {"u": (experiment.force_unit, record.u_unit), "y": (experiment.position_unit, record.y_unit)}
     gains = {name: float(np.median(np.abs(one))) for name, one in ratios.items()}
     other = f"a drive with another velocity feedforward or other gains (assumed: {experiment.drive})"
-    alike = 1 / ALIKE < gains["u"] / gains["y"] < ALIKE and abs(turns["u"] - turns["y"]) < 180 - TURNED
+    similar = 1 / SIMILAR < gains["u"] / gains["y"] < SIMILAR and abs(turns["u"] - turns["y"]) < 180 - TURNED
     found = True
     for name, turn in turns.items():
         gain, (designed, traced) = gains[name], units[name]
         if abs(turn) > TURNED:
             data_warning(f"{name} has the other sign than the design expects: turn it, G is that of a negative mass")
         elif abs(turn) > 180 - TURNED or (traced in ("", designed) and not 1 / UNIT_FACTOR < gain < UNIT_FACTOR):
-            first = f"is it {other}, as u and y are off alike" if alike else f"is it another signal, {other}"
+            first = f"is it {other}, as u and y are off by one factor" if similar else f"is it another signal, {other}"
             data_warning(
                 f"{name} is {gain:.3g} times what the design expects, turned by {turn:.0f} deg, on the upper lines, "
                 f"where friction hardly counts: {first}, in another unit than {designed}, or the machine another one?"

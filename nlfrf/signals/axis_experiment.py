@@ -156,11 +156,11 @@ class AxisExperiment:
         """What it assumes of the drive that plays it."""
         if np.isnan(self.velocity_feedforward):
             return "the same as in the first record, or as an older file does not say"
-        none = "" if self.velocity_feedforward else " (none)"
         return (
             f"kv = {self.kv:g} 1/s, kp = {self.kp:g} A s/{self.position_unit}, tn = {self.tn:g} s, "
-            f"velocity_feedforward = {self.velocity_feedforward:g}{none}; current loop: {self.force_constant:g} "
-            f"{self.force_unit}/A, lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g} ms"
+            f"velocity_feedforward = {self.velocity_feedforward:g}{'' if self.velocity_feedforward else ' (none)'}; "
+            f"current loop: {self.force_constant:g} {self.force_unit}/A, lag {1e3 * self.lag:g} ms, "
+            f"delay {1e3 * self.delay:g} ms"
         )
 
     @property

@@ -76,6 +76,8 @@ LOW_LINES, HELD = 6, 0.5
 TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
 #: Orders of the weight that are tried.
 WEIGHT_ORDERS = (4, 6, 8)
+#: What a drive does not say of its currents.
+AMPERE_NOTE = ". A is rms or peak, the same in kp and in the force constant"
 #: What the words of the page mean.
 LEGEND = """line: an excited frequency; rms: on the lines, in parentheses of the whole trace with its noise
 radius: how far the FRF on a line may be from the model, relative to it; weight: bound of that error
@@ -109,11 +111,15 @@ class BaseMotion(State):
 
 
 class Conditions(NamedTuple):
-    """With which gains a trace was recorded, whether the axis moved, and what was warned of when it was read."""
+    """With which gains a trace was recorded, whether the axis moved, and what was found when all traces were read.
+
+    warnings : what was warned of. unread : why pre-tests show no friction.
+    """
 
     gains: RecordedGains = RecordedGains.UNKNOWN
     motion: BaseMotion = BaseMotion.UNKNOWN
     warnings: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 class DoubtKind(State):
@@ -235,24 +241,20 @@ class DriveCheck:
         )
 
     def __str__(self) -> str:
-        position = self.settings.base_unit
+        warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
+        ratio, linear = ratio_unit(self.settings.base_unit, self.unit), replace(self.report, peak=np.inf)
         parts = {
+            "gains": "\n".join([*wrap(self.conclusion, SCREEN_WIDTH), *warned]),
             "drive": f"{self.settings}\n{describe_parameters(self.settings)}",
             "traces": "\n".join([*self.traces, self.assumption]),
-            f"linear loop, from {self.base} ({ratio_unit(position, self.unit)})": str(
-                replace(self.report, peak=np.inf)  # thin margins are warned of above
-            ),
+            f"linear loop, from {self.base} ({ratio})": str(linear),  # its thin margins are among the warnings
+            "stiffness against a force on the axis, nominal": self.stiffness,
+            "friction": str(self.friction),
+            "step of the position set point": self.step
+            and f"of any size, in parts of it, linear, without limits: {self.step}",
+            "words": LEGEND,
         }
-        if (stiffness := self.stiffness) is not None:
-            parts["stiffness against a force on the axis, nominal"] = stiffness
-        parts["friction"] = str(self.friction)
-        if self.step is not None:
-            parts["step of the position set point"] = (
-                f"of any size, in parts of it, linear, without limits: {self.step}"
-            )
-        warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
-        parts = {"gains": "\n".join([*wrap(self.conclusion, SCREEN_WIDTH), *warned])} | parts | {"words": LEGEND}
-        return "\n\n".join(f"{title}\n{content}" for title, content in parts.items())
+        return "\n\n".join(f"{title}\n{content}" for title, content in parts.items() if content)
 
 
 def read_trace(path: Path, settings: DriveSettings, *, actual: bool = False, **load: Any) -> nlfrf.Record:
@@ -354,7 +356,7 @@ def read_experiments(
     Raises
     ------
     ValueError
-        Traces that are more or fewer than those of the designs; a pre-test that does not show three levels; as
+        Traces that are more or fewer than those of the designs; pre-tests only, which do not show three levels; as
         `read_trace` and `nlfrf.axis.load_trace`.
     """
     counts = [design.ms.n_realizations for design in designs]
@@ -364,23 +366,26 @@ def read_experiments(
             f"design must be one for all traces, or one a trace, got {len(designs)} for {sum(counts)} traces and "
             f"{len(traces)} traces"
         )
-    records, names, conditions, left = [], [], [], list(traces)
+    records, names, conditions, unread, warned_texts, left = [], [], [], [], [], list(traces)
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
         with collect_warnings(paths[0].name) as warned:
             found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
+        warned_texts += warned
         if design.is_ramp:
             levels = nlfrf.axis.find_levels(found, design)
             if levels.reason:
-                raise ValueError(f"design of a pre-test must show three levels, got {paths[0].name}: {levels.reason}")
+                unread.append(f"{paths[0].name}: {levels.reason}")
+                continue
             taken = choose_levels(levels, n_levels)
             found, labels = tuple(found[k] for k in taken), tuple(levels.states[k].value for k in taken)
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
-        one = Conditions(gains=compare_gains(design, settings), motion=motion, warnings=tuple(warned))
-        conditions += [one] * len(found)
-    return records, names, conditions
+        conditions += [Conditions(gains=compare_gains(design, settings), motion=motion)] * len(found)
+    if not records:
+        raise ValueError(f"design of a pre-test must show three levels, got {'; '.join(unread)}")
+    return records, names, [one._replace(warnings=tuple(warned_texts), unread=tuple(unread)) for one in conditions]
 
 
 def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
@@ -529,6 +534,8 @@ def check_drive(
     friction = judge_friction(
         at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses, fit=fit
     )
+    if friction.fit is None and under[0].unread:
+        friction = replace(friction, note="; ".join(under[0].unread))
     if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
         friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
     if not actual:
@@ -551,12 +558,13 @@ def check_drive(
     kinds = (DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED)
     misled = any(doubt is not None and doubt.kind in kinds for doubt in doubts)
     # at rest an FRF judges nothing but the friction, which has its own balance, unless the set is made of it
-    told = [text for one in under for text in one.warnings]
-    told += [text for k, texts in enumerate(warned) if k == chosen or k in moving for text in texts]
-    doubts += [Doubt(DoubtKind.WARNED_TRACE, text) for text in dict.fromkeys(told)]
+    warned_texts = [text for one in under for text in one.warnings]
+    warned_texts += [text for k, texts in enumerate(warned) if k == chosen or k in moving for text in texts]
+    doubts += [Doubt(DoubtKind.WARNED_TRACE, text) for text in dict.fromkeys(warned_texts)]
     if Fs is not None and not friction.proofs:
         if report.nominally_stable and not misled:
-            friction = replace(friction, bounded=bound_any_friction(machine.nominal, settings, Fs=Fs, output_unit=unit))
+            bounded = bound_any_friction(machine.nominal, settings, Fs=Fs, output_unit=unit)
+            friction = replace(friction, bounded=bounded, largest=Fs)
         else:
             friction = replace(
                 friction, note=f"{friction.note}. No bound with the given force: no linear model is known"
@@ -797,16 +805,18 @@ def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSe
 
 def describe_parameters(settings: DriveSettings) -> str:
     """Say which of the settings are typed into the drive, and what an ampere is."""
-    typed = ["kv"] * bool(settings.kv) + ["kp"] + ["tn"] * bool(np.isfinite(settings.tn))
-    if settings.velocity_from == "observer":
-        typed.append("frequency of the observer")
-    elif settings.velocity_lag:
-        typed.append("low-pass of the velocity")
-    typed += ["filters"] * bool(settings.filters)
-    text = f"to be set in the drive: {', '.join(typed)}; the rest is the drive as it is"
-    if settings.output_unit == "A" and np.isfinite(settings.torque_constant):
-        text += ". A is rms or peak, the same in kp and in the force constant"
-    return text
+    observed = settings.velocity_from == "observer"
+    typed = {
+        "kv": settings.kv,
+        "kp": settings.kp,
+        "tn": np.isfinite(settings.tn),
+        "frequency of the observer": observed,
+        "low-pass of the velocity": settings.velocity_lag and not observed,
+        "filters": settings.filters,
+    }
+    ampere = settings.output_unit == "A" and bool(np.isfinite(settings.torque_constant))
+    names = ", ".join(name for name, is_set in typed.items() if is_set)
+    return f"to be set in the drive: {names}; the rest is the drive as it is" + AMPERE_NOTE * ampere
 
 
 def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla) -> str:

@@ -117,16 +117,17 @@ class DriveFriction:
         """Whether the axis comes to rest with its friction, and within which distance it may move for ever if not."""
         if self.proved:
             return "passed"
-        first, most = (self.proofs or (self.bounded,))[0], ""
-        if first is None:
+        proof = (self.proofs or (self.bounded,))[0]
+        if proof is None:
             return "not judged: the axis may hunt with these gains"
-        if not self.proofs and isinstance(first.friction, AnyFriction):
-            most = f"with any of at most {first.friction.Fs:g} {first.units.force} "
-        within, bound = float(np.fmin(first.settling_error, first.error_bound)), "without a known bound"
-        if np.isfinite(within):
-            bound = f"within {format_length(within, first.units.position)} of its rest for ever"
-        judged = f"not passed ({first.verdict})" if self.proofs else "not judged"
-        return f"{judged}: {most}the axis may move {bound}"
+        bound, units = float(np.fmin(proof.settling_error, proof.error_bound)), proof.units
+        within = f"within {format_length(bound, units.position)} of its rest for ever"
+        judged = (
+            f"not passed ({proof.verdict}): the"
+            if self.proofs
+            else f"not judged: with any of at most {self.largest:g} {units.force} the"
+        )
+        return f"{judged} axis may move {within if np.isfinite(bound) else 'without a known bound'}"
 
     def __str__(self) -> str:
         if self.fit is None or self.assumed is None:
@@ -324,8 +325,8 @@ def bound_any_friction(
 ) -> FrictionProof:
     """Return the bound of the error of a linear machine with any friction of at most Fs, under its drive."""
     plant = friction_behind_lag(friction_plant(machine, position_unit=settings.base_unit), settings.lag)
-    friction = any_bounded(Fs, position_unit=settings.base_unit)
-    return prove_friction(plant, cascade(settings, output_unit=output_unit), friction, delay=settings.delay)
+    K, friction = cascade(settings, output_unit=output_unit), any_bounded(Fs, position_unit=settings.base_unit)
+    return prove_friction(plant, K, friction, delay=settings.delay)
 
 
 def largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:

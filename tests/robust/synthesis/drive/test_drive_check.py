@@ -619,7 +619,7 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     nlfrf.axis.play_experiment(axis, folder / "ramp.csv", folder / "ramp-trace.csv")
     records, names, conditions = read_experiments([folder / "ramp-trace.csv"], [ramp], settings)
     assert names == [f"ramp-trace.csv {state}" for state in ("sticks", "bends", "slides")]
-    assert conditions == [(RecordedGains.SAME, BaseMotion.AT_REST, ())] * 3
+    assert [one[:2] for one in conditions] == [(RecordedGains.SAME, BaseMotion.AT_REST)] * 3
     assert np.all(np.diff([np.std(one.u) for one in records]) > 0)
     more, states, _ = read_experiments([folder / "ramp-trace.csv"], [ramp], settings, n_levels=6)
     assert len(more) == 6
@@ -634,6 +634,18 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     nlfrf.axis.play_experiment(axis, folder / "few.csv", folder / "few-trace.csv")
     with pytest.raises(ValueError, match=r"design of a pre-test must show three levels, got few-trace\.csv: "):
         read_experiments([folder / "few-trace.csv"], [low], settings)
+
+
+@pytest.mark.usefixtures("played")
+def test_a_pre_test_that_shows_no_friction_leaves_it_unjudged(run, folder):
+    axis = nlfrf.servo_axis("linear motor")
+    low = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=2, n_levels=4, rng=1)
+    nlfrf.save(low, folder / "short.csv")
+    nlfrf.axis.play_experiment(axis, folder / "short.csv", folder / "short-trace.csv")
+    code, page, _ = run("short-trace.csv motion-trace.csv gains.toml --design short.npz --design motion.npz")
+    assert code == 3, page
+    assert page.startswith("gains\nlinear loop passed; friction not judged: ")
+    assert "friction not judged: short-trace.csv: " in one_line(page)
 
 
 def test_what_a_file_leaves_out_is_printed_as_assumed(tmp_path):
