@@ -133,6 +133,8 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     stated = slice_row(units, -shift, width) if units and not unplaced else spread(labelled.get(Role.UNITS, []), kinds)
     clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
     abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
+    if clock.fs and not clock.unit and (scale := seconds_per_unit(abscissa)):
+        clock = Clock(clock.fs / scale, clock.label, abscissa)  # a step in a line of its own, its unit in another
     for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
         rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
         as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < SAME_CLOCK

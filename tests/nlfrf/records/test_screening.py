@@ -218,3 +218,12 @@ def test_random_records_are_screened_rightly():
     assert set(rows["position that wraps, steps up to 0.45 of a turn"]) == {"right"}
     assert set(rows["outliers"]) == set(rows["hits of a hammer"]) == {"found"}
     assert set(rows["sound, false alarms of wraps, outliers, hits"]) == {"none"}
+
+
+@pytest.mark.parametrize("turn", [2 * np.pi, 360.0])
+def test_a_position_that_hovers_at_its_end_is_unwrapped(turn):
+    """Every fifth step is a jump there, so that most jumps have others for neighbours."""
+    noise = 0.03 * turn * np.random.default_rng(4).standard_normal(2000)
+    with pytest.warns(nlfrf.DataWarning, match="wraps at a turn"):
+        left = unwrap_position("y", noise % turn) - noise
+    np.testing.assert_allclose(left, left[0], atol=1e-9 * turn)

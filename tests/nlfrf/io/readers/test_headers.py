@@ -266,6 +266,12 @@ def test_a_preamble_whose_step_has_no_unit(tmp_path):
     holds(written(tmp_path, ["Sample interval [ms],0.25", "u,y", *rows(U, Y)]), rate=4000)
 
 
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e-3), ("min", 60.0)])
+def test_a_step_whose_unit_stands_in_a_line_of_its_own(unit, scale, tmp_path):
+    path = written(tmp_path, [f"Horizontal Units,{unit}", f"Sample Interval,{1e-3 / scale:.12g}", "u,y", *rows(U, Y)])
+    holds(path, rate=1000)
+
+
 # LabVIEW
 
 
