@@ -203,7 +203,7 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     >>> folder = tempfile.TemporaryDirectory()
     >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
     >>> u = np.tile(ms.u[0], 4)
-    >>> np.savez(f"{folder.name}/run.npz", force=u, position=2 * u, Ts=0.01)
+    >>> np.savez(f"{folder.name}/run.npz", force=u, position=2 * u, fs=100.0)
     >>> found = inspect_file(f"{folder.name}/run.npz")
     >>> found.u, found.y, found.lines
     ('force', 'position', 'period 100 samples (1 s), 4 periods; 6 lines from 1 to 19 Hz')

@@ -73,7 +73,7 @@ REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)
 SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
 SAME_CLOCK = 1e-3  # how far the steps of a column may be from those that the preamble states
 #: What a name hardly stands for, of a time or a counter and of anything else.
-UNLIKE = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
+MISMATCHED_KINDS = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
 MAX_UNPAIRED = 2  # columns without a name, or names without a column
 
 #: A line above a table that gives the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
@@ -294,7 +294,7 @@ def place_names(names: list[str], kinds: list[Kind]) -> int | None:
         pairs = [(is_counter_name(name), kinds[first + i]) for i, name in enumerate(names)]
         unnamed = {*kinds[:first]} - {Kind.CLOCK} | {*kinds[first + len(names) :]}
         if unnamed <= {Kind.EMPTY} and (not first or (True, Kind.NUMBERS) not in pairs):
-            costs[first] = sum(kind in UNLIKE[counter] for counter, kind in pairs)
+            costs[first] = sum(kind in MISMATCHED_KINDS[counter] for counter, kind in pairs)
     best = [first for first, cost in costs.items() if cost == min(costs.values())]
     return best[0] if len(best) == 1 else None
 
