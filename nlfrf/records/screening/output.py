@@ -329,7 +329,7 @@ def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     Y = rfft_at(y, np.arange(1, last + 1))[:, None]
     for j, (one, following) in enumerate(itertools.pairwise(y)):
         early, late = map(power, np.array_split(one - following, 2))
-        if broken[j] or not (
+        if broken[j : j + 2].any() or not (
             (late < MAX_BEAT * early and is_transient(Y[j], Y[j + 1]))
             or (MIN_DECAY * late < early and modal_share(one - following) > MODAL_SHARE)
         ):
