@@ -6,9 +6,6 @@ import numpy as np
 
 from benchmarks.plants import mode, spring
 
-__all__ = ["drawn", "drawn_case"]
-
-
 SETTLED = 8  # periods of two seconds: a ten-millionth is left of the slowest transient
 GRIDS = ("special-odd", "random-odd", "odd", "full")
 LAWS = {

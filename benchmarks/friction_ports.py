@@ -28,8 +28,6 @@ from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.plant import FrictionPlant, friction_loop, two_mass_plant
 from robust.reports.drive_friction import friction_behind_lag
 
-__all__ = ["PortCase", "draw_case", "draw_law", "prove_case", "run_case"]
-
 MOVING = 0.02  # of Fs/K0: a smaller swing is rest
 LONGEST = 40_000  # samples of a run
 TIME_CONSTANTS = 20  # slowest ones, sliding and stuck, before a run ends

@@ -32,8 +32,6 @@ from nlfrf import hysteresis
 from nlfrf.friction import Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
 from robust.friction.plant import destabilizing_stiffness, friction_loop
 
-__all__ = ["Case", "Tally", "draw_case", "draw_loops", "measure", "read", "tally_case"]
-
 F_MAX = 200.0  # of the multisines [Hz]
 T = 1e-3  # sampling time of the loops [s]
 ROUTES = ("one mass", "nominal, lowest level", "nominal, highest level")

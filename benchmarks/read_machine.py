@@ -42,26 +42,6 @@ import robust
 from benchmarks.read_class import FAMILIES, GOOD, Case, draw_case, draw_loops, prove_read
 from nlfrf.axis import design_experiment, load_trace, play_experiment
 
-__all__ = [
-    "AT_REST",
-    "IN_MOTION",
-    "SETS",
-    "TWO_MASSES",
-    "Counts",
-    "LevelSet",
-    "Outcome",
-    "Plan",
-    "attack",
-    "attack_case",
-    "judge_set",
-    "measure_at_rest",
-    "measure_in_motion",
-    "measure_set",
-    "pulls_of",
-    "records_of",
-    "truth_of",
-]
-
 
 @dataclass(frozen=True)
 class Plan:

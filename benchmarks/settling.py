@@ -25,8 +25,6 @@ import robust
 from nlfrf.friction import VaryingSliders
 from robust.friction.plant import friction_loop, friction_plant
 
-__all__ = ["Axis", "draw_axis", "draw_law", "hunting", "settling_proof", "vary_law"]
-
 FS = 20.0  # [N]; everything scales with it
 RUNS_PER_AXIS = 30
 MOVING = 0.02  # of Fs/K0: a smaller swing is no hunting

@@ -11,9 +11,6 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["step_backlash", "step_bilinear", "step_slipping", "step_spring"]
-
-
 compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 

@@ -23,8 +23,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
-__all__ = ["examine", "find_hiding_files", "find_name_conflict", "nlfrf_command", "robust_command"]
-
 REINSTALL_HINT = "pip uninstall {other}, then pip install --force-reinstall --no-deps nlfrf"
 DEVELOPER_EXTRAS = {"test", "docs", "release"}  # extras for those who work on the packages
 OWN_PACKAGES = ("nlfrf", "robust")

@@ -18,40 +18,6 @@ import numpy as np
 from nlfrf._base.numbers import all_finite
 from nlfrf._base.types import Seed
 
-__all__ = [
-    "HOLDS",
-    "SCREEN_WIDTH",
-    "DataWarning",
-    "add_warnings",
-    "channel_names",
-    "data_warning",
-    "format_count",
-    "format_hertz",
-    "format_paragraph",
-    "format_small_count",
-    "inverse_unit",
-    "join_names",
-    "keep_warnings",
-    "label_with_unit",
-    "one_line",
-    "printable",
-    "random_generator",
-    "ratio_unit",
-    "repeat_warnings",
-    "require_choice",
-    "require_integer",
-    "require_kind",
-    "require_known",
-    "require_nonnegative",
-    "require_positive",
-    "require_probability",
-    "require_real",
-    "require_real_array",
-    "short_form",
-    "wrap_lines",
-]
-
-
 # ---- How things are said to people: a frequency in Hz, anything at all at the end of a message.
 
 NUMBER_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")

@@ -16,26 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.typing import ColorType
 
-__all__ = [
-    "AxesLike",
-    "add_note",
-    "axes_or_new",
-    "bode_axes",
-    "finish_axes",
-    "finish_matrix",
-    "follow_lines",
-    "gain_band",
-    "height_below",
-    "join_labels",
-    "lower_edge",
-    "matrix_axes",
-    "phase_band",
-    "save_figure",
-    "to_decibel",
-    "write_pictures",
-]
-
-
 #: Axes as `plt.subplots` gives them: one, or several.
 AxesLike: TypeAlias = "Axes | list[Axes] | tuple[Axes, ...] | np.ndarray"
 LETTER_SIZE = 15.0  # of a legend in an inch, its markers counted as

@@ -23,19 +23,6 @@ from nlfrf._base.values import to_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = [
-    "Commands",
-    "Decimal",
-    "Json",
-    "Version",
-    "finish_command",
-    "parse_number",
-    "printer",
-    "rich_console",
-    "run_command",
-    "spinner",
-]
-
 OUTPUT_PARAMETERS = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
 OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
 

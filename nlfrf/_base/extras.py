@@ -5,8 +5,6 @@ from __future__ import annotations
 from importlib import import_module
 from types import ModuleType
 
-__all__ = ["MissingPackageError", "import_extra"]
-
 
 class MissingPackageError(ModuleNotFoundError):
     """A package that is not installed, with the command that installs it."""

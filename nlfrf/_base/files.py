@@ -28,39 +28,6 @@ from nlfrf._base.types import Json, JsonObject
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
-__all__ = [
-    "DECIMALS",
-    "DESIGN_MARK",
-    "FILE_KINDS",
-    "LOAD_OPTIONS",
-    "MEASURED_RECORD",
-    "PICTURE_SIGNATURE",
-    "RECORD_SCHEMAS",
-    "SIMULATED_MARK",
-    "VERSION",
-    "Role",
-    "admit_file",
-    "command_signature",
-    "describe_wrong_file",
-    "file_kind",
-    "guarded_outputs",
-    "is_command",
-    "parse_json",
-    "parse_json_of",
-    "require_file_of",
-    "require_schema",
-    "require_writable",
-    "resolve_target",
-    "save_mat",
-    "stated_kind",
-    "to_path",
-    "write_arrays",
-    "write_atomically",
-    "write_table",
-    "write_text",
-]
-
-
 # ---- What a command may write: never onto a file that it reads, nor over a file that no command of its kind made.
 #
 # Every file of both packages goes through `write_atomically`, which asks here. A command opens `guarded_outputs`; then

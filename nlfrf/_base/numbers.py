@@ -7,30 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 
-__all__ = [
-    "BLOCK_ENTRIES",
-    "EPS",
-    "SMALL_NORM",
-    "TINY",
-    "all_finite",
-    "fast_length",
-    "has_equal_periods",
-    "is_constant",
-    "iterate_blocks",
-    "least_squares",
-    "mean_power",
-    "power",
-    "rfft",
-    "rfft_at",
-    "rms",
-    "roy_probability",
-    "roy_quantile",
-    "squared_modulus",
-    "streams_equal",
-    "two_unknowns",
-]
-
-
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)  # in place of a zero that is divided by
 SMALL_NORM = TINY**0.25  # the same where its square is

@@ -24,9 +24,6 @@ from typing import IO
 
 import numpy as np
 
-__all__ = ["FACTOR", "MEMORY_LIMIT", "Contents", "read_in_own_process", "receive", "require_size", "send"]
-
-
 SECONDS, PER_BYTE = 20.0, 1e-7  # time allowed: a start, and a slow disk
 #: Bytes that what is read from a file may take: a base, and so many times the size of the file. Noise of 16 bits
 #: compresses 4 times as float64, a CSV of one digit a cell takes 4 times its size; constants have the base.

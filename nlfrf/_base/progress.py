@@ -8,9 +8,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["progress_bar"]
-
-
 MIN_INTERVAL = 0.1  # seconds between two looks
 BAR_WIDTH = 30
 

@@ -9,9 +9,6 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-__all__ = ["Json", "JsonObject", "Seed"]
-
-
 #: What stands at one place of parsed JSON. `json` says no more, as a file may hold anything there: ask by isinstance,
 #: or hold a schema against the whole before a part is taken for what the schema says.
 Json: TypeAlias = Any

@@ -8,8 +8,6 @@ import numpy as np
 
 from nlfrf._base.arguments import short_form
 
-__all__ = ["OUTPUTS", "POSITIONS", "parse_gain_unit", "parse_quantity", "position_factor", "split_quantity"]
-
 #: Unit of a position -> base unit and factor to it.
 POSITIONS = {
     "m": ("m", 1.0),

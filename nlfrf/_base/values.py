@@ -24,19 +24,6 @@ from nlfrf._base.types import Json
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = [
-    "ArrayField",
-    "field_names",
-    "freeze_array",
-    "repr_line",
-    "short_repr",
-    "simple_properties",
-    "to_json",
-    "to_plain",
-    "value",
-]
-
-
 # ---- A value on one line for a prompt.
 
 WIDTH, FEW = 160, 6  # characters of a line, numbers that are shown

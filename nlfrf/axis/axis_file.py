@@ -13,8 +13,6 @@ from nlfrf._base.types import JsonObject
 from nlfrf._base.units import parse_gain_unit, parse_quantity, split_quantity
 from nlfrf.rig.bench.servo import ServoAxis, ServoDrive
 
-__all__ = ["load_axis"]
-
 #: Entry -> kind of quantity of a linear and of a rotary axis.
 AXIS_KINDS = {
     **dict.fromkeys(("motor_inertia", "load_inertia"), ("mass", "inertia")),

@@ -24,8 +24,6 @@ from nlfrf.rig.bench.servo import ServoAxis, run_servo
 from nlfrf.signals.axis_experiment import GAINS, PORTS, AxisExperiment, AxisLimits
 from nlfrf.signals.multisine import Multisine, Rng, multisine
 
-__all__ = ["design_experiment", "design_ramp"]
-
 Spectrum = np.ndarray | Callable[[np.ndarray], np.ndarray]
 #: Most error of a double pole at one by rounding, which is the root of that of the numbers.
 ROUNDING_OF_POLES = 1e-6

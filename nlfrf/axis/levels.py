@@ -21,8 +21,6 @@ from nlfrf.records.record import Record
 from nlfrf.records.screening.input import clipped_share
 from nlfrf.signals.axis_experiment import AxisExperiment
 
-__all__ = ["AxisLevels", "LevelState", "find_levels"]
-
 LOW_LINES = 6  # lowest lines that the stiffness is read from: three pairs of a special-odd grid
 STEPS = 2.0  # steps of the encoder in the rms of a position below which a level is not read
 PLATEAU = 0.1  # relative: how far the stiffness of levels that stick may scatter; quantisation makes up to 6 %

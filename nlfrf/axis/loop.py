@@ -17,8 +17,6 @@ from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.servo import ServoAxis
 
-__all__ = ["DriveLoop", "closed_loop_poles", "crossover_frequency", "drive_loop", "plant_frf", "record_spectra"]
-
 
 @value
 class DriveLoop:

@@ -16,8 +16,6 @@ from nlfrf.io.designs import load_experiment
 from nlfrf.rig.bench.servo import ServoAxis, ServoTrace, run_servo
 from nlfrf.signals.axis_experiment import GAINS, PORTS, SAME_GAIN, AxisLimits
 
-__all__ = ["play_experiment"]
-
 
 def play_experiment(
     axis: ServoAxis,

@@ -25,8 +25,6 @@ from nlfrf.records.reference import design_period
 from nlfrf.records.screening.input import warn_about_channel
 from nlfrf.signals.axis_experiment import AxisExperiment
 
-__all__ = ["LevelWarning", "in_design_units", "load_trace"]
-
 #: Units that no force has: a channel that carries one is a position, a velocity or an acceleration.
 MOTION_UNITS = (
     *("m", "mm", "um", "µm", "nm", "rad", "mrad", "deg", "°", "inc", "counts", "m/s", "mm/s", "rad/s", "deg/s", "°/s"),

@@ -29,9 +29,6 @@ from nlfrf.bla.local_models import MIN_FIT_LINES, fit_locally
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
-__all__ = ["COVARIANCES", "Bla", "DistortionLevels"]
-
-
 #: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
 #: smoothly: none of a saturation, up to a half of a fifth power. A half costs 7 % more of the loss than a quarter.
 #: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and it is in `var_bound`.

@@ -12,16 +12,6 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, fast_length, rms, squared_modulus
 
-__all__ = [
-    "COHERENT_SHARE",
-    "FEW_LINES",
-    "MAX_SPECIAL_ODD_RATIO",
-    "crest_correction",
-    "cubic_variance",
-    "variance_ratio",
-]
-
-
 MAX_SPECIAL_ODD_RATIO = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
 #: Over the number of lines: the share of its distortion that is one gain on all lines, which neither roughness nor
 #: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and

@@ -21,9 +21,6 @@ from nlfrf.bla.spectra import Spectra
 from nlfrf.records.record import Record
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["warn_of_mismatch"]
-
-
 #: Standard deviations, times 1 + FEW_LINES_WIDENING over the lines that weigh: a few of them scatter by chance.
 MIN_SIGNIFICANCE, FEW_LINES_WIDENING = 4.0, 10.0
 #: Error by it over the variance of G from which to warn: the bound then holds 91 % instead of 95 %.

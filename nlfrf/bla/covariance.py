@@ -9,18 +9,6 @@ import numpy as np
 
 from nlfrf._base.numbers import squared_modulus
 
-__all__ = [
-    "adjoint",
-    "diagonal",
-    "hermitian_sqrt",
-    "inverse",
-    "product",
-    "psd_difference",
-    "sum_outer_products",
-    "to_correlation",
-]
-
-
 MIN_EIGENVALUE = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
 
 

@@ -21,9 +21,6 @@ from nlfrf.bla.spectra import TREATMENTS, Spectra, period_spectra
 from nlfrf.records.record import Record
 from nlfrf.signals.lines import chance_correlation, local_mean
 
-__all__ = ["DISAGREEMENT_DB", "SecondOpinion", "second_opinion"]
-
-
 DISAGREEMENT_DB = 6.0  # dB
 MIN_DETECTION_LINES = 4  # detection lines
 

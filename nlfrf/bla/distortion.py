@@ -34,17 +34,6 @@ from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.lines import LineGrid
 
-__all__ = [
-    "DistortionVariance",
-    "choose_source",
-    "estimate_distortion_variance",
-    "fit_sets",
-    "match_scaled_f",
-    "smooth_frm",
-    "variance_from_detection_lines",
-]
-
-
 #: Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of benchmarks/plants.py.
 CALIBRATION_LOG_VARIANCE = 0.06
 #: The level is log-linear in a coordinate in which the prior of its slope is standard normal: lambda may change as

@@ -18,9 +18,6 @@ from nlfrf.records.excited_lines import check_lines
 from nlfrf.records.record import Record
 from nlfrf.signals.crest import have_low_crest, is_improbable
 
-__all__ = ["CrestCorrection", "check_experiments", "count_independent_experiments", "warn_of_noisy_experiment"]
-
-
 MIN_LINE_POWER = 1e-18  # of the largest power of an input on a line, below which there is none
 #: Power over that of its noise below which an input is lost, and the share of lines that may.
 MIN_POWER_OVER_NOISE, MAX_LOST_SHARE = 4.0, 0.1

@@ -23,19 +23,6 @@ from nlfrf.bla.local_models import LocalFit, leave_one_out_residual
 from nlfrf.bla.realizations import pair_equal_steps
 from nlfrf.bla.spectra import Spectra, residual_scatter
 
-__all__ = [
-    "MAX_MATRIX_ROUGHNESS_OVER_GAIN",
-    "MAX_ROUGHNESS_OVER_GAIN",
-    "OUTPUT_ROUNDING",
-    "FrmEstimate",
-    "check_input_follows_reference",
-    "check_outputs_follow_input",
-    "estimate_frm",
-    "warn_of_outlier_lines",
-    "warn_of_rough_frf",
-]
-
-
 #: Roughness over the level and over |G|^2 above which, on most lines, u and y do not belong together.
 MAX_ROUGHNESS_OVER_LEVEL, MAX_ROUGHNESS_OVER_GAIN = 2.5, 0.03
 #: The same for an output of several experiments: 0.3 and more where experiments were exchanged. A correct matrix that

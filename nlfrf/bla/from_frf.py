@@ -18,9 +18,6 @@ from nlfrf._base.arguments import (
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["bla_from_frf"]
-
-
 #: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
 KNOWN_DOF = 1e6
 MAX_GAIN_VARIATION = 0.01  # relative, of a gain without phase: a minimum-phase one that varies more turns its phase

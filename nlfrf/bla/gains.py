@@ -18,8 +18,6 @@ from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 
-__all__ = ["RelativeGains", "SingularValues", "rga", "singular_values"]
-
 
 @value
 class SingularValues:

@@ -37,8 +37,6 @@ from nlfrf.bla.spectra import TREATMENTS, Spectra, channel_dft, period_spectra
 from nlfrf.bla.zippered import bound_interpolated_columns, estimate_zippered_frm
 from nlfrf.records.record import Record
 
-__all__ = ["identify"]
-
 
 @overload
 def identify(record: Record, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Bla: ...

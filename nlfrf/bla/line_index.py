@@ -12,9 +12,6 @@ import numpy as np
 from nlfrf._base.values import value
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["N_CACHED_GRIDS", "SMOOTHING_LINES", "WINDOW_LINES", "LineIndex", "index_lines", "nearest_lines"]
-
-
 N_CACHED_GRIDS = 16  # grids that are remembered: those of one experiment, and of the next
 N_ODD_BELOW_BAND = 2  # detection lines below the band
 WINDOW_LINES = 9  # excited lines over which an FRF is fitted locally

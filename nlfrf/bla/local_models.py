@@ -23,19 +23,6 @@ from nlfrf.bla.calibration import FEW_LINES
 from nlfrf.bla.line_index import N_CACHED_GRIDS, LineIndex
 from nlfrf.signals.lines import local_mean
 
-__all__ = [
-    "MIN_FIT_LINES",
-    "NOISE_SMOOTHING_LINES",
-    "N_POOLED_WINDOWS",
-    "POLYNOMIAL_ORDER",
-    "RATIONAL_VARIANCE_RATIO",
-    "LocalFit",
-    "fit_locally",
-    "is_flat",
-    "leave_one_out_residual",
-]
-
-
 POLYNOMIAL_ORDER = 2  # of both polynomials, which are written out here
 N_POWERS = POLYNOMIAL_ORDER + 1  # columns r^k G that they are fitted to
 N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1  # unknowns of the rational function

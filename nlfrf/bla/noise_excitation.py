@@ -24,9 +24,6 @@ from nlfrf._base.numbers import TINY, power
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["identify_noise"]
-
-
 HANN_NOISE_BANDWIDTH = 1.5  # lines that the power in one line of a Hann window comes from
 LINES_PER_SIDE = 6  # DFT lines on either side that a local polynomial sees
 N_RECORD_PARTS = 16  # of the record, over which the power of stationary noise stays

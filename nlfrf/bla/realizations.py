@@ -20,9 +20,6 @@ from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.crest import expected_peaks, is_improbable
 from nlfrf.signals.lines import LineGrid, chance_correlation
 
-__all__ = ["group_by_phases", "join_repeats", "pair_equal_steps", "require_equal_spectra", "warn_of_low_crest"]
-
-
 N_BAND_PARTS = 8  # of the band, over which the input power of realisations is compared
 MAX_LEVEL_DIFFERENCE = 2.0  # [dB] between realisations that belong together, where the level does not scatter
 MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, where it does

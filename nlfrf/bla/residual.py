@@ -17,9 +17,6 @@ from nlfrf.bla.local_models import NOISE_SMOOTHING_LINES
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["NonlinearResidual", "gain_varies", "nonlinear_residual"]
-
-
 #: Largest over least |G|^2, of means over the lines around, from which the place of distortion matters.
 MIN_GAIN_VARIATION = 1.5
 CLEAR_GAIN_VARIATION = 2.0  # the same line by line, as one realisation scatters

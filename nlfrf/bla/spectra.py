@@ -30,9 +30,6 @@ from nlfrf.bla.line_index import LineIndex
 from nlfrf.records.record import Record
 from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transient
 
-__all__ = ["TREATMENTS", "Spectra", "channel_dft", "period_dft", "period_spectra", "residual_scatter"]
-
-
 TREATMENTS = ("auto", "none", "discard", "local")  # of the transient
 LINES_PER_SIDE = 6  # lines on either side of a harmonic used for one fit
 MAX_FOREIGN_AMPLITUDE = 0.03  # of the amplitude of the input that a line drives, below which it drives no other

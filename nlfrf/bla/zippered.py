@@ -24,9 +24,6 @@ from nlfrf.bla.local_models import N_POOLED_WINDOWS, POLYNOMIAL_ORDER, RATIONAL_
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["ColumnInterpolation", "bound_interpolated_columns", "estimate_zippered_frm"]
-
-
 N_REWEIGHTED_ROUNDS, N_GAUSS_NEWTON_ROUNDS = 3, 3  # rounds of either kind
 #: Of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands.
 MIN_ZIPPERED_DENOMINATOR = 0.02

@@ -36,9 +36,6 @@ from nlfrf.io.readers.clock import (
 from nlfrf.io.readers.layout import make_unique
 from nlfrf.records.record import SignalLabels
 
-__all__ = ["OTHER_WAY", "SUFFIXES", "Channels", "read_channels", "to_paths"]
-
-
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
 #: What a step without a unit may be in, and the factor from the frequency that it is in seconds.
 UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}

@@ -25,9 +25,6 @@ from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["DESIGNS", "load_design", "load_experiment", "load_multisine", "save_experiment", "save_multisine"]
-
-
 MULTISINE_SCHEMA = "nlfrf-multisine"
 ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
 EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")

@@ -15,9 +15,6 @@ from nlfrf.bla.from_frf import bla_from_frf
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.readers.clock import UNIT_SUFFIX
 
-__all__ = ["FrfTable", "describe_frfs", "find_frfs", "load_frf"]
-
-
 #: Words in the name of a column that say its quantity; the first quantity counts, as in "Trace 1: Gain: Real".
 QUANTITIES = {
     "std": r"std\w*|sigma|σ",

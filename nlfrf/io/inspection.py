@@ -26,9 +26,6 @@ from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["Channel", "FileContents", "inspect_file"]
-
-
 INPUT_NAMES = re.compile(
     r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
     re.I,

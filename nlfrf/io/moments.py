@@ -8,9 +8,6 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 
-__all__ = ["require_same_moments"]
-
-
 WARN_SHIFT, MAX_SHIFT = 0.05, 0.5  # samples by which one channel may begin behind another
 N_COMPARED = 1000  # samples of long axes
 OTHER_ORIGIN = 1e8  # seconds between two starts, three years, from which they count from different moments

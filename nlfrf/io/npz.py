@@ -18,9 +18,6 @@ from numpy.lib import format as npy
 from nlfrf._base.numbers import iterate_blocks
 from nlfrf._base.own_process import Contents, require_size
 
-__all__ = ["contents"]
-
-
 LARGE_MEMBER = 1 << 20  # bytes from which it is worth not to read them twice
 HEADER_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 

@@ -32,8 +32,6 @@ from nlfrf.records.samples import Cutting, record_from_samples, records_from_str
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
-__all__ = ["LostRows", "find_lost_rows", "holds_multirecord", "keep_whole_periods", "load_record"]
-
 
 def read_measurement(path: str | os.PathLike[str]) -> Channels:
     """Return the channels of a file that may be a record; refuse a result."""

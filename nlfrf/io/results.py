@@ -27,9 +27,6 @@ from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["export_csv", "load", "load_bla", "save", "save_bla", "value_in"]
-
-
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
 RESULTS: dict[str, Callable[..., Bla]] = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
 StoredValue = Multisine | OrthogonalMultisine | AxisExperiment | Record | Bla

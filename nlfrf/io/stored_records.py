@@ -28,9 +28,6 @@ from nlfrf.records.reference import fill_reference, reconstruct_reference
 from nlfrf.records.samples import Cutting
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "save_record", "stored_multirecord", "stored_records"]
-
-
 RECORD_SCHEMA = "nlfrf-record"
 MULTIRECORD_SCHEMA = "nlfrf-multirecord"
 LABELS = ("u_name", "y_name", "u_unit", "y_unit")

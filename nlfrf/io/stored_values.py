@@ -22,9 +22,6 @@ from nlfrf.signals.multisine import Multisine
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["AXES_ORDER", "load_value", "names_from_json", "require_known_version", "save_value", "value_from_file"]
-
-
 #: Values inside a Bla or an experiment; levels of several channels are one an output.
 NESTED_VALUES: dict[str, type[LineGrid] | type[DistortionLevels] | type[Multisine]] = {
     "lines": LineGrid,

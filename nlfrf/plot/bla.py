@@ -24,8 +24,6 @@ from nlfrf.plot.look import COLOR, MARKER, OVER_100, crop_rounding
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_bla", "plot_bode", "plot_levels", "plot_opinion", "plot_phase"]
-
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
     """Draw the magnitude of the BLA with its bound, standard deviations, and the detection lines over |U|.

@@ -11,9 +11,6 @@ from nlfrf._base.axes import add_note, to_decibel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["COLOR", "COLOR_CYCLE", "MARKER", "MAX_DEPTH_DB", "OVER_100", "ROUNDING_DB", "crop_rounding"]
-
-
 # one colour a kind of line in every picture, distinct for colour-blind readers too
 COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
 COLOR_CYCLE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")  # of several inputs, or directions

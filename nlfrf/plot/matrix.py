@@ -15,9 +15,6 @@ from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_frm", "plot_frm_bounds", "plot_frm_phase", "plot_rga", "plot_singular_values"]
-
-
 LEGEND_DB = 12.0  # dB above and below the curves
 MAX_MARKED_LINES = 300  # lines that are drawn as points too
 LINE_STYLES = ("-", "--", "-.", ":")

@@ -19,9 +19,6 @@ from nlfrf.signals.orthogonal import OrthogonalMultisine
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_excitation", "plot_input", "plot_samples", "plot_spectrum"]
-
-
 MAX_HARMONICS = 48  # of a grid are shown, so that each is seen
 INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
 LINE_OFFSET = 0.3  # between the markers of two inputs, in lines

@@ -13,17 +13,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from nlfrf._base.numbers import BLOCK_ENTRIES, iterate_blocks, mean_power, rfft, squared_modulus, streams_equal
 from nlfrf.signals.lines import LineGrid, local_mean, recognise_kind
 
-__all__ = [
-    "EXTENSION_LINES",
-    "check_lines",
-    "detect_lines",
-    "excited_lines_on_grid",
-    "grid_level_jump",
-    "line_powers",
-    "lines_from_powers",
-]
-
-
 # ---- Regular grids among lines that the actuator itself distorts.
 #
 # What an actuator adds to a multisine (saturation, dead zone, amplifier) scatters from line to line as noise does,

@@ -12,9 +12,6 @@ import numpy as np
 from nlfrf._base.numbers import TINY, fast_length, iterate_blocks, streams_equal
 from nlfrf.records.screening.decimation import decimate, smooth_step
 
-__all__ = ["detect_period"]
-
-
 LONG_SIGNAL = 1 << 17  # samples that a whole autocorrelation may take
 FIRST_SAMPLES = 256  # samples that are looked for to the last bit
 MAX_LAGS = 1000  # places that begin like the head, before an exact repeat is given up

@@ -25,9 +25,6 @@ from nlfrf.signals.lines import LineGrid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["SAME_CLOCK", "Channels", "Record", "SignalLabels", "join_records", "require_varying"]
-
-
 SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
 
 

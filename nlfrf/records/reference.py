@@ -9,9 +9,6 @@ from nlfrf._base.numbers import TINY, rfft_at
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["Design", "design_period", "fill_reference", "reconstruct_reference", "reconstruct_references"]
-
-
 Design = Multisine | OrthogonalMultisine
 MIN_CORRELATION = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
 

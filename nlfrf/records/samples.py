@@ -38,9 +38,6 @@ from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["Cutting", "record_from_samples", "records_from_streams"]
-
-
 MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
 MAX_CORRECTIONS = 3  # times that outputs are brought onto the clock of the input, and looked at again
 UNEVEN, EVEN = (

@@ -19,8 +19,6 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from nlfrf.signals.multisine import Multisine
 
-__all__ = ["GAINS", "PORTS", "SAME_GAIN", "AxisExperiment", "AxisLimits", "stepped_profile"]
-
 PORTS = ("force", "velocity", "position")
 GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
 SAME_GAIN = 1e-3  # relative error up to which two gains are the same

@@ -18,9 +18,6 @@ import numpy as np
 from nlfrf._base.arguments import DataWarning, random_generator, require_integer, require_kind, require_positive
 from nlfrf.signals.multisine import Multisine, Rng
 
-__all__ = ["expected_peaks", "have_low_crest", "is_improbable", "reduce_crest"]
-
-
 FALSE_ALARM = 1e-5  # with which random phases have peaks as low as those that are warned of
 RANDOM_STREAM = 1  # of the draws, beside the seed
 MAX_SHIFT = 1.4  # of the best draw, in standard deviations, that one record's bound stands; sqrt(M) less with M

@@ -18,9 +18,6 @@ from nlfrf._base.values import ArrayField, value
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["KINDS", "LineGrid", "chance_correlation", "grid_lines", "local_mean", "recognise_kind"]
-
-
 KINDS = ("full", "odd", "odd-odd", "special-odd", "random-odd", "custom")
 MAX_LINE = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
 #: Excited residues and their modulus, for the grids that repeat.

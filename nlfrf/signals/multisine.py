@@ -23,9 +23,6 @@ from nlfrf.signals.orthogonal import OrthogonalMultisine, orthogonal_multisine
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["Multisine", "Rng", "multisine"]
-
-
 #: Relative amplitudes on the excited lines, or a function of their frequencies [Hz].
 Amplitude: TypeAlias = "np.ndarray | Callable[[np.ndarray], np.ndarray]"
 Rng = np.random.Generator | int | None

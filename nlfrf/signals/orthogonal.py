@@ -20,9 +20,6 @@ from nlfrf.signals.lines import LineGrid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["DESIGNS", "TRANSFORMS", "OrthogonalMultisine", "orthogonal_matrix", "orthogonal_multisine"]
-
-
 DESIGNS = ("orthogonal", "zippered")
 TRANSFORMS = ("dft", "hadamard")
 

@@ -7,9 +7,6 @@ from typing import TypeGuard
 from nlfrf import Bla
 from nlfrf._base.arguments import short_form
 
-__all__ = ["is_matrix", "is_single", "require_matrix", "require_single"]
-
-
 HINT_FOR_FRF = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
 
 

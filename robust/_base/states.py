@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["Demand", "FrictionVerdict", "Outcome", "Stability", "State", "Verdict"]
-
 
 class State(StrEnum):
     """An enum whose members are also their text: equal to it, and shown, printed and written to files as it."""

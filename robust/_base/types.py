@@ -10,9 +10,6 @@ if TYPE_CHECKING:
     import control
     import numpy as np
 
-__all__ = ["AnySystem", "Blocks", "Controller", "LinearSystem", "SystemField", "Weight"]
-
-
 #: A linear system by its matrices or its polynomials.
 LinearSystem: TypeAlias = "control.StateSpace | control.TransferFunction"
 #: The same, or an FRF: what has a response at frequencies.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["DesignWarning"]
-
 
 class DesignWarning(UserWarning):
     """A result that is usable but suspicious: the model or the design limits what it means.

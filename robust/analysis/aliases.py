@@ -40,20 +40,6 @@ from robust.lti.lti import make_response, poles, replace_infinite
 from robust.models.sets.forms import FORMS
 from robust.proofs.search.intervals import Magnitude, magnitude_of
 
-__all__ = [
-    "AliasSums",
-    "AliasedLoop",
-    "Aliases",
-    "RsBreakdown",
-    "aliases_of_set",
-    "evaluate_aliases",
-    "fold_aliases",
-    "rs_breakdown",
-    "squared_performance_gain",
-    "worst_alias_phases",
-]
-
-
 #: Number of aliases on either side that are summed one by one: at least, and at most where light modes lie higher.
 MIN_SINGLE_ALIASES, MAX_SINGLE_ALIASES = 12, 200
 #: The aliases beyond them are bounded in blocks: growth of the blocks, and end of the last over the largest root.

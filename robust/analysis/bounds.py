@@ -10,8 +10,6 @@ from robust.lti.realisation import state_space
 from robust.models.sets.forms import FORMS, relative_radius
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 
-__all__ = ["loop_bounds"]
-
 
 def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.ndarray]:
     """Return bounds on |L| for shaping a loop by hand: at least `low`, at most `high`, on the lines of the model.

@@ -17,8 +17,6 @@ from robust.lti.connections import largest_allowed_factor, worst_sensitivity
 from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 
-__all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
-
 
 @value
 class Curves:

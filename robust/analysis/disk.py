@@ -37,8 +37,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.mu.upper import mu_upper, refine_grid
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["DiskMargin", "LoopMargins", "disk_margin", "disk_margins"]
-
 
 @value
 class DiskMargin:

@@ -17,8 +17,6 @@ from robust.lti.realisation import multivariable
 from robust.models.sets.model import UncertaintyModel, require_parametric
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["LoopFamily", "sample_loops"]
-
 
 @value
 class LoopFamily:

@@ -17,8 +17,6 @@ from robust.lti.realisation import multivariable
 from robust.models.sets.coprime import coprime_factors
 from robust.models.sets.model import UncertaintyModel
 
-__all__ = ["ncf_margin", "nu_gap"]
-
 
 def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel) -> float:
     """Compute Vinnicombe's nu-gap between two plants, 0 (the same) to 1 (no controller suits both for sure).

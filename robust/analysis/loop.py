@@ -33,17 +33,6 @@ from robust.proofs.exact.stability import decide_loop_stability
 from robust.proofs.search.intervals import poles_are_uncertain, trusted_responder
 from robust.proofs.search.stability import MAX_EXACT_STATES, is_near_boundary
 
-__all__ = [
-    "DELAY_ORDER",
-    "Loop",
-    "assemble_loop",
-    "decide_nominal_stability",
-    "find_curve_peaks",
-    "is_stable_with",
-    "perturbed_sensitivity",
-    "plant_in_loop",
-]
-
 CONTINUOUS_CONTROLLER = (
     "got a continuous controller: robust.lti.discretize(K, {0:g}), or robust design --sample-time {0:g}"
 )

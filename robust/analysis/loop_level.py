@@ -43,26 +43,6 @@ from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.records import rms_levels
 
-__all__ = [
-    "LevelState",
-    "LineSpectrum",
-    "LoopLevel",
-    "LoopSignals",
-    "NoiseSignal",
-    "PowerDensity",
-    "SampledSignal",
-    "SignalLevel",
-    "SineSignal",
-    "Spectrum",
-    "StepSignal",
-    "Transient",
-    "find_spectrum",
-    "find_state",
-    "predict_level",
-    "require_one_channel_loop",
-]
-
-
 # ---- Reference, disturbance and noise of a loop as a user names them, and the spectrum that each of them has.
 #
 # what the user writes                 spectrum

@@ -31,9 +31,6 @@ from robust.proofs.search.certificate import EXACT, Certificate, failed_certific
 if TYPE_CHECKING:
     import control
 
-__all__ = ["LoopProofs", "prove_set", "stability_claim"]
-
-
 # ---- The claim of a check as exact numbers, so that it can be proved again independently.
 
 

@@ -26,19 +26,6 @@ from robust.lti.sampling import delayed, sampled
 from robust.lti.stability import is_stable
 from robust.models.sets.model import UncertaintyModel
 
-__all__ = [
-    "ClassicalMargins",
-    "LoopGains",
-    "StepResponse",
-    "classical_margins",
-    "loop_gains",
-    "measure_step",
-    "simulate_samples",
-    "simulate_step",
-    "step_response",
-]
-
-
 REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
 
 

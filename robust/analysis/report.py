@@ -29,26 +29,6 @@ from robust.proofs.search.certificate import Certificate
 if TYPE_CHECKING:
     import control
 
-__all__ = [
-    "SAMPLES_ONLY",
-    "VERDICT_MEANINGS",
-    "KnownOfLoop",
-    "RobustnessReport",
-    "describe_aliases",
-    "describe_confidence",
-    "fill_report",
-    "format_margin_factor",
-    "format_stability_margin",
-    "format_verdict",
-    "nominal_verdict",
-    "structure_proof_sentences",
-    "texts_of_frf",
-    "texts_of_stable_loop",
-    "texts_of_unstable_loop",
-    "verdict_meaning",
-]
-
-
 # ---- Meaning of a result and advice on the next step.
 
 REMEDIES = {

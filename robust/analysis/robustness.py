@@ -56,9 +56,6 @@ from robust.models.sets.measured import (
 from robust.models.sets.model import UncertaintyModel, describe_no_set, has_several_channels
 from robust.proofs.search.certificate import SOLVERS
 
-__all__ = ["check", "check_lines"]
-
-
 # ---- The check on measured lines only: a loop whose plant is known as an FRF and nowhere else.
 
 

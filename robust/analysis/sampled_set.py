@@ -41,9 +41,6 @@ from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_several_channels
 from robust.models.sets.radius import diagonal_bound
 
-__all__ = ["SampledSet", "sampled_set", "set_on_controller_time_base"]
-
-
 WEIGHT_ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
 FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight is a number
 GRID_START_RATIO = 1e-3  # of the lowest line: where the grid begins

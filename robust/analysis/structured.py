@@ -35,9 +35,6 @@ from robust.proofs.search.bounded_real import certify_norm
 from robust.proofs.search.certificate import Certificate, failed_certificate
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["check_structure", "stability_bound_at"]
-
-
 DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided verdict is pursued
 MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
 

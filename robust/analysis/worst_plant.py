@@ -36,18 +36,6 @@ from robust.mu.lower import mu_lower
 from robust.mu.upper import refine_grid
 from robust.proofs.search.stability import decide_stability
 
-__all__ = [
-    "BreakingPerturbation",
-    "WorstCase",
-    "breaking_perturbation",
-    "first_order_all_passes",
-    "gain_grid",
-    "interpolate_perturbation",
-    "largest_gains",
-    "performance_loop",
-    "worst_case",
-]
-
 
 @value
 class WorstCase:

@@ -11,8 +11,6 @@ from nlfrf._base.arguments import require_nonnegative, require_positive, require
 from nlfrf._base.values import value
 from robust.friction.units import MechanicalUnits, format_plain, mechanical_units
 
-__all__ = ["AnyFriction", "FrictionAtPorts", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
-
 
 @value
 class AnyFriction:

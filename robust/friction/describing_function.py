@@ -27,9 +27,6 @@ from robust.lti.realisation import state_space
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["QuasiLinear", "describing_function", "quasi_linear"]
-
-
 #: A friction law as `nlfrf.rig.drive` takes it.
 Law: TypeAlias = (
     "nlfrf.friction.Coulomb | nlfrf.friction.LuGre | nlfrf.friction.Leuven | nlfrf.friction.GeneralizedMaxwellSlip"

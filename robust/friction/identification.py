@@ -61,8 +61,6 @@ from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.two_masses import class_with_load
 from robust.friction.units import format_length, position_unit_of
 
-__all__ = ["FrictionFit", "Gap", "LevelBalance", "OpenQuestion", "identify_friction"]
-
 #: (steps per sample, shrinkage by noise) of fits that ought to give the same. What they differ by is in every interval:
 #: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
 ALTERNATIVES = ((4, 8.0), (6, 1.0))

@@ -33,8 +33,6 @@ from robust.friction.balance import (
 )
 from robust.friction.levels import require_si, weighted_mean
 
-__all__ = ["SlidingFit", "identify_sliding"]
-
 
 @value
 class SlidingFit:

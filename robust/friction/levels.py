@@ -18,23 +18,6 @@ from robust.friction.prove import error_of_nominal, machines_of_nominal
 from robust.friction.units import MechanicalUnits, mechanical_units, position_unit_of
 from robust.lti.sampling import hold_correction
 
-__all__ = [
-    "ASSUMPTION_NOTE",
-    "FEWEST_LINES",
-    "SIGMAS",
-    "FrictionClass",
-    "LevelFit",
-    "class_from_blas",
-    "fit_level",
-    "machines_of",
-    "nominal_reaction",
-    "one_mass_reaction",
-    "require_one_position_unit",
-    "require_si",
-    "weighted_mean",
-]
-
-
 # ---- Fit of one measured level: spring, mass and damper of a machine whose friction partly slips, with a misfit test.
 #
 # The reaction at the friction port, force over displacement, is 1/G of a single mass; around a nominal machine it is

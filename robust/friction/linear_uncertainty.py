@@ -22,8 +22,6 @@ from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import solve_program
 
-__all__ = ["FrequencyTest", "friction_frequency_test", "uncertain_rows"]
-
 N_POINTS = 200
 MIN_SHARE = 1e-7
 TIME_CAP = 20.0

@@ -25,8 +25,6 @@ from robust.friction.balance import (
     residual_of,
 )
 
-__all__ = ["start_with_load"]
-
 #: What is tried: antiresonances in the band, relative dampings and delays (of half a radian at the highest line), and
 #: Coulomb elements from a share of the swing to half of it. All are starts: Gauss-Newton steps follow.
 N_MODES, DAMPINGS, N_DELAYS, COULOMB = 30, (0.02, 0.08), 8, (1 / 30, 1 / 2, 4)

@@ -22,21 +22,6 @@ from robust.proofs.search.certificate import solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = [
-    "BristleMultipliers",
-    "bristle_multipliers",
-    "bristle_terms",
-    "filter_rates",
-    "hermitian_product",
-    "largest_share",
-    "largest_stiffness",
-    "maxwell_slip_multipliers",
-    "multiplier_terms",
-    "negative_multipliers",
-    "port_terms",
-]
-
-
 N_FILTERS = 24
 #: Where filters are tried, one set after another [rad/s].
 FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))

@@ -36,9 +36,6 @@ from robust.proofs.exact.stability import decide_loop_stability, squared_magnitu
 if TYPE_CHECKING:
     import control
 
-__all__ = ["MeasuredImpedances", "measured_impedances", "passive_verdict", "port_responses", "refuse_unknown_amplitude"]
-
-
 #: What is said to be left, below the least that was found: of the size of the damping.
 MIN_DAMPING_SHARE = 1e-6
 #: Damping this small against that at high frequencies is none.

@@ -17,25 +17,6 @@ from robust.lti.lti import balance_matrix, timebase
 from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import without_pade
 
-__all__ = [
-    "FrictionLoop",
-    "FrictionPlant",
-    "destabilizing_stiffness",
-    "divergence_velocity",
-    "driven_states",
-    "friction_loop",
-    "friction_plant",
-    "loop_frequencies",
-    "mobility",
-    "pad_states",
-    "require_one_port",
-    "separate_delay",
-    "steady_error_bound",
-    "two_mass_plant",
-    "with_port_impedance",
-]
-
-
 #: A gain is zero when it is this small against what the matrices could make of it.
 ROUNDING = 1e-9
 

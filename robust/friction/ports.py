@@ -13,8 +13,6 @@ from robust.friction.dissipation import ROUNDED_UP
 from robust.friction.multipliers import negative_multipliers, port_terms
 from robust.friction.plant import FrictionLoop, FrictionPlant, steady_error_bound
 
-__all__ = ["bound_of_ports", "coupling_of_rests", "friction_of_ports", "largest_forces", "weights_of_ports"]
-
 #: Forces at two ports, over what a definite matrix allows: slack for what the sampler folds.
 COUPLINGS = (0.9, 0.99)
 MIN_SHARE = 1e-9  # share of a row that has to be left

@@ -54,27 +54,6 @@ from robust.lti.sampling import without_pade
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.search.certificate import Certificate, failed_certificate
 
-__all__ = [
-    "NOT_IN_CLASS",
-    "Finding",
-    "FrictionCertificate",
-    "FrictionProof",
-    "Multipliers",
-    "build_claim",
-    "certify_friction",
-    "certify_maxwell_slip",
-    "describe_modal_damping",
-    "describe_scope",
-    "error_of_nominal",
-    "machines_of_nominal",
-    "plant_matrices",
-    "prove_friction",
-    "proved_limits",
-    "reference_rate",
-    "undamped",
-]
-
-
 # ---- From weights to a judged certificate for the friction of a class, up to the stiffest that is proved.
 
 SUBJECT = "the stored energy falls"

@@ -10,8 +10,6 @@ from robust._base.channels import is_single
 from robust.friction.identification import identify_friction
 from robust.friction.levels import FrictionClass, class_from_blas
 
-__all__ = ["friction_class"]
-
 
 def friction_class(
     blas: Sequence[Bla] | Sequence[Record],

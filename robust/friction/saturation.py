@@ -41,22 +41,6 @@ from robust.proofs.search.certificate import Certificate
 if TYPE_CHECKING:
     import control
 
-__all__ = [
-    "LureLoop",
-    "RegionOfAttraction",
-    "SaturatedProof",
-    "SaturationMultipliers",
-    "largest_region",
-    "largest_velocity",
-    "open_at_actuator",
-    "prove_saturated",
-    "saturation_multipliers",
-    "saturation_terms",
-    "velocity_within_reach",
-    "with_saturation",
-]
-
-
 # ---- How hard a kick a stored energy allows an actuator: it falls, and what is asked for is bounded by it.
 #
 # At rest and relaxed, a kick e v0 puts in v0^2 e'P e at most, at whatever instant. The force that is asked for is

@@ -26,8 +26,6 @@ from robust.proofs.search.certificate import solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = ["SettlingNumbers", "largest_rest", "settling_numbers"]
-
 #: Filters of one port; eight made the bound at most 6 % smaller than five on three axes, at twice the time. Of each of
 #: several ports fewer, as the program grows with their number.
 N_FILTERS, N_FILTERS_OF_SEVERAL = 6, 4

@@ -9,26 +9,6 @@ from scipy.linalg import expm, ordqz, schur, solve_continuous_lyapunov, solve_di
 
 from nlfrf._base.values import value
 
-__all__ = [
-    "METHOD",
-    "Block",
-    "BoundedForm",
-    "Dissipation",
-    "JudgedStorage",
-    "StorageFunction",
-    "balancing_coordinates",
-    "build_storage",
-    "certified_dissipation",
-    "in_balanced_coordinates",
-    "judge_constant_storage",
-    "judge_storage",
-    "jump_stretch",
-    "propagate_back",
-    "proposed_storage",
-    "supply_with_slack",
-]
-
-
 # ---- A flow with jumps, a supply that it cannot exceed, and what else of the stored energy there is.
 
 

@@ -13,8 +13,6 @@ from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, two_mass_plant
 from robust.friction.units import format_length, format_plain, position_unit_of
 
-__all__ = ["class_with_load", "interval_at_port", "machines_with_load"]
-
 FrictionFit: TypeAlias = Any  # of robust.friction.identification, which takes the class from here
 PORTS = ("motor", "load")
 

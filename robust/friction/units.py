@@ -6,8 +6,6 @@ import numpy as np
 
 from nlfrf._base.values import value
 
-__all__ = ["MechanicalUnits", "format_length", "format_plain", "mechanical_units", "position_unit_of"]
-
 
 @value
 class MechanicalUnits:

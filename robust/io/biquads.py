@@ -10,8 +10,6 @@ from robust._base.types import LinearSystem
 from robust.lti.lti import axis_points, poles, response, timebase, zeros
 from robust.lti.realisation import multivariable, order_roots, pair_roots, split_diagonal
 
-__all__ = ["controller_sections", "loop_sections", "roots_and_gain", "sections_by_name", "transfer_polynomials"]
-
 SLOW_ANGLE = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
 RESPONSE_TOLERANCE, SLOW_RESPONSE_TOLERANCE = 1e-6, 1e-3
 

@@ -40,18 +40,6 @@ from robust.proofs.exact.loops import Verification, verify_loop
 if TYPE_CHECKING:
     import control
 
-__all__ = [
-    "FrictionBasis",
-    "certificate_path",
-    "class_from_files",
-    "describe_frequency_test",
-    "highest_level",
-    "prove_all",
-    "save_certificate",
-    "save_proofs",
-    "verify_certificate",
-]
-
 
 def certificate_path(report: Path, number: int = 0) -> Path:
     """Return the certificate beside a text report, of several proofs by number.

@@ -20,8 +20,6 @@ from robust.models.sets.forms import ELEMENTS, FORMS, INPUT
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
 
-__all__ = ["export_matlab"]
-
 
 def export_matlab(content: UncertaintyModel | Controller, path: PathLike) -> None:
     """Write a model or a controller for MATLAB: a ``.mat`` file of plain structs and a ``.m`` file that loads it.

@@ -22,22 +22,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
 from robust.models.sets.records import RecordSummary
 
-__all__ = [
-    "CONTROLLER_SCHEMA",
-    "MATRIX_SCHEMA",
-    "MODEL_SCHEMA",
-    "PathLike",
-    "as_controller",
-    "load",
-    "load_controller",
-    "load_controller_delay",
-    "load_model",
-    "save",
-    "save_controller",
-    "save_model",
-]
-
-
 # ---- Systems and numbers as JSON, exact to the bit, in files with a versioned schema.
 #
 # A number is written with the digits that give it back exactly; a complex one as [re, im]; nan as null, infinities as

@@ -14,9 +14,6 @@ from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
 
-__all__ = ["PidGains", "advice_on_structure", "format_gains", "pid_gains", "reason_for_unusual_gains"]
-
-
 INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
 RESPONSE_TOLERANCE = 1e-6
 NEGLIGIBLE = 0.01  # share of |K| below which a part of it does nothing

@@ -10,23 +10,6 @@ from scipy.linalg import block_diag
 
 from robust.lti.lti import Matrices, is_constant
 
-__all__ = [
-    "block_diagonal",
-    "closed_loop",
-    "feedback",
-    "in_parallel",
-    "in_series",
-    "inverse_system",
-    "largest_allowed_factor",
-    "lower_lft",
-    "one_plus",
-    "require_shape",
-    "upper_lft",
-    "weighted_plant",
-    "worst_perturbation",
-    "worst_sensitivity",
-]
-
 
 def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.StateSpace:
     """First system first: the output of each drives the next; all states are kept."""

@@ -9,18 +9,6 @@ import numpy as np
 
 from robust.lti.lti import poles, timebase, to_s_plane, zeros
 
-__all__ = [
-    "cluster_at_modes",
-    "controller_mode_lines",
-    "extend_grid",
-    "find_peak",
-    "interpolate_frf",
-    "loop_grid",
-    "plant_features",
-    "refine_peaks",
-    "structure_grid",
-]
-
 #: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
 MAX_MODE_RATIO = 1e9
 #: Where a mode is looked at that lies farther away, relative to it.

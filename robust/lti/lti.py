@@ -12,34 +12,6 @@ from scipy.linalg import eig, matrix_balance, schur
 
 from robust._base.types import AnySystem
 
-__all__ = [
-    "SAMPLING_TOLERANCE",
-    "Matrices",
-    "axis_offset",
-    "axis_points",
-    "balance_matrix",
-    "common_sampling_time",
-    "evaluate_transfer",
-    "frequency_response_matrices",
-    "is_clockless",
-    "is_constant",
-    "make_picklable",
-    "make_response",
-    "poles",
-    "replace_infinite",
-    "require_sampling_time",
-    "response",
-    "response_by_channel",
-    "sampling_times_differ",
-    "scale_states",
-    "signal_names",
-    "timebase",
-    "to_s_plane",
-    "with_names",
-    "zeros",
-]
-
-
 # ---- State spaces of python-control as pickles: for a worker in another process, never for a file.
 #
 # A state space is reduced to its numbers and names: python-control's own holds functions that pickle refuses, so that a

@@ -10,24 +10,6 @@ from scipy.linalg import eig, schur, solve_continuous_are, solve_continuous_lyap
 
 from robust.lti.lti import Matrices, balance_matrix, evaluate_transfer, scale_states, timebase
 
-__all__ = [
-    "EPS",
-    "continuous_image",
-    "continuous_matrices",
-    "crossings",
-    "from_half_plane",
-    "hinf_norm",
-    "largest_gain",
-    "modal_coordinates",
-    "real_block_crossings",
-    "stabilising_riccati",
-    "to_continuous",
-    "to_discrete",
-    "to_half_plane",
-    "well_conditioned",
-]
-
-
 # ---- Bilinear maps: between the circle and the axis, z = (1 + s T/2)/(1 - s T/2), and between discs and half planes.
 
 

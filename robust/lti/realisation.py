@@ -22,20 +22,6 @@ from robust.lti.lti import (
 )
 from robust.lti.stability import is_stable
 
-__all__ = [
-    "frequency_response",
-    "from_roots",
-    "multivariable",
-    "order_roots",
-    "pair_roots",
-    "reachable_entry",
-    "repeat_over_channels",
-    "rightmost_pole",
-    "split_diagonal",
-    "stable_weight",
-    "state_space",
-]
-
 
 def multivariable(name: str, system: object) -> control.StateSpace:
     """Return the system as a state space with any number of inputs and outputs, or a refusal."""

@@ -13,9 +13,6 @@ from robust.lti.lti import poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
 
-__all__ = ["delay_samples", "delayed", "discretize", "hold_correction", "hold_response", "sampled", "without_pade"]
-
-
 ALLPASS_TOLERANCE = (
     1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
 )

@@ -12,23 +12,6 @@ from robust.lti.grids import controller_mode_lines, interpolate_frf
 from robust.lti.lti import balance_matrix, poles, response, timebase, to_s_plane
 from robust.lti.norms import EPS, crossings
 
-__all__ = [
-    "LARGEST_JUMP",
-    "StabilityResult",
-    "assess_stability",
-    "connected_components",
-    "count_half_turns",
-    "delay_pole_count",
-    "extend_below",
-    "integrator_poles",
-    "is_stable",
-    "poles_with_rounding",
-    "slope_at_start",
-    "unstable_pole_values",
-    "unstable_poles",
-    "winding_number",
-]
-
 
 @value(in_sentences=True)
 class StabilityResult:

@@ -12,8 +12,6 @@ from nlfrf._base.values import value
 from robust.lti.connections import block_diagonal
 from robust.lti.lti import is_clockless, timebase
 
-__all__ = ["OpenLoop", "Port", "is_well_posed", "join_by_name", "shared_timebase"]
-
 #: Determinant of I - D K from which on an algebraic loop has a solution.
 WELL_POSED = 1e-9
 

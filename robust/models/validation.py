@@ -20,9 +20,6 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance
 from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
 
-__all__ = ["Validation", "fit_shape_and_level", "local_slope", "shared_lines", "validate"]
-
-
 # What is tested is the difference between the two records, d = G_2 - G_1, as both scatter about one BLA where nothing
 # has changed. Divided by its standard deviation it is white: z_k, of independent phases whatever their sizes are. Of
 # several channels it has the sum of the covariances of both records: noise and distortion of both count, while the

@@ -13,9 +13,6 @@ from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
 from robust._base.types import Blocks
 
-__all__ = ["KINDS", "BlockStructure", "block_structure", "structure_for"]
-
-
 KINDS = ("full", "repeated", "real")
 
 

@@ -22,9 +22,6 @@ from robust.mu.upper import mu_upper, response_matrices
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["StructuredBounds", "mu_bounds", "worst_gain_bounds"]
-
-
 N_STARTS = 6  # of `mu_lower`
 
 

@@ -24,9 +24,6 @@ from robust.proofs.search.certificate import Certificate, failed_certificate
 from robust.proofs.search.intervals import SLACK, initial_cuts, interior_point, prove
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["certify_mu"]
-
-
 N_GRID = 300
 MAX_INTERVALS = 5000
 SLACK_REAL = 1e-9  # of the norm with real blocks, for rounding in it; what N may be off is in the level

@@ -23,9 +23,6 @@ from robust.mu.upper import (
     upper_bound,
 )
 
-__all__ = ["search_worst_case", "worst_gain"]
-
-
 MAX_STEPS = 60
 GAPS = (1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)  # relative distances of the program to its dual at which variables are kept
 TO_THE_BOUNDARY = 0.95  # share of the largest step that keeps both matrices positive

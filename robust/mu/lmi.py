@@ -10,8 +10,6 @@ from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, bound_from_scalings, osborne_balance, response_matrices
 from robust.proofs.search.certificate import SOLVERS, solve_program
 
-__all__ = ["mu_upper_lmi"]
-
 
 def mu_upper_lmi(N: np.ndarray, blocks: Blocks, *, solver: str = "CLARABEL", time_cap: float = 5.0) -> MuBound:
     """Return the bound of `mu_upper` by semidefinite programming in cvxpy: slow, and found in another way.

@@ -20,9 +20,6 @@ from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, conjugate_transpose, optimal_scalings, response_matrices
 
-__all__ = ["MOVES", "align_perturbation", "mu_lower", "search_perturbation", "without_real_blocks"]
-
-
 RACE, FINISH = 12, 400  # steps from every start, and from the best of them
 N_FINISHERS = 3
 STARTS_OF_REAL = 4  # times as many starts with real blocks, which leave many local maxima

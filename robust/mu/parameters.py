@@ -28,9 +28,6 @@ from robust.mu.upper import refine_grid, upper_bound
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["Crossing", "ParameterMargin", "find_crossing", "parameter_margin"]
-
-
 # ---- The smallest real parameters that take a loop to its stability boundary, found by its poles.
 #
 # Real numbers make a loop singular at isolated frequencies only, and a grid of frequencies steps over them. Poles need

@@ -21,20 +21,6 @@ from robust.lti.lti import response_by_channel
 from robust.lti.norms import EPS
 from robust.mu.blocks import BlockStructure, structure_for
 
-__all__ = [
-    "MuBound",
-    "bound_from_scalings",
-    "conjugate_transpose",
-    "mu_bound_at",
-    "mu_upper",
-    "optimal_scalings",
-    "osborne_balance",
-    "refine_grid",
-    "response_matrices",
-    "upper_bound",
-]
-
-
 MAX_STEPS = 80
 MAX_STEPS_REAL = 200
 CENTRE_GAP = 1e-9

@@ -15,8 +15,6 @@ from robust.plot.style import COLOR
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_friction_fit", "plot_quasi_linear"]
-
 #: Below this part of the largest friction the axes run straight through zero, above it they are logarithmic.
 LINEAR_SHARE = 1e-2
 

@@ -21,17 +21,6 @@ from robust.plot.style import COLOR, fit_vertical_axis, mark_band, to_hertz
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "confidence_ellipse",
-    "plot_bounds",
-    "plot_check",
-    "plot_family",
-    "plot_loop",
-    "plot_nyquist",
-    "plot_roots",
-    "plot_step",
-]
-
 
 def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -> Axes:
     """Plot loop gain, sensitivity and complementary sensitivity of the nominal loop.

@@ -34,9 +34,6 @@ from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, STYLE, ma
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_bode", "plot_budget", "plot_fit", "plot_nominal", "plot_orders", "plot_validation", "plot_weight"]
-
-
 #: The parts of a budget in grey.
 HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
 

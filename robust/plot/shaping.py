@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import FillBetweenPolyCollection
 
-__all__ = ["LoopPicture", "plot_loop_bounds"]
-
 
 class LoopPicture:
     """|L| of the controller at hand between the bounds of `loop_bounds`, and what the check says of it.

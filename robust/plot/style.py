@@ -10,9 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["BAND_MARGIN", "COLOR", "MEASURED", "OVER_NOTE", "STYLE", "fit_vertical_axis", "mark_band", "to_hertz"]
-
-
 BAND_MARGIN = np.sqrt(10.0)  # half a decade beside the band is shown
 OVER_NOTE = "over 100 %: the set holds 0"  # of a band without a lower edge
 AXIS_MARGIN = 1.3  # around something that happens further out

@@ -13,8 +13,6 @@ from robust.plot.style import COLOR, to_hertz
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_limits"]
-
 #: One colour for each limit, told apart by colour-blind readers too.
 COLOURS = (COLOR["loop"], COLOR["limit"], COLOR["weight"], COLOR["misfit"], COLOR["level"], COLOR["noise"])
 PLANT_STYLES = ("-", "--", "-.", ":")

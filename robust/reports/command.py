@@ -28,19 +28,6 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 if TYPE_CHECKING:
     import control
 
-__all__ = [
-    "check_pictures",
-    "demand_weight",
-    "load_blas",
-    "load_loops",
-    "load_single_model",
-    "model_pictures",
-    "require_delay",
-    "signals_from_options",
-    "write_report_files",
-]
-
-
 BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
 MAX_DELAY_SAMPLES = 50  # a longer computation is none; each sample of it is a state of the plant
 Pictures = list[tuple[Callable[..., object], object]]

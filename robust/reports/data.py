@@ -17,8 +17,6 @@ from robust.reports.parts import Section, describe_roots, describe_system, rows_
 
 NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
-__all__ = ["bla_section", "cross_check_section", "excitation_section", "nominal_section", "set_section"]
-
 
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
     """Return the section on grid, lines, level and length of each record; of `blas` the kind of the grid alone."""

@@ -46,19 +46,6 @@ from robust.reports.drive_friction import DriveFriction, bound_any_friction, jud
 from robust.synthesis.drive.cascade import cascade, with_set_point
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = [
-    "BaseMotion",
-    "Conditions",
-    "DoubtKind",
-    "DriveCheck",
-    "DriveVerdict",
-    "RecordedGains",
-    "check_drive",
-    "read_experiments",
-    "read_trace",
-    "read_traces",
-]
-
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
 ORDERS = range(2, 6)
 #: An unstable pole above this share of the last line is a lead, and no machine that falls over.

@@ -28,8 +28,6 @@ from robust.synthesis.drive.cascade import cascade
 from robust.synthesis.drive.cures import FrictionCure, friction_cures
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = ["DriveFriction", "bound_any_friction", "judge_friction"]
-
 #: Levels from which friction is read.
 FEWEST_LEVELS = 3
 #: Largest presliding stiffness of the proof, over the upper end of what was read: elements that slip below the lowest

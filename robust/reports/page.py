@@ -30,8 +30,6 @@ from robust.reports.data import bla_section, cross_check_section, excitation_sec
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
 
-__all__ = ["write_report"]
-
 
 def write_report(
     path: str | os.PathLike[str],

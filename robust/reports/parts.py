@@ -16,8 +16,6 @@ from robust._base.types import Weight
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 
-__all__ = ["Section", "describe_demand", "describe_roots", "describe_system", "rows_of_value"]
-
 
 @value
 class Picture:

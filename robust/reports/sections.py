@@ -21,9 +21,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.reports import parts
 from robust.reports.parts import Section, describe_demand, describe_roots, describe_system, rows_of_value
 
-__all__ = ["check_section", "loop_section", "settings_section", "verdict_section", "worst_case_section"]
-
-
 PACKAGES = ("nlfrf", "numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba")
 N_PLANTS = 25  # of the set, drawn around the worst case
 

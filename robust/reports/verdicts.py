@@ -18,9 +18,6 @@ from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.parts import Section
 
-__all__ = ["describe_proof", "friction_section", "require_report_of", "verdict_rows"]
-
-
 MEANING_OF_PROOF = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
     FrictionVerdict.SETTLES: "stays within a bound with every friction of the class, from every state",

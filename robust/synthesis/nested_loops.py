@@ -15,8 +15,6 @@ from robust.lti.connections import in_parallel, in_series
 from robust.lti.lti import is_constant, timebase
 from robust.lti.realisation import state_space
 
-__all__ = ["cascade"]
-
 
 def cascade(
     K_outer: Controller, K_inner: Controller, *, outer: Weight = 1.0, inner: Weight = 1.0

@@ -23,16 +23,6 @@ from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.measured import FrfSource
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 
-__all__ = [
-    "Reduction",
-    "balanced_candidates",
-    "coprime_factor_candidates",
-    "reduce_controller",
-    "split_modes",
-    "weighted_candidates",
-]
-
-
 # ---- Model reduction by balanced truncation: of a system itself, seen through weights, or of its coprime factors.
 #
 # Gramians P (how far states are driven) and Q (how much they show) are made equal and diagonal; the states of the

@@ -9,8 +9,6 @@ from nlfrf._base.arguments import require_integer, require_nonnegative, require_
 from robust.lti.realisation import from_roots
 from robust.lti.sampling import discretize
 
-__all__ = ["lag", "lead", "notch", "pid", "roll_off"]
-
 
 def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
     """Phase lead at a frequency, gain one there: what a crossover near the stability limit needs.

@@ -33,19 +33,6 @@ from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 from robust.synthesis.reduction import balanced_candidates
 
-__all__ = [
-    "Feedforward",
-    "Prefilter",
-    "feedforward",
-    "feedforward_errors",
-    "fewest_states",
-    "matching_plant",
-    "on_time_base",
-    "prefilter",
-    "reference_loop",
-]
-
-
 REDUCTION_TOLERANCE = 0.01  # what leaving out states of F may change of T F
 ROUNDING = 1e-9  # of the largest singular value of T at zero frequency: below it T has no gain in a direction there
 

@@ -7,8 +7,6 @@ from flint import acb, acb_mat, arb, ctx
 
 from tests.support.precise_loops import BITS, balls
 
-__all__ = ["lft_gain", "lft_norm"]
-
 
 def response(system, point):
     """C (s - A)^-1 B + D."""

@@ -9,24 +9,6 @@ import numpy as np
 
 from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 
-__all__ = [
-    "MIN_DURATION",
-    "NUMBER_SUFFIX",
-    "RATE_NAME",
-    "RATE_WORDS",
-    "STEP_NAME",
-    "STEP_WORDS",
-    "UNIT_SUFFIX",
-    "hertz_per_unit",
-    "is_rising",
-    "is_time_name",
-    "sampling_frequency",
-    "seconds_per_unit",
-    "split_clock_name",
-    "unit_in_name",
-]
-
-
 #: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; but "ratio [1]" is a unit.
 UNIT_SUFFIX = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
 NUMBER_SUFFIX = re.compile(r"\.\d+$")  # by which channels of one name differ

@@ -10,8 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents"]
-
 
 def contents(path: Path) -> Contents:
     """Read columns of numbers by name; moments as seconds since the first; missing numbers are nan.

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents"]
-
 UNIT_ATTRIBUTES = ("unit", "units", "unit_string", "einheit")
 RATE_ATTRIBUTES = (
     "fs",

@@ -27,9 +27,6 @@ from nlfrf.io.readers.clock import (
 )
 from nlfrf.io.readers.layout import COMMENT_MARKS, MOMENT, Layout, make_unique, split_cells
 
-__all__ = ["Clock", "Header", "find_clock", "read_header"]
-
-
 #: A unit as instruments print it: brackets, or factors of one or more SI and everyday units.
 BARE_UNIT = (
     r"(?:(?:[munpkMGµμdc]|da)?(?:m|s|g|N|V|A|W|J|Pa|Hz|bar|rad|Nm|l|F|H|T|Wb|VA|strain|in|ft|lbf?|psi|eu|FS)|sec|min|h|"

@@ -12,18 +12,6 @@ import re
 from collections import Counter
 from dataclasses import dataclass, replace
 
-__all__ = [
-    "COMMENT_MARKS",
-    "EMPTY_CELLS",
-    "MOMENT",
-    "Layout",
-    "decode_text",
-    "find_layout",
-    "make_unique",
-    "split_cells",
-]
-
-
 N_HEAD_LINES, N_SAMPLE_LINES = 400, 60  # lines that are read, and those of them that the layout is tried on
 SEPARATORS = [
     (",", "."),

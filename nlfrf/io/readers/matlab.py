@@ -7,9 +7,6 @@ from pathlib import Path
 from nlfrf._base.own_process import Contents, read_in_own_process
 from nlfrf.io.readers import hdf5, matlab_objects, matlab_v5
 
-__all__ = ["contents"]
-
-
 INSTALL_HINT = "is a MATLAB object, which mat-io reads: pip install 'nlfrf[mat]'"
 
 

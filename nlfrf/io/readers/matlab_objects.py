@@ -11,9 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents"]
-
-
 MAX_DEPTH = 12  # how far objects may lie in objects
 SECONDS_PER_TIME_UNIT = {
     "milliseconds": 1e-3,

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents"]
-
-
 MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are looked at
 
 

@@ -9,8 +9,6 @@ from numpy.lib import format as npy
 
 from nlfrf._base.own_process import Contents, require_size
 
-__all__ = ["contents"]
-
 
 def contents(path: Path) -> Contents:
     """Read the array as "data", whose columns are "data.1", "data.2"; fields of a structured array by their names."""

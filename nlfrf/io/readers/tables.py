@@ -18,9 +18,6 @@ from nlfrf.io.readers.layout import COMMENT_MARKS, EMPTY_CELLS, Layout, decode_t
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["contents", "read_table"]
-
-
 END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once of the file, and once of each measurement
 HEAD_BYTES = 1 << 17  # bytes in which the layout is looked for
 BLOCK_ROWS = 1 << 16  # rows of a long table that are read together: pandas needs several times their memory

@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents"]
-
 EPOCH = np.datetime64("1904-01-01", "us")  # when a waveform began of which that is not known
 
 

@@ -12,8 +12,6 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents", "is_export"]
-
 #: How an export begins: the name of the scope, the file, and when the export starts, in quotes where blanks part cells.
 EXPORT_HEAD = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
 

@@ -11,9 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents"]
-
-
 TIME_RESPONSE = 1
 FREQUENCY_FUNCTIONS = {4: "", 6: ".coherence"}  # FRF and coherence, and what is behind the name of the FRF
 AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}

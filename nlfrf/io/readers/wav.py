@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-__all__ = ["contents"]
-
 
 def contents(path: Path) -> Contents:
     """Read channels ch1, ch2, ..., whole numbers divided by their full scale.

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["common_smooth_step", "decimate", "smooth_step"]
-
-
 CHUNK_SAMPLES = 1 << 16  # samples by which it is told how smooth a signal is
 SMOOTH_CORRELATION = (
     0.994  # of the autocorrelation that is left after as many samples: their mean then has 99.9 % of the power

@@ -13,9 +13,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-__all__ = ["TRANSIENT_RANK", "find_corrupted_periods", "find_slips", "likeliest_lag", "modal_share"]
-
-
 MIN_LOG_LIKELIHOOD = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
 UNEVEN_LOG_LIKELIHOOD = (
     10.0  # log of the likelihood that they differ more in one part than in the other, from which shifts are tried

@@ -19,21 +19,6 @@ from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import common_smooth_step, decimate
 from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
 
-__all__ = [
-    "MAX_LINES",
-    "SEVERE_POWER",
-    "PeriodAlignment",
-    "clipped_share",
-    "describe_slips",
-    "hold_factor",
-    "interpolate_bandlimited",
-    "longest_constant_run",
-    "resegment",
-    "track_input",
-    "warn_about_channel",
-]
-
-
 SEVERE_POWER = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
 VISIBLE_POWER = 1e-7
 HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at

@@ -25,21 +25,6 @@ from nlfrf.records.screening.gaps import (
 from nlfrf.records.screening.input import MAX_LINES, SEVERE_POWER, describe_slips, interpolate_bandlimited
 from nlfrf.signals.lines import chance_correlation
 
-__all__ = [
-    "ALONE",
-    "FEW",
-    "N_POLYNOMIAL",
-    "WINDOW_LINES",
-    "OutputAlignment",
-    "align_output",
-    "describe_gain_drift",
-    "describe_offset_drift",
-    "fit_line",
-    "is_transient",
-    "resample_to_input_clock",
-]
-
-
 # ---- What changes over the periods of a record: the gain from u to y, evenly or at once, and the operating point.
 
 MIN_GAIN_DRIFT = 0.02  # change of gain over the record that is named

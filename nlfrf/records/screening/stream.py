@@ -7,9 +7,6 @@ import numpy as np
 from nlfrf._base.arguments import data_warning, format_count
 from nlfrf.records.screening.input import clipped_share
 
-__all__ = ["excited_span", "unwrap_position", "warn_of_hits", "warn_of_outliers"]
-
-
 # ---- A position that starts again at every turn jumps by a whole turn where it moves by little.
 
 TURNS, COUNTER_BITS = (1.0, 2 * np.pi, 360.0), range(8, 33)  # of encoders, and of counters, whose numbers are whole

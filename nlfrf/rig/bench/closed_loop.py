@@ -37,25 +37,6 @@ from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.laws import UserLawData, pack_law
 
-__all__ = [
-    "MAX_HALVINGS",
-    "LoopResponse",
-    "LoopRuns",
-    "ReducedRuns",
-    "RunBatches",
-    "can_pickle",
-    "collect_results",
-    "controller_matrices",
-    "initial_axes",
-    "samples_or_zeros",
-    "simulate_axes_loop",
-    "simulate_loop",
-    "simulate_loops",
-    "simulate_runs",
-    "steps_per_sample",
-    "to_responses",
-]
-
 
 def controller_matrices(K: object, fs: float, *, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
     """Return A (s, s), B (s, n_inputs), C (n_outputs, s) and D of a sampled controller, checked."""

@@ -16,18 +16,6 @@ from nlfrf._base.values import freeze_array
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.laws import Friction, pack_law
 
-__all__ = [
-    "FIELDS",
-    "check_axes",
-    "check_single_axis",
-    "initial_memory",
-    "integrate_axes",
-    "pack_laws",
-    "poles",
-    "stack_matrices",
-]
-
-
 Laws = Sequence[Friction | None]
 FIELDS = ("mass", "stiffness", "damping", "friction", "cubic", "actuators", "sensors", "inputs", "outputs")
 #: Rounding of a matrix that was computed: numbers smaller than this share of its largest one count as zero.

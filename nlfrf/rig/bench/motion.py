@@ -20,8 +20,6 @@ from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.integration import integrate
 from nlfrf.rig.laws.laws import Friction, pack_law
 
-__all__ = ["Motion", "drive", "require_samples", "run"]
-
 
 @value
 class Motion:

@@ -22,21 +22,6 @@ from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.integration import integrate
 from nlfrf.rig.laws.laws import Leuven, LuGre, pack_law
 
-__all__ = [
-    "RUNGE_KUTTA_REAL_LIMIT",
-    "Rig",
-    "initial_memory",
-    "integrate_rig",
-    "longest_step",
-    "paper_rig",
-    "require_one_axis",
-    "require_stable_step",
-    "two_axis_stage",
-    "unstable_step_error",
-    "warn_of_coarse_step",
-]
-
-
 #: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
 RUNGE_KUTTA_REAL_LIMIT = 2.785
 #: Relative error at the resonance of the stuck rig above which a step is called coarse.

@@ -43,8 +43,6 @@ from nlfrf.rig.laws.laws import Friction, VaryingSliders, pack_law
 from nlfrf.signals.axis_experiment import PORTS, stepped_profile
 from nlfrf.signals.multisine import Multisine
 
-__all__ = ["ServoAxis", "ServoDrive", "ServoExperiment", "ServoTrace", "run_servo", "servo_axis", "simulate_servo"]
-
 MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
 #: Share of samples in which a current limit, or a reversal in motion, is not worth a word.

@@ -46,9 +46,6 @@ from nlfrf.signals.orthogonal import OrthogonalMultisine
 if TYPE_CHECKING:
     from hashlib import _Hash as Hash
 
-__all__ = ["Arrays", "Experiment", "Progress", "run_all", "run_each", "run_experiment", "simulate"]
-
-
 DEFAULT_WORKERS = 128  # of an executor that does not say how many it has
 
 Arrays = dict[str, np.ndarray]

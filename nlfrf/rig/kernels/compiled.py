@@ -2,6 +2,4 @@
 
 from nlfrf._base.extras import import_extra
 
-__all__ = ["njit"]
-
 njit = import_extra("numba", "rig", "the simulated bench").njit

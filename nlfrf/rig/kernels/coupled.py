@@ -23,9 +23,6 @@ from nlfrf.rig.kernels.leuven import commit_hysteresis, error_growth, friction_r
 from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
 from nlfrf.rig.kernels.slip import commit_elements, commit_sliders, elements_force, sliders_force, stribeck_force
 
-__all__ = ["N_ROWS", "advance_axes", "invert_free_mass", "run_axes", "run_axes_loop"]
-
-
 # mypy: disable-error-code="untyped-decorator"
 
 

@@ -10,9 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["DEEPEST", "DEPTH", "DIRECTION", "ERROR", "LOST", "Body", "Curve", "F", "Law", "Step", "V", "X", "Z"]
-
-
 # Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones
 # first), elements
 SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS, VARYING = range(9)

@@ -27,16 +27,6 @@ from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DEEPEST, DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
-__all__ = [
-    "advance_hysteretic",
-    "commit_hysteresis",
-    "error_growth",
-    "follow_path",
-    "friction_rates",
-    "hysteresis_on_trial",
-]
-
-
 #: Branches of the hysteresis: looked up in the memory at every stage; the virgin curve; a later branch.
 FROM_MEMORY, VIRGIN, LATER = range(3)
 #: Events that divide a step: v = 0, dz/dt = 0, z where a loop closes.

@@ -22,9 +22,6 @@ from nlfrf.rig.kernels.data import Body, Law, X
 from nlfrf.rig.kernels.leuven import advance_hysteretic
 from nlfrf.rig.kernels.slip import advance_coulomb, advance_gms, advance_sliders
 
-__all__ = ["CALLED_FILES", "compile_user_law", "digest_files", "run_loops", "user_law_loops", "wrap_loops_kernel"]
-
-
 # mypy: disable-error-code="untyped-decorator"
 
 

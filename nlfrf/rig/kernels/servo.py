@@ -20,8 +20,6 @@ from nlfrf.rig.kernels.coupled import N_ROWS, advance_axes, invert_free_mass
 from nlfrf.rig.kernels.data import X
 from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
 
-__all__ = ["GAINS", "SIGNALS", "step_servo"]
-
 Array = np.ndarray
 #: Numbers of the drive, in the order in which the kernel reads them.
 GAINS = ("kv", "feedforward", "kp", "integral", "smoothing", "current_limit", "lag", "delay", "resolution")

@@ -13,19 +13,6 @@ import numpy as np
 from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DIRECTION, Body, F, Law, Step, V, X
 
-__all__ = [
-    "advance_coulomb",
-    "advance_gms",
-    "advance_sliders",
-    "commit_elements",
-    "commit_sliders",
-    "elements_force",
-    "follow_sliders",
-    "sliders_force",
-    "stribeck_force",
-]
-
-
 # mypy: disable-error-code="untyped-decorator"
 
 

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 from nlfrf._base.arguments import require_positive, require_real_array
 from nlfrf._base.values import ArrayField, freeze_array, value
 
-__all__ = ["Curve", "ElasticPlastic", "Exponential", "Linear", "MaxwellSlip", "Parabola", "Table", "Tanh"]
-
 
 @value(kw_only=False)
 class YieldingCurve:

@@ -20,9 +20,6 @@ from nlfrf._base.arguments import DataWarning, require_integer, require_positive
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.curves import Curve, ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
 
-__all__ = ["NO_GRID", "fit_maxwell_slip", "hysteresis_force", "pack_curve", "warn_of_forgotten_loops"]
-
-
 NO_GRID = np.zeros((3, 1))
 CURVE_CODES: dict[type, int] = {
     Linear: kernel_data.SPRING,

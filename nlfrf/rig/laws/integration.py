@@ -9,8 +9,6 @@ import numpy as np
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.laws import OwnFriction, UserLawData
 
-__all__ = ["integrate"]
-
 
 def integrate(
     body: kernel_data.Body,

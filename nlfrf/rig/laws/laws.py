@@ -26,23 +26,6 @@ from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.curves import Curve, Linear, MaxwellSlip, Tanh
 from nlfrf.rig.laws.hysteresis import NO_GRID, pack_curve
 
-__all__ = [
-    "Coulomb",
-    "Dahl",
-    "Friction",
-    "GeneralizedMaxwellSlip",
-    "Leuven",
-    "LuGre",
-    "OwnFriction",
-    "UserLawData",
-    "VaryingSliders",
-    "element_forces",
-    "pack_law",
-    "pack_sliders",
-    "pack_user_law",
-    "stribeck",
-]
-
 
 @value
 class OwnFriction:

@@ -18,30 +18,6 @@ from nlfrf.rig.bench.rig import Rig
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine, multisine
 
-__all__ = [
-    "F0",
-    "FS",
-    "GRIDS",
-    "LEVELS",
-    "Ensemble",
-    "Ensembles",
-    "bootstrap_sigma",
-    "ensemble_spectra",
-    "find_resonance",
-    "frf",
-    "is_near_resonance",
-    "normalised_difference",
-    "output_linear",
-    "output_rms",
-    "output_stochastic",
-    "paper_multisine",
-    "power_db",
-    "single_experiment_coverage",
-    "systematic_over_detection",
-    "underestimation_db",
-]
-
-
 #: Rms of the force [N] at the paper's levels: 1 covers presliding without sliding.
 LEVELS = {1: 0.25, 2: 0.025, 3: 2.5}
 #: The paper's grids, and the one it recommends looking at.

@@ -37,8 +37,6 @@ from nlfrf.rig.studies.ensembles import (
 )
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["SIGNALS", "Finding", "judge_findings", "judge_side_remarks"]
-
 
 @value
 class Finding:

@@ -18,8 +18,6 @@ from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.simulate import simulate
 from nlfrf.signals.multisine import Multisine
 
-__all__ = ["LevelStudy", "level_study"]
-
 
 @value
 class LevelStudy:

@@ -26,9 +26,6 @@ from nlfrf.rig.studies.figures import draw_figures
 from nlfrf.rig.studies.findings import SIGNALS, Finding, judge_findings, judge_side_remarks
 from nlfrf.rig.studies.level_study import level_study
 
-__all__ = ["reproduce"]
-
-
 #: Levels of the study [N rms], 10 dB apart.
 STUDY_LEVELS = 0.0025 * 10 ** np.arange(0, 3.1, 0.5)
 

@@ -14,19 +14,6 @@ from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices, content_digest
 
-__all__ = [
-    "SCHEMA",
-    "Actuator",
-    "FrictionClaim",
-    "PortClass",
-    "Settling",
-    "claim_from_dict",
-    "claim_to_dict",
-    "read_friction_claim",
-    "write_friction_claim",
-]
-
-
 KINDS = ("Maxwell slip", "bristle")
 SYSTEMS = ("machine", "controller")
 

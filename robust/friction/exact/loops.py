@@ -11,20 +11,6 @@ from nlfrf._base.values import value
 from robust.friction.exact.claim import FrictionClaim
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
-__all__ = [
-    "ExactBlock",
-    "ExactLoop",
-    "check_actuator",
-    "check_reach",
-    "commanded_force_row",
-    "dead_zone_block",
-    "equilibrium",
-    "exact_loop",
-    "identity",
-    "with_actuator_filters",
-]
-
-
 Row: TypeAlias = list[fmpq | int]
 Rows: TypeAlias = list[Sequence[fmpq | int]]
 

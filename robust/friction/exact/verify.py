@@ -28,9 +28,6 @@ from robust.proofs.exact.loops import Verification
 from robust.proofs.exact.matrices import positive_definite
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
-__all__ = ["ExactSupply", "check_weights", "exact_supply", "settling_supply", "verify_friction"]
-
-
 # ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
 #
 # Derived on the page on the theory of these proofs (T1, T2, T3); nothing here is taken from the code that found

@@ -13,8 +13,6 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.models.fit.rational import stack_real_imaginary
 
-__all__ = ["FitUncertainty", "estimate_uncertainty", "expected_ratio", "format_roots", "probability_of_cost"]
-
 #: Standard deviation over the root of the cost that stands for all larger ones: its square is a number.
 HUGE = 1e150
 

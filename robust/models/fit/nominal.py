@@ -52,23 +52,6 @@ from robust.models.fit.shared_poles import (
     whitening_roots,
 )
 
-__all__ = [
-    "MAX_POLES",
-    "OUTSIDE_FACTOR",
-    "Measurement",
-    "NominalFit",
-    "bla_behind_hold",
-    "bla_of_fit",
-    "checked_weight",
-    "fit_matrix",
-    "fit_nominal",
-    "frd",
-    "matrices_given",
-    "require_same_channels",
-    "warn_of_fit",
-]
-
-
 #: A BLA, several of them, or an FRF from elsewhere.
 Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
 

@@ -12,9 +12,6 @@ from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.models.fit.nominal import OUTSIDE_FACTOR, Measurement, NominalFit, fit_nominal, matrices_given
 
-__all__ = ["OrderScan", "scan_orders"]
-
-
 UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it
 MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
 

@@ -7,21 +7,6 @@ import scipy.linalg
 
 from robust.lti.realisation import order_roots
 
-__all__ = [
-    "Roots",
-    "fit_numerator",
-    "known_factor",
-    "map_to_model_plane",
-    "partial_fractions",
-    "relocated_poles",
-    "s_plane_points",
-    "stack_real_imaginary",
-    "starting_poles",
-    "vector_fit",
-    "zpk_response",
-]
-
-
 FAR_RATIO = 1e12  # of the largest frequency: a zero out there is one at infinity
 MIN_DAMPING = 1e-8  # damping under which a pole counts as one on the axis
 Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane

@@ -11,18 +11,6 @@ from nlfrf._base.values import value
 from robust.lti.realisation import order_roots, pair_roots
 from robust.models.fit.rational import Roots, stack_real_imaginary
 
-__all__ = [
-    "MagnitudeProblem",
-    "fit_asymmetric",
-    "log_sections",
-    "magnitude_problem",
-    "polish_by_barrier",
-    "refine",
-    "roots_from",
-    "slope_at_zero",
-    "zeros_and_poles",
-]
-
 
 def refine(
     s: np.ndarray,

@@ -21,17 +21,6 @@ from nlfrf._base.values import value
 from robust.lti.realisation import order_roots
 from robust.models.fit.rational import partial_fractions, relocated_poles, stack_real_imaginary, starting_poles
 
-__all__ = [
-    "FitOptions",
-    "SharedPoles",
-    "fit_by_vector_fitting",
-    "fit_shared_poles",
-    "refine_shared_poles",
-    "response_derivatives",
-    "whitening_roots",
-]
-
-
 N_RELOCATIONS, N_STEPS = 15, 60
 MIN_POLE_DISTANCE = 1e-6  # damping of the start under which a pole is moved off the axis
 CONVERGED = 1e-12

@@ -28,21 +28,6 @@ from robust.models.fit.refinement import (
     zeros_and_poles,
 )
 
-__all__ = [
-    "EXACT_TOLERANCE",
-    "WeightFit",
-    "WeightOrderError",
-    "control_weight",
-    "cover_sampled",
-    "delay_weight",
-    "fit_weight",
-    "least_excess",
-    "least_squares",
-    "minimum_phase",
-    "performance_weight",
-]
-
-
 # ---- Weights by formula: what is asked of S and K S, and what a neglected delay and gain error may do.
 
 

@@ -58,9 +58,6 @@ from robust.models.sets.radius import (
     sum_of_parts,
 )
 
-__all__ = ["uncertainty"]
-
-
 PADE_ORDER, PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
 FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
 #: Smallest over largest radius of the user: a plant equal to the nominal on a line would leave a zero.

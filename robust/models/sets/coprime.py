@@ -27,20 +27,6 @@ from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, t
 from robust.lti.realisation import state_space
 from robust.lti.stability import is_stable
 
-__all__ = [
-    "chord",
-    "coprime_factors",
-    "coprime_phase_offset",
-    "factor_systems",
-    "factors_with_complement",
-    "invertible_scaling",
-    "plant_of_perturbed_factors",
-    "require_below_one",
-    "tangent",
-    "tangent_system",
-]
-
-
 HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
 FACTOR_TOLERANCE = 1e-8  # chordal distance that the quotient of the factors may have from the plant
 

@@ -24,23 +24,6 @@ from nlfrf._base.values import value
 from robust.lti.connections import feedback, in_parallel, in_series, inverse_system, one_plus
 from robust.models.sets.coprime import chord, coprime_phase_offset, plant_of_perturbed_factors, tangent, tangent_system
 
-__all__ = [
-    "ADDITIVE",
-    "AUTO",
-    "DEFAULT_FORM",
-    "ELEMENTS",
-    "FORMS",
-    "INPUT",
-    "MATRIX_FORMS",
-    "PERTURBATIONS",
-    "Form",
-    "loop_discs",
-    "perturbed_sensitivity_terms",
-    "plant_numerator",
-    "reduce_to_one_channel",
-    "relative_radius",
-]
-
 Array = np.ndarray
 
 #: Classes of perturbation: what Delta may be.

@@ -29,8 +29,6 @@ PASS_ON = (
     "'{0}_in' to the inputs"
 )
 
-__all__ = ["Block", "UncertainSystem", "interconnection"]
-
 
 @value(kw_only=False)
 class Block:

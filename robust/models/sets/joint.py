@@ -25,9 +25,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import entry_misfits, nominal_response
 from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, RecordSummary, summarize_record
 
-__all__ = ["attach_records", "joint_probability", "probability_of_frf"]
-
-
 N_DRAWS, N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
 MIN_DRAWS = 400
 MAX_FOLLOWED_SHARE = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself

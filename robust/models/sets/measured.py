@@ -17,9 +17,6 @@ from robust.models.sets.forms import DEFAULT_FORM
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import RadiusSpec, record_radius_parts, sum_of_parts
 
-__all__ = ["FrfSource", "add_hold_and_delay", "frf_sampling_time", "parts_on_lines", "warn_of_unknown_hold"]
-
-
 #: Whatever has an FRF on its lines.
 FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
 RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has

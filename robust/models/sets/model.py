@@ -82,20 +82,6 @@ from robust.models.sets.perturbations import perturbed_plant, random_delta
 from robust.models.sets.radius import PARTS, frf_on_lines
 from robust.models.sets.records import RecordSummary, format_probability
 
-__all__ = [
-    "UncertaintyModel",
-    "count_channels",
-    "describe_no_set",
-    "format_channels",
-    "has_several_channels",
-    "is_within_set",
-    "own_weights_call",
-    "require_one_channel",
-    "require_parametric",
-    "require_several_channels",
-]
-
-
 ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
 SET_TOLERANCE = 1e-7  # by which a plant may be farther from the nominal than its set lets it
 MAX_TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set

@@ -11,8 +11,6 @@ from robust.lti.connections import block_diagonal, in_series, inverse_system
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-__all__ = ["perturbed_plant", "random_delta", "random_perturbation", "with_phase", "with_phases"]
-
 
 def perturbed_plant(
     form: str,

@@ -23,29 +23,6 @@ from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import frequency_response, state_space
 from robust.models.sets.forms import INPUT, Form
 
-__all__ = [
-    "PARTS",
-    "Extrapolation",
-    "RadiusSpec",
-    "Scaling",
-    "block_radii_of_record",
-    "block_radius",
-    "checked_slope",
-    "diagonal_bound",
-    "disc_parts",
-    "element_parts",
-    "entry_misfits",
-    "frf_on_lines",
-    "larger_neighbour",
-    "nominal_response",
-    "radius_in_form",
-    "record_radius_parts",
-    "resolve_scaling",
-    "smooth_covariance",
-    "sum_of_parts",
-]
-
-
 #: What a radius is made of.
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 MISFIT_WINDOW = 9

@@ -9,9 +9,6 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.values import value
 
-__all__ = ["FEW_LINES", "LEVEL_DOF", "WINDOW", "RecordSummary", "format_probability", "rms_levels", "summarize_record"]
-
-
 WINDOW = 13  # lines over which a level is averaged, relative to |G|
 LEVEL_DOF = 14.0  # complex degrees of freedom behind a level averaged so
 #: Lines: over the number of lines, the variance of the log power of one realisation's distortion that all lines share.

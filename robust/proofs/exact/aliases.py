@@ -55,9 +55,6 @@ from robust.proofs.exact.taylor_models import (
     sampled_terms,
 )
 
-__all__ = ["prove_with_aliases"]
-
-
 SINGLE, MOST_SINGLE = 12, 60  # aliases on either side that are taken one by one: at least, and at most
 LONGER, FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
 TIGHT, DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most

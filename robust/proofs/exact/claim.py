@@ -17,24 +17,6 @@ from nlfrf._base.values import value
 if TYPE_CHECKING:
     import control
 
-__all__ = [
-    "ALIASED",
-    "OPERATOR_PERFORMANCE",
-    "PERFORMANCE",
-    "SCHEMA",
-    "STABILITY",
-    "LoopClaim",
-    "Matrices",
-    "claim_from_dict",
-    "claim_to_dict",
-    "content_digest",
-    "differing_fields",
-    "read_claim",
-    "to_matrices",
-    "write_claim",
-]
-
-
 STABILITY = "robust stability"
 PERFORMANCE = "robust performance"
 OPERATOR_PERFORMANCE = "robust performance with one scaling"

@@ -26,9 +26,6 @@ from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.matrices import ldl_pivots
 from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
 
-__all__ = ["ClosedLoopClaim", "decide_closed_loop", "norm_of_closed_loop", "poles_of_closed_loop", "verify_closed_loop"]
-
-
 BITS = (320, 1024)
 MAX_STATES = 40  # of loops whose sign is computed: a quarter of a minute, which grows with the third power
 MAX_NORM_STATES = 60  # of loops whose norm is computed in many digits: half a minute

@@ -14,9 +14,6 @@ from flint import arb
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import OPERATOR_PERFORMANCE, STABILITY
 
-__all__ = ["Quantity", "Terms", "claim_inequalities"]
-
-
 #: A polynomial, a Taylor model or a ball: whatever has sums and products with its own kind and with a ball, which no
 #: type of python-flint says. None stands for a weight that a loop does not have, and takes part in nothing.
 Quantity: TypeAlias = Any

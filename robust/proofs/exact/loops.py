@@ -29,9 +29,6 @@ from robust.proofs.exact.stability import (
 )
 from robust.proofs.exact.taylor_models import positive_on_intervals
 
-__all__ = ["NOMINAL", "WEIGHTS", "Verification", "summarise_claims", "verify_loop"]
-
-
 BITS = (192, 640, 2048)
 MAX_STATES = 400
 NOMINAL, WEIGHTS = "nominal stability", "stable weights"

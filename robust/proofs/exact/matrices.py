@@ -25,9 +25,6 @@ from robust.proofs.exact.polynomials import (
 )
 from robust.proofs.exact.stability import routh
 
-__all__ = ["MAX_STATES", "NormClaim", "decide_norm", "ldl_pivots", "positive_definite", "verify_norm"]
-
-
 BITS = (128, 512)
 
 

@@ -19,28 +19,6 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.claim import Matrices
 
-__all__ = [
-    "Coefficient",
-    "Decision",
-    "Polynomial",
-    "Quotient",
-    "Roots",
-    "bernstein_coefficients",
-    "bilinear_image",
-    "complex_roots",
-    "delay_by_samples",
-    "exact_roots",
-    "positive_on_half_line",
-    "proved",
-    "refuted",
-    "to_rational",
-    "to_rational_matrix",
-    "transfer_quotient",
-    "undecided",
-    "zoh_quotient",
-]
-
-
 #: A `fmpq_poly` or an `arb_poly`, and the `fmpq` or `arb` that are its coefficients. Code that serves both makes more
 #: of the kind that it was given, `type(p)`, and a union does not know that the two are of one kind.
 Polynomial: TypeAlias = Any

@@ -32,28 +32,6 @@ from robust.proofs.exact.polynomials import (
     zoh_quotient,
 )
 
-__all__ = [
-    "WHOLE_SAMPLES",
-    "Axis",
-    "SquaredPart",
-    "Squares",
-    "claim_on_axis",
-    "decide_loop_stability",
-    "decide_matrix_stability",
-    "decide_quotient_stability",
-    "hurwitz",
-    "hurwitz_with_delay",
-    "loop_on_axis",
-    "loop_terms",
-    "map_parts",
-    "polynomial_terms",
-    "routh",
-    "squared_magnitude",
-    "squared_magnitudes",
-    "terms_at_infinity",
-]
-
-
 BITS = (192, 768, 3072)
 MAX_BITS = 4096
 TOO_NEAR_BOUNDARY = "not told from the stability boundary"

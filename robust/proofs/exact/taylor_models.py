@@ -18,21 +18,6 @@ from robust.proofs.exact.conditions import Quantity, Terms
 from robust.proofs.exact.polynomials import Decision, Polynomial, proved, refuted, undecided
 from robust.proofs.exact.stability import Axis, SquaredPart, Squares, loop_terms, map_parts
 
-__all__ = [
-    "MAX_INTERVALS",
-    "MIN_OMEGA_SHARE",
-    "MIN_RELATIVE_WIDTH",
-    "TaylorModel",
-    "compose_polynomial",
-    "cosine",
-    "linear_model",
-    "lower_bound",
-    "positive_on_intervals",
-    "sampled_terms",
-    "sine",
-]
-
-
 ORDER = 5
 Summand: TypeAlias = "TaylorModel | arb | int"
 

@@ -29,9 +29,6 @@ from robust.proofs.exact.closed_loops import (
 from robust.proofs.exact.matrices import MAX_STATES, NormClaim, decide_norm
 from robust.proofs.search.certificate import EXACT, SOLVERS, Certificate, failed_certificate, solve_program
 
-__all__ = ["certify_norm"]
-
-
 LARGEST_KYP = 32
 NORM_ROUNDING = 1e-12  # of a norm in many digits, once it is a double
 SLACK = 3e-6  # above what the change of coordinates may be off

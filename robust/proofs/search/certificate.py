@@ -17,9 +17,6 @@ from robust.proofs.exact.matrices import NormClaim, verify_norm
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = ["EXACT", "SOLVERS", "Certificate", "failed_certificate", "solve_program"]
-
-
 EXACT = "exact arithmetic"  # where nothing is left to floating point
 
 

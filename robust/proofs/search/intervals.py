@@ -22,19 +22,6 @@ from robust.lti.stability import poles_with_rounding
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.polynomials import exact_roots
 
-__all__ = [
-    "SLACK",
-    "IntervalProof",
-    "Magnitude",
-    "initial_cuts",
-    "interior_point",
-    "magnitude_of",
-    "poles_are_uncertain",
-    "prove",
-    "trusted_responder",
-]
-
-
 MAX_INTERVALS = 600
 MIN_RELATIVE_WIDTH = 1e-9
 SLACK = 3e-6  # above what coordinates and the check against `exact` may be off

@@ -19,14 +19,6 @@ from robust.proofs.exact.closed_loops import (
 from robust.proofs.exact.stability import decide_matrix_stability
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-__all__ = [
-    "MAX_EXACT_STATES",
-    "certify_closed_loop",
-    "decide_stability",
-    "is_near_boundary",
-]
-
-
 BOUNDARY_FACTOR = 1e6  # times what rounding moves a pole by
 MAX_EXACT_STATES = 60  # states: seconds beyond
 

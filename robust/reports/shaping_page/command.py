@@ -17,8 +17,6 @@ from robust.reports.shaping_page.page import page_content, page_text
 if TYPE_CHECKING:
     import control
 
-__all__ = ["write_from_files"]
-
 
 def write_from_files(
     out: Path,

@@ -10,8 +10,6 @@ import control
 from nlfrf._base.values import value
 from robust.models.sets.model import UncertaintyModel
 
-__all__ = ["PLACE_OF_K", "PartSources", "proof_commands", "python_script"]
-
 #: Where the page puts the controller that was shaped.
 PLACE_OF_K = "# shaped"
 

@@ -28,18 +28,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.generated_text import PartSources, proof_commands, python_script
 from robust.synthesis.shaping import lag, lead, notch, roll_off
 
-__all__ = [
-    "encode_response",
-    "page_content",
-    "page_text",
-    "read_script",
-    "read_style",
-    "shaped_controller",
-    "uncertain_poles",
-    "write_shaping_page",
-]
-
-
 # ---- The controller that was shaped: gain and elements as the page names them, to one state space.
 
 

@@ -17,8 +17,6 @@ from robust.reports.shaping_page.page import page_content, read_script, read_sty
 if TYPE_CHECKING:
     import anywidget
 
-__all__ = ["shape"]
-
 RENDER = """
 export default { render({ model, el }) {
   const root = document.createElement("div");

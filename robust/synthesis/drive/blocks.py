@@ -27,8 +27,6 @@ from robust.synthesis.drive.filters import FilterSlot, low_pass, notch
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.tuning.blocks import Filter2, Notch, Pid, TunableBlock
 
-__all__ = ["to_blocks", "with_blocks"]
-
 LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for
 
 

@@ -20,17 +20,6 @@ from robust.lti.sampling import sampled
 from robust.synthesis.drive.filters import bilinear_section
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = [
-    "cascade",
-    "hold_mean",
-    "realise_fir",
-    "realise_section",
-    "times",
-    "velocity_section",
-    "warn_of_slow_position_loop",
-    "with_set_point",
-]
-
 
 def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
     """Return the drive as one controller, for `check`, `prove_friction` and all the rest.

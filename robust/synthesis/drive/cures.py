@@ -17,8 +17,6 @@ from robust.friction.prove import prove_friction
 from robust.synthesis.drive.cascade import cascade
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = ["FrictionCure", "friction_cures"]
-
 #: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
 STEP = 1.5
 

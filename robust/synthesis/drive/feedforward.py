@@ -30,8 +30,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.two_dof import feedforward_errors, on_time_base, reference_loop
 
-__all__ = ["FeedforwardError", "FeedforwardGains", "compensated", "feedforward", "feedforward_error"]
-
 #: Largest error of 1/(m s^2 + c s) relative to a plant that is taken for one.
 MISFIT = 1e-6
 #: Velocities, relative to vs, on which the error of the friction is looked for.

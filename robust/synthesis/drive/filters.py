@@ -7,8 +7,6 @@ import numpy as np
 from nlfrf._base.arguments import require_nonnegative, require_positive, require_real_array
 from nlfrf._base.values import value
 
-__all__ = ["FilterSlot", "bilinear_section", "biquad", "low_pass", "notch"]
-
 
 @value
 class FilterSlot:

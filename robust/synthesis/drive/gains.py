@@ -29,8 +29,6 @@ from robust.lti.sampling import discretize
 from robust.synthesis.drive.cascade import hold_mean, realise_section, velocity_section
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = ["DriveReading", "gains"]
-
 #: Largest error of a cascade relative to K, over frequency, that counts as none. Cascades come back at 1e-12.
 MISFIT = 1e-6
 #: Frequencies [rad a sample] that K is compared on, and how slow a zero may be to be told from an integrator.

@@ -14,8 +14,6 @@ from robust._base.warnings import DesignWarning
 from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
 from robust.synthesis.drive.settings import USUAL_KV, DriveSettings, is_unusual_gain
 
-__all__ = ["load_gains"]
-
 #: Entry of the file -> kind of quantity, as it is.
 NUMBERS = {
     **dict.fromkeys(("fs", "observer_frequency"), "frequency"),

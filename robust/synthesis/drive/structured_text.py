@@ -14,8 +14,6 @@ from nlfrf._base.arguments import require_kind, short_form
 from robust.synthesis.drive.cascade import velocity_section
 from robust.synthesis.drive.settings import DriveSettings
 
-__all__ = ["structured_text"]
-
 #: Words of IEC 61131-3 that no block can be named after.
 RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}
 RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}

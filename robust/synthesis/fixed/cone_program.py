@@ -23,9 +23,6 @@ from robust.proofs.search.certificate import solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = ["Rows", "Step", "solve_step"]
-
-
 MAX_STEP_RATIO = 100.0
 
 

@@ -19,9 +19,6 @@ from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.starts import loops_stable
 from robust.synthesis.fixed.structures import Basis
 
-__all__ = ["DesignTask", "is_lower", "iterate", "linear_rows"]
-
-
 WORKING_LINES = 80
 TOLERANCE = 1e-6
 STEP_GAIN = 1e-4

@@ -26,9 +26,6 @@ from robust.lti.lti import response
 from robust.lti.realisation import state_space
 from robust.synthesis.fixed.plants import PlantOnLines
 
-__all__ = ["Bound", "Demand", "end_row", "limit_rows", "objective_row", "weight_rows"]
-
-
 #: What a peak may reach: a number, or the magnitude of a system over frequency.
 Bound: TypeAlias = "float | LinearSystem"
 

@@ -16,8 +16,6 @@ from robust.synthesis.fixed.sequential import close_in_turn
 from robust.synthesis.fixed.structures import ControllerStructure
 from robust.synthesis.hinf.design import Design
 
-__all__ = ["design_frf"]
-
 
 def design_frf(
     plant: DesignPlant | Sequence[DesignPlant],

@@ -45,8 +45,6 @@ from robust.synthesis.fixed.structures import (
 )
 from robust.synthesis.hinf.design import Design
 
-__all__ = ["LoopOptions", "Proved", "design_loop"]
-
 #: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
 #: be missed by for that to be done from where it is.
 LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1

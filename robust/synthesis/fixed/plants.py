@@ -24,9 +24,6 @@ from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_rad
 from robust.models.sets.measured import add_hold_and_delay, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 
-__all__ = ["DesignPlant", "DiscsOnLines", "PlantOnLines", "plant_on_lines", "stacked_plants"]
-
-
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
 LARGEST_DISC = 0.98
 #: How far above its features a parametric plant is looked at, where a controller of great gain ends; and frequencies.

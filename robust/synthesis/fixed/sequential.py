@@ -36,9 +36,6 @@ from robust.synthesis.hinf.design import Design
 if TYPE_CHECKING:
     import control
 
-__all__ = ["close_in_turn"]
-
-
 SWEEPS = 6  # times each loop is designed with the others closed, at most
 TIGHTENING = 0.97  # of what is allowed a peak, from one sweep to the next
 WIDENINGS = 3  # times the discs are made wider for the sake of the whole

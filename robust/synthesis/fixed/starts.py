@@ -19,9 +19,6 @@ from robust.synthesis.fixed.demands import Demand
 from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.structures import Basis
 
-__all__ = ["find_start", "loops_stable", "start_from_controller"]
-
-
 CROSSOVERS, LEADS, RESETS, GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
 INTEGRATOR_LEAKS = (1e-4, 1e-2)
 MAX_LINES = 60

@@ -15,9 +15,6 @@ from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots
 
-__all__ = ["FASTEST", "FASTEST_SAMPLED", "PID_PARTS", "Basis", "ControllerStructure", "structure_of"]
-
-
 #: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
 FASTEST, FASTEST_SAMPLED = 10.0, 5.0
 LARGEST_ORDER = 12

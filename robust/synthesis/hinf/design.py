@@ -11,8 +11,6 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.proofs.search.certificate import Certificate
 
-__all__ = ["Design", "describe_controller"]
-
 
 def describe_controller(K: control.StateSpace) -> str:
     """Return the order and the clock of a controller in words."""

@@ -36,9 +36,6 @@ from robust.synthesis.hinf.mixsyn import weight_on_time_base
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["DkDesign", "dk_iteration"]
-
-
 FIT_TOLERANCE = 1.01  # gain with fitted scalings over that with the wanted ones that is good enough for a lower order
 CHANGE_OUTSIDE = 0.01  # of the change of the scalings, what lies outside of the band where they are fitted
 N_FITTED = 150

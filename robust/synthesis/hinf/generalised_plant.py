@@ -14,21 +14,6 @@ from nlfrf._base.values import ArrayField, value
 from robust.lti.lti import Matrices, evaluate_transfer, scale_states, timebase
 from robust.lti.norms import from_half_plane, modal_coordinates, to_continuous, to_discrete, to_half_plane
 
-__all__ = [
-    "Plant",
-    "compress_channels",
-    "dual_plant",
-    "has_full_ranks",
-    "has_zero_on_axis",
-    "hidden_mode",
-    "map_region",
-    "normalise_plant",
-    "prepare_plant",
-    "regularise_plant",
-    "restore_controller",
-]
-
-
 #: Of the largest singular value: below it a direction of the channels has no effect of its own.
 RANK_TOLERANCE = 1e-10
 

@@ -36,24 +36,6 @@ from robust.synthesis.hinf.generalised_plant import (
     restore_controller,
 )
 
-__all__ = [
-    "LARGEST_GAMMA",
-    "MOST_STEPS",
-    "CircleResult",
-    "Synthesis",
-    "bisect_level",
-    "central_controller",
-    "control_riccati",
-    "direct_term_bound",
-    "hinfsyn",
-    "solve_riccati_pair",
-    "synthesise",
-    "synthesise_between_circles",
-    "unchangeable_gain",
-    "uncontrolled_direct_term",
-]
-
-
 # ---- The two Riccati equations of H-infinity control at one level gamma: whether they hold, and the central
 # controller.
 

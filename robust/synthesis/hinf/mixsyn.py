@@ -17,9 +17,6 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.hinfsyn import MOST_STEPS, hinfsyn
 
-__all__ = ["mixsyn", "weight_on_time_base"]
-
-
 PADE_ORDER = 4
 WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
 

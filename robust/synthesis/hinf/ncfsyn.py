@@ -16,8 +16,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.design import Design
 
-__all__ = ["crossover_weight", "ncfsyn"]
-
 
 def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1) -> Design:
     """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime factors.

@@ -33,21 +33,6 @@ from robust.lti.lti import Matrices
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable
 
-__all__ = [
-    "Filter2",
-    "Gain",
-    "Lead",
-    "Notch",
-    "Parameter",
-    "Pid",
-    "StateSpace",
-    "TunableBlock",
-    "parameter_values",
-    "require_blocks",
-    "signal_names",
-    "with_parameters",
-]
-
 Names: TypeAlias = str | Sequence[str]
 #: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
 RANGE_RATIO = 1000.0

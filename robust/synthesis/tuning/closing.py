@@ -20,8 +20,6 @@ from robust.lti.lti import Matrices, evaluate_transfer
 from robust.lti.norms import continuous_matrices
 from robust.lti.wiring import is_well_posed
 
-__all__ = ["ClosedLoop", "StatePlant", "state_plant"]
-
 #: Condition of the eigenvectors up to which responses on a grid are taken from the modes.
 MAX_MODAL_CONDITION = 1e7
 

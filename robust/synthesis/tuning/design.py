@@ -16,8 +16,6 @@ from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Limit
 from robust.synthesis.tuning.plants import MeasuredPlant, Plants, see_plants
 
-__all__ = ["Ended", "Known", "LimitValue", "TunedDesign"]
-
 #: Units of parameters that have one of their own.
 UNITS = {"omega": "rad/s", "filter_time": "s", "phase": "rad"}
 

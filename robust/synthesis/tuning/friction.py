@@ -34,8 +34,6 @@ from robust.friction.plant import FrictionPlant
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 
-__all__ = ["FrictionChannel", "FrictionLimit", "Multipliers"]
-
 #: Lines of the linear program, as `prove_friction` has them; the lowest over the highest, and over the slowest pole or
 #: filter; the highest over Nyquist.
 N_LINES, LOWEST, SLOWEST, BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999

@@ -27,8 +27,6 @@ from robust.synthesis.tuning.worst import (
     scaled_slopes,
 )
 
-__all__ = ["Channel", "Limit", "require_limits"]
-
 
 @value(kw_only=False)
 class Limit:

@@ -20,8 +20,6 @@ from robust.synthesis.tuning.limits import Channel
 from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_bounded
 from robust.synthesis.tuning.worst import Perturbation, Scalings
 
-__all__ = ["CloseLook", "MeasuredLoop", "ModelledLoop", "Peak", "bilinear_frequency", "true_frequency"]
-
 N_LINES, N_PEAKS, N_ROUNDS = 70, 6, 4
 #: Frequencies on which a limit that is no norm is looked at in the end, and around each lightly damped pole.
 N_DENSE, N_AROUND, N_BAND = 1500, 41, 300

@@ -19,8 +19,6 @@ from nlfrf._base.values import value
 from robust.synthesis.tuning.loops import Peak
 from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, TuningProblem
 
-__all__ = ["SearchResult", "find_stable", "minimise_from"]
-
 #: Relative gain of a round below which the search ends.
 ROUND_GAIN = 2e-5
 #: The same of the points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to 2.528.

@@ -13,8 +13,6 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.synthesis.tuning.blocks import Parameter, TunableBlock, parameter_values, with_parameters
 
-__all__ = ["Controller", "controller_of_blocks"]
-
 COMPLEX_STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
 
 

@@ -26,17 +26,6 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.tuning.blocks import signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
-__all__ = [
-    "MeasuredPlant",
-    "ModelledPlant",
-    "Plants",
-    "is_bounded",
-    "see_machine",
-    "see_plants",
-    "stated_sampling_time",
-]
-
-
 #: Stands for a radius that is infinite: its square is still a number.
 UNBOUNDED_GAIN = 1e30
 

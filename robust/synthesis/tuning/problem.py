@@ -12,8 +12,6 @@ from robust.synthesis.tuning.closing import ClosedLoop
 from robust.synthesis.tuning.loops import CloseLook, MeasuredLoop, ModelledLoop, Peak
 from robust.synthesis.tuning.parameters import Controller
 
-__all__ = ["HARD_LIMIT_MARGIN", "Evaluation", "OutOfTime", "PoleRow", "TuningProblem", "is_better"]
-
 #: What hard limits are kept under, relative: what is met to rounding is then met.
 HARD_LIMIT_MARGIN = 1e-5
 #: Poles that are looked at beside the one that decides.

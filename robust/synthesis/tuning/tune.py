@@ -43,8 +43,6 @@ from robust.synthesis.tuning.plants import (
 )
 from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better
 
-__all__ = ["tune"]
-
 #: Signals of the perturbation, of names that nobody gives.
 AT_INPUT, AT_OUTPUT, PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
 ZERO_GAIN = 1e-13

@@ -25,20 +25,6 @@ from nlfrf._base.values import value
 from robust.mu.gain import worst_gain
 from robust.mu.upper import conjugate_transpose, mu_upper
 
-__all__ = [
-    "ONE_DISC",
-    "SECOND_VALUE_RATIO",
-    "Blocks",
-    "Perturbation",
-    "Scalings",
-    "disc_gain",
-    "disc_slope",
-    "fit_scalings",
-    "largest_gain",
-    "scaled_gain",
-    "scaled_slopes",
-]
-
 #: Distance 1 - |N11|^2 below which the worst case goes on as a tangent, so that a start outside has a slope.
 NEAR_ONE = 1e-6
 #: A second singular value this close to the largest is a peak of its own.
