@@ -47,7 +47,7 @@ print(f"nominal margins: a factor of {gain_margin:.2f}, {phase_margin:.0f} deg")
 
 # %%
 # Robust stability of the set is ``|W T| < 1`` at every frequency: a linear matrix inequality for cvxpy, then checked.
-certificate = robust.proofs.certify_norm(W * T, 1.0)
+certificate = robust.certify_norm(W * T, 1.0)
 print(f"|W T| < 1 at every frequency: {certificate.outcome} ({certificate.method} lemma)")
 print(robust.check(model, K).verdict)
 

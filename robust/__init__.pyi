@@ -30,6 +30,7 @@ from .models.fit.weights import performance_weight as performance_weight
 from .models.sets.build import uncertainty as uncertainty
 from .models.sets.model import UncertaintyModel as UncertaintyModel
 from .models.validation import validate as validate
+from .proofs.search.bounded_real import certify_norm as certify_norm
 from .synthesis.fixed.design_frf import design_frf as design_frf
 from .synthesis.hinf.design import Design as Design
 from .synthesis.hinf.dk import dk_iteration as dk_iteration

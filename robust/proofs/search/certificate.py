@@ -56,7 +56,7 @@ class Certificate:
     Examples
     --------
     >>> import control
-    >>> from robust.proofs import certify_norm
+    >>> from robust import certify_norm
     >>> proof = certify_norm(control.tf([1], [1, 1]), 1.1)
     >>> proof.holds, certify_norm(control.tf([1], [1, 1]), 0.9).holds
     (True, False)

@@ -7,11 +7,11 @@ import cvxpy
 import numpy as np
 import pytest
 
+from robust import certify_norm
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
 from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.rational import map_to_model_plane
-from robust.proofs import certify_norm
 from robust.proofs.search.bounded_real import judge_inequality
 from robust.proofs.search.intervals import magnitude_of
 
