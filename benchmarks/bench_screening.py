@@ -111,7 +111,11 @@ def one_batch(n, rng):
         a3 = acceleration(x + h / 2 * (v + h / 2 * a1), v + h / 2 * a2, force[1])
         a4 = acceleration(x + h * (v + h / 2 * a2), v + h * a3, force[2])
         x, v = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    changes = np.sum(np.diff(y.reshape(WARM + LONGEST, N, n), axis=0) ** 2, axis=1)
+    settles = changes[-3:].max(axis=0) < np.maximum(changes[1], 1e-6 * np.sum(y[-N:] ** 2, axis=0))  # no subharmonics
     for i, ms in enumerate(played):
+        if not settles[i]:
+            continue
         own = np.random.default_rng(rng.integers(1 << 30))
         noise = own.choice([0.0, 10 ** own.uniform(-4, -1.3), 10 ** own.uniform(-2, -1.3)])
         settled, lines = y[-N:, i], ms.lines.excited

@@ -125,8 +125,8 @@ def smooth_basis() -> np.ndarray:
 
 #: Of what differs: two damped modes explain 0.5 to 0.9 of a gap and 0.1 of noise; four explain less than 0.95 of a
 #: start from rest in one of 300 random records. The power in the second half of a period over the first, of modes that
-#: beat, and of the first over the second. All are tuned on the records of `benchmarks.bench_screening`.
-MODAL_SHARE, SETTLING_SHARE, MIN_OVER_NOISE, MAX_BEAT, MIN_DECAY = 0.9, 0.95, 3.0, 2.0, 1.1
+#: beat, of the first over the second, and of both over the noise. All are tuned on `benchmarks.bench_screening`.
+MODAL_SHARE, SETTLING_SHARE, MIN_OVER_NOISE, MAX_BEAT, MIN_DECAY, MIN_EXCESS = 0.9, 0.95, 3.0, 2.0, 1.1, 1.2
 SIGMAS = 6.0  # standard deviations past which a fault is believed
 MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
 VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
@@ -311,12 +311,16 @@ def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     modes that beat may grow for half a period. What rings on few lines is not smooth from line to line, but is that of
     few damped modes.
     """
-    Y = rfft_at(y, np.arange(1, last + 1))[:, None]
+    Y, noise = rfft_at(y, np.arange(1, last + 1))[:, None], min(map(power, np.diff(y, axis=0))) * (len(y) > 2)
     for j, (one, following) in enumerate(itertools.pairwise(y)):
         early, late = map(power, np.array_split(one - following, 2))
         if broken[j : j + 2].any() or not (
             (late < MAX_BEAT * early and is_transient(Y[j], Y[j + 1]))
-            or (MIN_DECAY * late < early and modal_share(one - following) > MODAL_SHARE)
+            or (
+                MIN_DECAY * late < early
+                and early + late > MIN_EXCESS * noise
+                and modal_share(one - following, noise / one.size) > MODAL_SHARE
+            )
         ):
             return j
     return len(y) - 1
