@@ -483,6 +483,18 @@ def questions_of(
                 ),
             )
         )
+    delay, period = candidate.numbers["delay"], float(2 * np.pi / levels[0].omega.min())
+    if abs(delay) > period:
+        found.append(
+            OpenQuestion(
+                kind=Gap.OTHER_MACHINE,
+                description=(
+                    f"{'motor and load' if two else 'one mass'} with Maxwell slip needs a delay of {delay:.3g} s, "
+                    f"longer than the {period:.3g} s of the lowest line: the search ended in a wrong minimum. "
+                    f"{ANOTHER_MACHINE[two]}"
+                ),
+            )
+        )
     if mode is not None:
         found.append(
             OpenQuestion(

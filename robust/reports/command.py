@@ -13,7 +13,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import repeat_warnings, require_nonnegative, require_positive
 from nlfrf._base.command import spinner
-from nlfrf._base.files import command_signature, write_text
+from nlfrf._base.files import command_signature, require_file_of, write_text
 from robust._base.channels import is_single
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
@@ -42,6 +42,8 @@ def load_blas(
         own = path.suffix.lower() in BLA_SUFFIXES
         if own and (relative_std is not None or n_averages is not None or channel):
             raise ValueError(f"relative_std, n_averages and channel must be left out for a BLA, got them with {path}")
+        if not own:
+            require_file_of(path, "nlfrf-bla")
         one = (
             repeat_warnings(nlfrf.io.load_bla(path))
             if own

@@ -121,9 +121,9 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
 
     Examples
     --------
-    >>> y = np.random.default_rng(1).standard_normal((1, 100)).repeat(4, axis=0).ravel()
-    >>> y[230:270] = y[231:271]
-    >>> find_corrupted_periods(y.reshape(4, 100), 50, np.zeros(4))[0]
+    >>> y = np.random.default_rng(1).standard_normal((1, 400)).repeat(4, axis=0).ravel()
+    >>> y[920:1080] = y[921:1081]
+    >>> find_corrupted_periods(y.reshape(4, 400), 200, np.zeros(4))[0]
     array([False, False,  True, False])
     """
     difference = [cumulative_power(one - following) for one, following in pairwise(y)]

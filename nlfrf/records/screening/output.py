@@ -28,6 +28,7 @@ from nlfrf.signals.lines import chance_correlation
 # ---- What changes over the periods of a record: the gain from u to y, evenly or at once, and the operating point.
 
 MIN_GAIN_DRIFT = 0.02  # change of gain over the record that is named
+NEGLIGIBLE = 1e-6  # of the rms: what periods may differ by without a word
 MIN_OFFSET_DRIFT = 0.15  # change of the operating point over the record that is named, in rms of the output
 FEW, ALONE = 4, 0.9  # periods from which a drift is told from a transient; of fewer it has to explain so much
 CLEAR_SHARE = 0.3  # of a change that what is left may be apart from it
@@ -297,7 +298,9 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
                 first,
             )
     first = int(np.argmax(lag.sound))
-    if len(y) > 2 and not (lag.fault or lag.drift or is_modal(np.diff(y, axis=0), max(first - 1, 0))):
+    begins = y[max(first - 1, 0)] - y[max(first, 1)]
+    differs = power(begins) > NEGLIGIBLE**2 * power(y[-1])
+    if len(y) > 2 and differs and not (lag.fault or lag.drift or is_modal(np.diff(y, axis=0), max(first - 1, 0))):
         lag = replace(lag, n_unsettled=max(first, 1))
     # a gap before all that is sound: that is where the rest stands
     gaps[first:] = 0.0

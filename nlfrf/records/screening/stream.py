@@ -14,6 +14,8 @@ TURNS, COUNTER_BITS = (1.0, 2 * np.pi, 360.0), range(8, 33)  # of encoders, and 
 #: the share of samples in the first and last of them where it passes its ends, and over that in the next two; the least
 #: share of each where it turns on and on, in a mean part; and the step from which most jumps are chance, not an end.
 MIN_SPAN, MAX_STEP, PARTS, MIN_EDGE, MAX_PILE, MIN_EVEN, MAX_CROSSING = 0.9, 0.45, 20, 0.03, 3.0, 0.6, 0.25
+#: Largest step, of a turn, of a slow position: raw steps between it and the rest of a turn are then none.
+MAX_SLOW = 0.3
 #: Steps on either side of a jump that are as large as what a whole turn leaves of it; the share of jumps for which that
 #: holds; and the share of samples at the largest and smallest value, of which a switch or a limit has more.
 NEIGHBOURS, MIN_SMOOTH, MAX_STANDSTILL = 3, 0.9, 0.2
@@ -57,11 +59,14 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
             f"{name} has {found}. Where it is a position that wraps, record it unwrapped; it was left as it is"
         )
     around = jumps[:, None] + np.delete(np.arange(-NEIGHBOURS, NEIGHBOURS + 1), NEIGHBOURS)
-    left, quantum = size[jumps], size[size > 0].min(initial=turn)
+    left, quantum, others = size[jumps], size[size > 0].min(initial=turn), np.delete(size, jumps)
+    # a position that moves slowly has no step of about half a turn, and those of its jumps are as large as the others
+    slow = size.max() <= MAX_SLOW * turn and np.median(left) <= 2 * np.quantile(others, 0.9) + quantum
+    size[jumps] = 0.0
     smooth = np.count_nonzero(left <= 2 * size.take(around, mode="clip").max(axis=1) + quantum)
     # what is as wide as a turn by chance makes its largest steps far from the ends
     by_chance = ends < MIN_EDGE and np.count_nonzero(left > MAX_CROSSING * turn) > jumps.size / 2
-    if fast or smooth <= MIN_SMOOTH * jumps.size or by_chance or stands:
+    if fast or not (slow or smooth > MIN_SMOOTH * jumps.size) or by_chance or stands:
         return x
     data_warning(
         f"{name} wraps at a turn of {turn:.6g}: {format_count(jumps.size, 'jump')} by a whole turn, the first at "

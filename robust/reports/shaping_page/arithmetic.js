@@ -429,10 +429,10 @@ function pidGains(state, dt) {
   return { ...gains, rest: rest.map(element => element.kind) };
 }
 
-const places = { integrator: e => `robust.lag(${hz(e)}, np.inf, dt=dt)`,
-  lead: e => `robust.lead(${hz(e)}, np.radians(${e.phase}), dt=dt)`,
-  notch: e => `robust.notch(${hz(e)}, depth=${e.depth}, width=${e.width}, dt=dt)`,
-  "roll-off": e => `robust.roll_off(${hz(e)}, order=${e.order}, zeta=${e.zeta}, dt=dt)` };
+const places = { integrator: e => `robust.shaping.lag(${hz(e)}, np.inf, dt=dt)`,
+  lead: e => `robust.shaping.lead(${hz(e)}, np.radians(${e.phase}), dt=dt)`,
+  notch: e => `robust.shaping.notch(${hz(e)}, depth=${e.depth}, width=${e.width}, dt=dt)`,
+  "roll-off": e => `robust.shaping.roll_off(${hz(e)}, order=${e.order}, zeta=${e.zeta}, dt=dt)` };
 function hz(element) { return `2 * np.pi * ${element.f}`; }
 
 /** The Python that makes the controller and checks it. */

@@ -1,6 +1,5 @@
 """The level of a loop against closed forms, Lyapunov equations, brute force over the set, and simulated loops."""
 
-import json
 from dataclasses import replace
 
 import control
@@ -276,12 +275,9 @@ def test_what_is_not_known_is_said_so(tmp_path):
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
     robust.io.save_model(model, tmp_path / "new.json")
-    content = json.loads((tmp_path / "new.json").read_text())
-    for one in content["evidence"]:
-        del one["rms_u"], one["rms_y"]  # as files of before are
-    (tmp_path / "old.json").write_text(json.dumps(content))
+    new = robust.io.load_model(tmp_path / "new.json")
+    old = replace(model, records=tuple(replace(one, rms_u=np.nan, rms_y=np.nan) for one in model.records))
     signals = {"disturbance": NoiseSignal(0.1, 2 * np.pi, 2 * np.pi * 60)}
-    new, old = (robust.io.load_model(tmp_path / name) for name in ("new.json", "old.json"))
     assert new.records[0].rms_u == model.records[0].rms_u
     assert level_of(new, 0.0, **signals).inside
     level = level_of(old, 0.0, **signals)

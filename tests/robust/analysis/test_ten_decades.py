@@ -73,6 +73,10 @@ def test_the_margin_is_that_of_the_plant_as_it_is_given(seed):
     lines = np.geomspace(at / 100, at * 100, 20)
     model = UncertaintyModel(G, w, form, lines, np.full(20, 0.3), perturbation="LTI")
     report = check(model, K, certify=False)
+    if not report.nominally_stable:  # the design is by floating point, and another one on another machine
+        assert control.feedback(G * K, 1).poles().real.max() > 0
+        assert np.isnan(report.margin_rs)
+        return
     loop = PreciseLoop(G, K, w, form)
 
     def rs(omega):
