@@ -271,10 +271,9 @@ def find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[
 
 WELL_CONDITIONED = 1e6  # R of up to this: the Hamiltonian, at a third of the time
 RICCATI_RESIDUAL = 1e-11  # of its largest terms may be left of the equation where another solver can be asked
-MAX_RESIDUAL = (
-    1e-3  # at all: without a solution the pencil gives a matrix that leaves a tenth. Of 54 published problems 1e-6
-)
-# worsens one by 17 %, as slow poles leave more of a solution, and 1e-8 refutes a level that is reached
+#: The same at all: without a solution the pencil gives a matrix that leaves a tenth. Of 54 published problems 1e-6
+#: worsens one by 17 %, as slow poles leave more of a solution, and 1e-8 refutes a level that is reached.
+MAX_RESIDUAL = 1e-3
 
 
 def stabilising_riccati(
