@@ -254,6 +254,9 @@ def find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[
 
 WELL_CONDITIONED = 1e6  # R of up to this: the Hamiltonian, at a third of the time
 RICCATI_RESIDUAL = 1e-11  # of its largest terms may be left of the equation where another solver can be asked
+#: The same at all: without a solution the pencil gives a matrix that leaves a tenth. Of 54 published problems 1e-6
+#: worsens one by 17 %, as slow poles leave more of a solution, and 1e-8 refutes a level that is reached.
+MAX_RESIDUAL = 1e-3
 
 
 def stabilising_riccati(
@@ -284,11 +287,11 @@ def stabilising_riccati(
         if np.any(poles.real > slack):
             continue
         X = (X + X.T) / 2
-        if quick and solve is riccati_by_hamiltonian:
-            left = A.T @ X + X @ A - (X @ B + S) @ gain + Q
-            terms = 2 * np.linalg.norm(A.T @ X) + np.linalg.norm((X @ B + S) @ gain) + np.linalg.norm(Q)
-            if not np.linalg.norm(left) <= RICCATI_RESIDUAL * terms:
-                continue
+        left = A.T @ X + X @ A - (X @ B + S) @ gain + Q
+        terms = 2 * np.linalg.norm(A.T @ X) + np.linalg.norm((X @ B + S) @ gain) + np.linalg.norm(Q)
+        another = quick and solve is riccati_by_hamiltonian
+        if not np.linalg.norm(left) <= (RICCATI_RESIDUAL if another else MAX_RESIDUAL) * terms:
+            continue
         # X = 0 is a solution too, and a slow pole magnifies its rounding
         slowest = max(float(np.abs(poles).min()), 1e-12)
         rounding = 1e-7 * np.linalg.norm(X) + (1e-9 + 1000 * EPS / slowest) * np.linalg.norm(Q)

@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf._base.values import ArrayField, value
 from robust.lti.lti import Matrices, evaluate_transfer, scale_states, timebase
-from robust.lti.norms import from_half_plane, modal_coordinates, to_continuous, to_discrete, to_half_plane
+from robust.lti.norms import EPS, from_half_plane, modal_coordinates, to_continuous, to_discrete, to_half_plane
 
 #: Of the largest singular value: below it a direction of the channels has no effect of its own.
 RANK_TOLERANCE = 1e-10
@@ -275,9 +275,9 @@ def normalise_plant(plant: Plant) -> Plant | None:
     into_u, out_of_y = Vu.T / su, Uy.T / sy[:, None]
     return replace(
         plant,
-        B1=plant.B1 @ W.T,
+        B1=drop_rounding(plant.B1 @ W.T, 1),
         B2=plant.B2 @ into_u,
-        C1=Z.T @ plant.C1,
+        C1=drop_rounding(Z.T @ plant.C1, 0),
         C2=out_of_y @ plant.C2,
         D11=Z.T @ plant.D11 @ W.T,
         D12=np.eye(n_z, n_u, k=-(n_z - n_u)),
@@ -285,6 +285,12 @@ def normalise_plant(plant: Plant) -> Plant | None:
         into_u=plant.into_u @ into_u,
         out_of_y=out_of_y @ plant.out_of_y,
     )
+
+
+def drop_rounding(rotated: np.ndarray, axis: int) -> np.ndarray:
+    """Return what was rotated with zeros where only rounding is left: solvers of Riccati equations balance by it."""
+    sizes = np.linalg.norm(rotated, axis=axis, keepdims=True)
+    return np.where(np.abs(rotated) < 4 * EPS * sizes, 0.0, rotated)
 
 
 def restore_controller(plant: Plant, K: Matrices) -> control.StateSpace:

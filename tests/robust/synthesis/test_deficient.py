@@ -7,8 +7,13 @@ import pytest
 from benchmarks.bench_hinf_singular import FAMILIES, faults_of
 from robust import hinfsyn, mixsyn
 from robust.lti.connections import lower_lft
-from robust.synthesis.hinf.generalised_plant import compress_channels, prepare_plant
-from robust.synthesis.hinf.hinfsyn import unchangeable_gain, unmeasured_gain
+from robust.synthesis.hinf.generalised_plant import (
+    compress_channels,
+    dual_plant,
+    normalise_plant,
+    prepare_plant,
+)
+from robust.synthesis.hinf.hinfsyn import control_riccati, unchangeable_gain, unmeasured_gain
 from tests.support.precise_lft import lft_gain
 
 S = control.tf("s")
@@ -153,3 +158,17 @@ def test_controllers_of_compressed_plants_close_the_loop_that_was_given():
     theta = np.linspace(0, np.pi, 400)
     gains = [np.linalg.norm(closed(np.exp(1j * t)), 2) for t in theta]
     assert max(gains) == pytest.approx(found.gamma, rel=1e-2)
+
+
+def test_what_rounding_leaves_of_a_rotation_couples_nothing():
+    """One state: an entry of 4e-16 in place of a zero was balanced by, and X came out as anything from 0.8 to 2.3."""
+    faults, _ = faults_of("deficient", [5, 18])
+    assert not faults
+    rng = np.random.default_rng([5, 18])
+    P, n_y, n_u, _ = FAMILIES["deficient"](rng, int(rng.integers(1, 6)), 0.1 * int(rng.integers(2)))
+    dual = dual_plant(normalise_plant(prepare_plant(P, n_y, n_u)))
+    A, B1, B2 = (dual.A - dual.B2 @ dual.C1[1:]).item(), dual.B1 - dual.B2 @ dual.D11[1:], dual.B2.item()
+    for gamma in (2.6, 2.9685, 3.3):
+        inverse = np.linalg.inv(gamma**2 * np.eye(2) - np.outer(dual.D11[0], dual.D11[0]))
+        closed_form = 2 * A / (B2**2 - (B1 @ inverse @ B1.T).item())
+        assert control_riccati(dual, gamma)[0].item() == pytest.approx(closed_form, rel=1e-9)
