@@ -41,6 +41,8 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
         return x
     turn, steps = fits[0], np.diff(x)
     jumps = np.flatnonzero(np.abs(steps) > turn / 2)
+    if not jumps.size:
+        return x
     steps -= turn * np.round(steps / turn)
     size = np.abs(steps)
     # where a step is taken for one of the other direction, it changes by a whole turn against those around it
