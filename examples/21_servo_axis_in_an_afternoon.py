@@ -16,7 +16,7 @@ import nlfrf
 import robust
 from nlfrf.axis import AxisLimits, design_experiment, design_ramp, find_levels, load_trace, play_experiment
 from robust import drive
-from robust.reports.drive_check import check_drive, read_experiments
+from robust.drive.check import check_drive, read_experiments
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/21"), help="folder for files and pictures")

@@ -37,9 +37,9 @@ certificates, pid, sampling, from_options, drive_check, shaping_page, gains_file
         "io.pid",
         "lti.sampling",
         "reports.command",
-        "reports.drive_check",
+        "drive.check",
         "reports.shaping_page.command",
-        "synthesis.drive.gains_file",
+        "drive.gains_file",
     )
 )
 

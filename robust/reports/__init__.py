@@ -2,8 +2,6 @@
 
 command       pictures, models and demands for the commands: what they read, draw and write
 data          sections on what was measured and modelled
-drive_check   gains of a drive checked against traces of its axis
-drive_friction   friction in the loop of a drive, read from traces at rest, and the proof with it
 page          the file: its sections in order
 parts         what a section is made of: tables, pictures inside the page
 sections      sections on the controller: verdict, loop, check, worst case, settings

@@ -1,6 +1,5 @@
 """Synthesis of controllers.
 
-drive         the language of a drive: gains, filters, feedforward, PLC code (`robust.drive`)
 fixed         controllers of fixed structure, from the FRF or with a proof
 hinf          H-infinity synthesis
 nested_loops  `cascade`: an outer and an inner loop as one controller

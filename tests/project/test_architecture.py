@@ -31,6 +31,7 @@ ARROWS = {
     "robust.synthesis": "analysis friction models mu proofs lti",
     "robust.plot": "analysis friction models lti",
     "robust.io": "analysis friction models proofs lti",
+    "robust.drive": "io synthesis analysis friction models lti",
     "robust.reports": "io plot synthesis analysis friction models lti",
 }
 #: The same one level down: part -> the parts of the same package that it may import from.
@@ -42,7 +43,7 @@ PARTS = {
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
     "robust.proofs": {"exact": "", "search": "exact"},
     "robust.friction": {"exact": "", ".": "exact"},
-    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": "", "drive": ". tuning"},
+    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": ""},
     "robust.reports": {".": "", "shaping_page": ""},
 }
 #: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.
@@ -51,7 +52,6 @@ FACES = {
     *(
         "robust",
         "robust.cli",
-        "robust.drive",
         "robust.plot",
         "robust.margins",
         "robust.shaping",

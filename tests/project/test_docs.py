@@ -156,7 +156,7 @@ def test_links_to_the_tree_become_links_to_pages():
         "[`tune`](../generated/api/robust.tune.rst), [all](../generated/examples/index.rst), "
         "[2](../generated/examples/02_a.rst), [it](../../robust/y.py)"
     ]
-    source = ["[`structured_text`](../robust/synthesis/drive/structured_text.py)"]
+    source = ["[`structured_text`](../robust/drive/plc.py)"]
     api.link_to_pages(None, "faq", source)
     assert source == ["[`structured_text`](generated/api/robust.drive.structured_text.rst)"]
 
@@ -197,7 +197,7 @@ def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
         "PLC": "howto/csv_to_pid.html",
         "MIMO": "howto/machines.html",
         "closed loop reference": "howto/closed_loop.html",
-        "gain margin": "generated/api/robust.disk_margin.html",
+        "gain margin": "generated/api/robust.margins.disk_margin.html",
         "biquads": "howto/index.html",
     }
     with browser(tmp_path / "profile") as page:

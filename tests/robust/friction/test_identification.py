@@ -26,6 +26,7 @@ from benchmarks.read_machine import (
 )
 from nlfrf.friction import VaryingSliders, element_forces
 from robust.drive import DriveSettings, cascade
+from robust.drive.friction import judge_friction
 from robust.friction.balance import (
     LOAD,
     Candidate,
@@ -38,7 +39,6 @@ from robust.friction.balance import (
     slopes_of,
     with_branches,
 )
-from robust.reports.drive_friction import judge_friction
 
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 import nlfrf
 import robust
 from robust.drive import DriveSettings, biquad, cascade, low_pass, notch
-from robust.synthesis.drive.cascade import with_set_point
+from robust.drive.p_pi import with_set_point
 from tests.support.linear_axis import PRESETS, frictionless, linear_plant, settings_of
 
 FS = 4000.0

@@ -9,9 +9,9 @@ import pytest
 import robust
 from robust import tuning
 from robust.drive import DriveSettings, biquad, cascade, low_pass, notch, to_blocks, with_blocks
+from robust.drive.p_pi import with_set_point
 from robust.lti.lti import response_by_channel
 from robust.lti.wiring import join_by_name
-from robust.synthesis.drive.cascade import with_set_point
 
 LINEAR = DriveSettings(
     fs=4000,

@@ -21,13 +21,13 @@ import numpy as np
 from nlfrf._base.arguments import require_kind, require_nonnegative, require_positive, require_real, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem
+from robust.drive.settings import DriveSettings
 from robust.friction.classes import AnyFriction, any_bounded
 from robust.friction.levels import SIGMAS, FrictionClass
 from robust.friction.plant import FrictionPlant
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.synthesis.drive.settings import DriveSettings
 from robust.synthesis.two_dof import feedforward_errors, on_time_base, reference_loop
 
 #: Largest error of 1/(m s^2 + c s) relative to a plant that is taken for one.

@@ -11,8 +11,8 @@ import re
 import numpy as np
 
 from nlfrf._base.arguments import require_kind, short_form
-from robust.synthesis.drive.cascade import velocity_section
-from robust.synthesis.drive.settings import DriveSettings
+from robust.drive.p_pi import velocity_section
+from robust.drive.settings import DriveSettings
 
 #: Words of IEC 61131-3 that no block can be named after.
 RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}

@@ -11,8 +11,8 @@ from nlfrf._base.arguments import require_known, short_form
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.units import parse_quantity, split_quantity
 from robust._base.warnings import DesignWarning
-from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
-from robust.synthesis.drive.settings import USUAL_KV, DriveSettings, is_unusual_gain
+from robust.drive.filters import FilterSlot, biquad, low_pass, notch
+from robust.drive.settings import USUAL_KV, DriveSettings, is_unusual_gain
 
 #: Entry of the file -> kind of quantity, as it is.
 NUMBERS = {

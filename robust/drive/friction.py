@@ -15,6 +15,9 @@ import numpy as np
 import nlfrf
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
+from robust.drive.cures import FrictionCure, friction_cures
+from robust.drive.p_pi import cascade
+from robust.drive.settings import DriveSettings
 from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_bounded
 from robust.friction.identification import FrictionFit, identify_friction
@@ -24,9 +27,6 @@ from robust.friction.prove import FrictionProof, prove_friction
 from robust.friction.two_masses import interval_at_port, machines_with_load
 from robust.friction.units import format_length, format_plain
 from robust.io.certificates import prove_all
-from robust.synthesis.drive.cascade import cascade
-from robust.synthesis.drive.cures import FrictionCure, friction_cures
-from robust.synthesis.drive.settings import DriveSettings
 
 #: Levels from which friction is read.
 FEWEST_LEVELS = 3

@@ -35,6 +35,9 @@ from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
+from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
+from robust.drive.p_pi import cascade, with_set_point
+from robust.drive.settings import DriveSettings
 from robust.friction.identification import FrictionFit
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
@@ -42,9 +45,6 @@ from robust.models.fit.nominal import NominalFit
 from robust.models.fit.orders import OrderScan, scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
-from robust.reports.drive_friction import DriveFriction, bound_any_friction, judge_friction
-from robust.synthesis.drive.cascade import cascade, with_set_point
-from robust.synthesis.drive.settings import DriveSettings
 
 #: Poles of a machine that are tried, two more than zeros: one mass, one whose friction slips, two masses, ...
 ORDERS = range(2, 6)

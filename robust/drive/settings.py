@@ -21,7 +21,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.units import parse_gain_unit, position_factor
 from nlfrf._base.values import value
-from robust.synthesis.drive.filters import FilterSlot
+from robust.drive.filters import FilterSlot
 
 #: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
 #: misread is off by a factor of 16.7 or 60.

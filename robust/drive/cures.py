@@ -10,12 +10,12 @@ import numpy as np
 from nlfrf._base.arguments import require_kind, require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
+from robust.drive.p_pi import cascade
+from robust.drive.settings import DriveSettings
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_loop
 from robust.friction.ports import largest_forces
 from robust.friction.prove import prove_friction
-from robust.synthesis.drive.cascade import cascade
-from robust.synthesis.drive.settings import DriveSettings
 
 #: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
 STEP = 1.5

@@ -15,7 +15,7 @@ import robust
 from robust import cli
 from robust._base.states import Verdict
 from robust.drive import cascade, load_gains
-from robust.reports.drive_check import (
+from robust.drive.check import (
     BaseMotion,
     Conditions,
     DoubtKind,
@@ -27,7 +27,7 @@ from robust.reports.drive_check import (
     read_experiments,
     read_trace,
 )
-from robust.reports.drive_friction import friction_behind_lag, largest_added_delay
+from robust.drive.friction import friction_behind_lag, largest_added_delay
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """

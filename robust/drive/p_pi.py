@@ -14,11 +14,11 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind
 from robust._base.warnings import DesignWarning
+from robust.drive.filters import bilinear_section
+from robust.drive.settings import DriveSettings
 from robust.lti.connections import in_series
 from robust.lti.lti import with_names
 from robust.lti.sampling import sampled
-from robust.synthesis.drive.filters import bilinear_section
-from robust.synthesis.drive.settings import DriveSettings
 
 
 def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:

@@ -14,8 +14,8 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from robust.lti.lti import with_names
-from robust.synthesis.drive.cascade import (
+from robust.drive.filters import FilterSlot, low_pass, notch
+from robust.drive.p_pi import (
     hold_mean,
     realise_fir,
     realise_section,
@@ -23,8 +23,8 @@ from robust.synthesis.drive.cascade import (
     velocity_section,
     warn_of_slow_position_loop,
 )
-from robust.synthesis.drive.filters import FilterSlot, low_pass, notch
-from robust.synthesis.drive.settings import DriveSettings
+from robust.drive.settings import DriveSettings
+from robust.lti.lti import with_names
 from robust.synthesis.tuning.blocks import Filter2, Notch, Pid, TunableBlock
 
 LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for

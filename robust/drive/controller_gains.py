@@ -23,11 +23,11 @@ import numpy as np
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem
+from robust.drive.p_pi import hold_mean, realise_section, velocity_section
+from robust.drive.settings import DriveSettings
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import discretize
-from robust.synthesis.drive.cascade import hold_mean, realise_section, velocity_section
-from robust.synthesis.drive.settings import DriveSettings
 
 #: Largest error of a cascade relative to K, over frequency, that counts as none. Cascades come back at 1e-12.
 MISFIT = 1e-6
