@@ -17,8 +17,9 @@ import numpy as np
 
 import robust
 from robust.analysis.loop import assemble_loop
+from robust.reports.shaping_page.elements import shaped_controller
 from robust.reports.shaping_page.generated_text import PartSources
-from robust.reports.shaping_page.page import page_content, shaped_controller
+from robust.reports.shaping_page.page import page_content
 from tests.support.browser import browser
 from tests.support.shaped_loops import random_loop
 

@@ -73,7 +73,7 @@ def long_records(folder: Path) -> None:
         load, identify = (min(float(one[i]) for one in said) for i in (3, 4))
         file = max(held, path.stat().st_size)
         print(
-            f"{suffix}{' of save_record' if kept else ', streams alone'}, {size[0] * size[1] / 1e6:.0f} M samples, "
+            f"{suffix}{' of nlfrf.save' if kept else ', streams alone'}, {size[0] * size[1] / 1e6:.0f} M samples, "
             f"{path.stat().st_size / 1e6:.0f} MB: peak memory {(loaded - before) / file:.2f} times the file to load, "
             f"{(identified - before) / file:.2f} with identify; loaded in {load:.2f} s, {load / identify:.1f} times "
             f"identify ({identify:.2f} s)"

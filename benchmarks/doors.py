@@ -260,7 +260,7 @@ def judge_frf(case, path):
     words[words.index("-o") + 1] = str(model)
     code, _, said, error = invoke(controlling.app, words[1:])
     if not code:
-        one = robust.io.load_model(model).records[0]
+        one = robust.load(model).records[0]
         wrong = compare(case, SimpleNamespace(f=one.omega / (2 * np.pi), G=one.G, unit="", bound=lambda: 0 * one.omega))
         if wrong:
             return Result(case, Outcome.WARNED_WRONG if said else Outcome.SILENT, said, wrong)

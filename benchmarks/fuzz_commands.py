@@ -76,17 +76,17 @@ def made():
     matrix = robust.uncertainty(frm, robust.fit_nominal(frm, n_poles=4, dt=1 / 512))
     Kc, K2 = control.tf([1e3], [1, 0.1]), control.append(*[control.ss([], [], [], [[10.0]], 1 / 512)] * 2)
     for name, content in (("ms", ms), ("ms2", several)):
-        nlfrf.io.save_multisine(content, f"{name}.npz")
+        nlfrf.save(content, f"{name}.npz")
     for suffix in ("npz", "mat"):
-        nlfrf.io.save_record(record, f"rec.{suffix}")
-        nlfrf.io.save_record(multi, f"multi.{suffix}")
-    nlfrf.io.save_bla(bla, "bla.npz")
-    nlfrf.io.save_bla(frm, "frm.npz")
-    robust.io.save_model(model, "model.json")
-    robust.io.save_model(matrix, "matrix.json")
+        nlfrf.save(record, f"rec.{suffix}")
+        nlfrf.save(multi, f"multi.{suffix}")
+    nlfrf.save(bla, "bla.npz")
+    nlfrf.save(frm, "frm.npz")
+    robust.save(model, "model.json")
+    robust.save(matrix, "matrix.json")
     for name, K in (("K", control.tf([1e3], [1e-3, -1e-3], 1e-3)), ("Kc", Kc), ("K2", K2)):
-        robust.io.save_controller(K, f"{name}.json")
-    robust.io.save_certificate(robust.check(model, Kc), "cert.json")
+        robust.save(K, f"{name}.json")
+    robust.save(robust.check(model, Kc), "cert.json")
     for name, text in WRONG.items():
         Path(name).write_text(text)
     np.savez("plain.npz", a=np.arange(5))

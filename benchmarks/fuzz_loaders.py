@@ -25,13 +25,13 @@ def fuzz_json(folder, n, rng):
     """(name, refused) of n damaged files of each kind of JSON; all but a ValueError in a clean line is let through."""
     report = robust.check(make_model(), K)
     kinds = (
-        ("model", robust.io.save_model, make_model(), robust.io.load_model),
-        ("controller", robust.io.save_controller, K, robust.io.load_controller),
-        ("certificate", robust.io.save_certificate, report, robust.io.verify_certificate),
+        ("model", make_model(), robust.load),
+        ("controller", K, robust.load),
+        ("certificate", report, robust.io.verify_certificate),
     )
-    for name, save, thing, load in kinds:
+    for name, thing, load in kinds:
         path = folder / f"{name}.json"
-        save(thing, path)
+        robust.save(thing, path)
         content, refused = path.read_bytes(), 0
         for _ in range(n):
             path.write_bytes(damaged(content, rng))

@@ -19,7 +19,7 @@ extensions = [
     *("sphinx.ext.intersphinx", "sphinx_gallery.gen_gallery", "sphinx_copybutton", "myst_parser", "docs.mathml"),
 ]
 html_math_renderer = "mathml"
-exclude_patterns = ["_static", "generated/backreferences"]
+exclude_patterns = ["_static", "generated/backreferences", "paper"]
 templates_path = ["_templates"]
 sphinx_gallery_conf = gallery.settings()
 copybutton_prompt_text = r">>> |\.\.\. |\$ "

@@ -28,8 +28,8 @@ def draw_all(folder: Path) -> None:
         return
     stamp.unlink(missing_ok=True)
     made = outputs("01_identify_then_design")
-    record, bla = nlfrf.load_record(made / "record.npz"), nlfrf.io.load_bla(made / "bla.npz")
-    model, K = robust.io.load_model(made / "model.json"), robust.io.load_controller(made / "controller.json")
+    record, bla = nlfrf.load_record(made / "record.npz"), nlfrf.load(made / "bla.npz")
+    model, K = robust.load(made / "model.json"), robust.load(made / "controller.json")
     report = robust.check(model, K, w_P=robust.performance_weight(2 * np.pi * 3.3, M_S=2.5, A=1e-2))
     drawn = {
         "played": played(record),

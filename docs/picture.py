@@ -21,10 +21,10 @@ PICTURE = Path(__file__).resolve().parent / "_static" / "result.png"
 def main() -> None:
     """One record, its BLA and bound; the loop designed on it, with every plant the record allows."""
     folder = outputs("01_identify_then_design")
-    bla = nlfrf.io.load_bla(folder / "bla.npz")
+    bla = nlfrf.load(folder / "bla.npz")
     report = robust.check(
-        robust.io.load_model(folder / "model.json"),
-        robust.io.load_controller(folder / "controller.json"),
+        robust.load(folder / "model.json"),
+        robust.load(folder / "controller.json"),
         certify=False,
     )
     figure, (left, right) = plt.subplots(

@@ -46,26 +46,26 @@ else:
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2)
     noise = 1e-8 * np.random.default_rng(2).standard_normal(record.y.shape)
     record = replace(record, y=record.y + noise)
-nlfrf.io.save_record(record, args.out / "record.npz")
+nlfrf.save(record, args.out / "record.npz")
 
 # %%
 # Its best linear approximation, with the level of its distortion and a bound.
 bla = nlfrf.identify(record)
-nlfrf.io.save_bla(bla, args.out / "bla.npz")
+nlfrf.save(bla, args.out / "bla.npz")
 print(bla)
 
 # %%
 # A nominal plant, and the uncertainty that covers the bound.
 nominal = robust.fit_nominal(bla, n_poles=args.poles, delay=0.0)
 model = robust.uncertainty(bla, nominal, order=4)
-robust.io.save_model(model, args.out / "model.json")
+robust.save(model, args.out / "model.json")
 print(nominal)
 
 # %%
 # A sampled controller for it by H-infinity loop shaping, on the plant that the controller sees.
 plant = robust.sampled(model.nominal, args.sample_time)
 design = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * args.bandwidth))
-robust.io.save_controller(design.K, args.out / "controller.json")
+robust.save(design.K, args.out / "controller.json")
 
 # %%
 # What can be claimed of the loop, for which perturbations.

@@ -73,7 +73,7 @@ record = nlfrf.simulate(rig, many, n_periods=2, n_discard=2)
 bla = nlfrf.identify(replace(record, y=record.y + noise * rng.standard_normal(record.y.shape)))
 print(f"seven realisations of two periods, {7 * 4 * N / FS:.0f} s: {100 * np.median(bla.bound() / abs(bla.G)):.1f} %")
 
-nlfrf.io.save_multisine(drawn, out / "excitation.csv")  # for the generator; the design stands beside it as .npz
+nlfrf.save(drawn, out / "excitation.csv")  # for the generator; the design stands beside it as .npz
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 8), layout="constrained")
 plot_excitation(drawn, ax=top)
 plot_spectrum(drawn, ax=bottom)

@@ -74,5 +74,5 @@ axes[0, 1].legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.
 plot_weight(models["all three"], ax=axes[1, 0])
 plot_budget(models["all three"], ax=axes[1, 1])
 figure.savefig(out / "family.png", dpi=90)
-robust.io.save_model(models["all three"], out / "family.json")
+robust.save(models["all three"], out / "family.json")
 print(f"wrote {out}/family.png and family.json")

@@ -81,5 +81,5 @@ panels = ((plot_orders, scan), (plot_fit, nominal), (plot_weight, model), (plot_
 for ax, (draw, what) in zip(axes.flat, panels, strict=True):
     draw(what, ax=ax)
 figure.savefig(out / "weights.png", dpi=90)
-robust.io.save_model(model, out / "model.json")
+robust.save(model, out / "model.json")
 print(f"wrote {out}/weights.png and model.json")

@@ -84,5 +84,5 @@ axes[1, 1].set(xlabel="time [s]", ylabel="position [µm]", title="On the rig: a 
 axes[1, 1].legend()
 axes[1, 1].grid(alpha=0.3)
 figure.savefig(out / "pid.png", dpi=90)
-robust.io.save_controller(K, out / "pid.json")
+robust.save(K, out / "pid.json")
 print(f"wrote {out}/pid.png and pid.json")

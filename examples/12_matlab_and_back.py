@@ -35,7 +35,7 @@ record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
 bla = nlfrf.identify(record)
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 robust.io.export_matlab(model, out / "plant.mat")
-robust.io.save_model(model, out / "plant.json")
+robust.save(model, out / "plant.json")
 nlfrf.export_csv(bla, out / "bla.csv")
 print("in MATLAB:  [Gu, G, W, model] = load_plant();  robstab(feedback(Gu, K))")
 
@@ -48,7 +48,7 @@ nominal = control.ss(*matrices)
 same = np.array_equal(content.freq, model.omega) and np.array_equal(content.response, model.at(model.omega))
 print(f"frequencies and response equal to the bit: {same}")
 print(f"nominal rebuilt, largest difference: {np.abs(response(nominal, model.omega) - content.response).max():g}")
-weight = robust.io.load_model(out / "plant.json").weight
+weight = robust.load(out / "plant.json").weight
 same = all(np.array_equal(getattr(weight, m), getattr(model.weight, m)) for m in "ABCD")
 print(f"plant.json: weight equal to the bit: {same}")
 
@@ -77,7 +77,7 @@ sent = loadmat(out / "controller_from_octave.mat")
 K = control.ss(*(sent[m] for m in "ABCD"), float(sent["Ts"].squeeze()))
 report = robust.check(model, K, w_P=robust.performance_weight(2 * np.pi * 0.5, M_S=2.5, A=1e-2))
 print(report.summary)
-robust.io.save_controller(K, out / "controller.json")
+robust.save(K, out / "controller.json")
 robust.io.export_matlab(K, out / "controller.mat")
 print("second-order sections for the target, b0 b1 b2 a0 a1 a2:", robust.io.controller_sections(K).round(4).tolist())
 

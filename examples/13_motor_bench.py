@@ -84,8 +84,8 @@ report = robust.check(model, K, delay=dt)
 # %%
 # What to hand over.
 print(report.summary)
-robust.io.save_controller(K, out / "controller.json")
-robust.io.save_model(model, out / "model.json")  # robust report model.json controller.json makes a page of them
+robust.save(K, out / "controller.json")
+robust.save(model, out / "model.json")  # robust report model.json controller.json makes a page of them
 figure, axes = plt.subplots(3, 2, figsize=(17, 13), layout="constrained")
 panels = [(plot_input, record), (plot_bla, bla), (plot_fit, nominal), (plot_weight, model)]
 panels += [(plot_check, report), (plot_nyquist, report)]

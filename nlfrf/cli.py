@@ -25,6 +25,7 @@ from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.records import holds_multirecord
+from nlfrf.io.results import load_own
 from nlfrf.signals.lines import KINDS, grid_lines
 
 app = Commands(
@@ -114,7 +115,7 @@ def design(
     warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
     if crest is not None and isinstance(ms, nlfrf.Multisine):
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
-    nlfrf.io.save_multisine(ms, out, decimal=decimal)
+    nlfrf.save(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
         print(f"full scale of the WAV file is {np.abs(ms.u).max():.6g}, in the unit of --rms")
     several = f", {format_count(ms.phase.shape[-2], 'experiment')} of {inputs} inputs" if inputs > 1 else ""
@@ -168,7 +169,7 @@ def simulate(
         )
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
-    nlfrf.io.save_record(record, out, decimal=decimal)
+    nlfrf.save(record, out, decimal=decimal)
     runs = format_count(ms.phase.shape[-2], "experiment" if several else "realisation")
     print(f"{runs} x {record.n_periods} periods x {record.n_samples} samples")
 
@@ -248,7 +249,7 @@ def identify(
         record = nlfrf.load_record(file, u=u, y=y, r=references, **cut)
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
-    if design is not None and isinstance(found := nlfrf.load(design), nlfrf.axis.AxisExperiment):
+    if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
         given = {
             "period": period,
             "discard": discard,
@@ -266,7 +267,7 @@ def identify(
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
-        nlfrf.io.save_bla(bla, target)
+        nlfrf.save(bla, target)
         say(f"{name}: {bla}")
         if opinion:
             say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
@@ -313,7 +314,7 @@ def identify_experiment(
     require_writable(*targets, *map(table_path, targets * csv))
     blas = nlfrf.identify(records, **how)
     for label, bla, target in zip(labels, blas, targets, strict=True):
-        nlfrf.io.save_bla(bla, target)
+        nlfrf.save(bla, target)
         printer(json)(f"{label}: {bla}")
         if csv:
             nlfrf.export_csv(bla, table_path(target), decimal=decimal)
@@ -430,7 +431,7 @@ def plot(
     """Draw a saved result as .png, .pdf or .svg."""
     if out.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"out must end in .png, .pdf or .svg, got {out.name!r}")
-    content = nlfrf.load(file)
+    content = load_own(file)
     import matplotlib
 
     matplotlib.use("Agg")
@@ -445,7 +446,8 @@ def plot(
     size = (9, 9)
     if isinstance(content, nlfrf.Bla) and not content.is_single:
         size = 3 * content.n_inputs + 3, 2 * content.n_outputs + 6
-    figure, (top, bottom) = plt.subplots(2, 1, figsize=size, layout="constrained")
+    single = isinstance(content, nlfrf.Bla) and content.is_single
+    figure, (top, *middle, bottom) = plt.subplots(2 + single, 1, figsize=size, layout="constrained")
     if isinstance(content, nlfrf.Bla) and not content.is_single:
         pictures.plot_frm(content, confidence=confidence, ax=top)
         pictures.plot_singular_values(nlfrf.bla.singular_values(content, confidence), ax=bottom)
@@ -454,6 +456,7 @@ def plot(
         pictures.plot_spectrum(content, ax=bottom)
     else:
         pictures.plot_bla(content, confidence=confidence, ax=top)
+        pictures.plot_phase(content, confidence=confidence, ax=middle[0])
         pictures.plot_levels(content, ax=bottom)
     save_figure(out, figure, dpi=120)
     plt.close(figure)
@@ -534,7 +537,7 @@ def identify_matrix(
         if target.suffix.lower() == ".csv":
             nlfrf.export_csv(frm, target, decimal=decimal)
         else:
-            nlfrf.io.save_bla(frm, target)
+            nlfrf.save(frm, target)
     finish_command(frm, True, json)
 
 

@@ -20,8 +20,8 @@ from .analysis.robustness import check as check
 from .analysis.worst_plant import worst_case as worst_case
 from .friction.plant import friction_plant as friction_plant
 from .friction.prove import prove_friction as prove_friction
-from .io.models import load as load
-from .io.models import save as save
+from .io.stored import load as load
+from .io.stored import save as save
 from .lti.sampling import sampled as sampled
 from .models.fit.nominal import fit_nominal as fit_nominal
 from .models.fit.nominal import frd as frd

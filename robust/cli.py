@@ -26,14 +26,15 @@ from nlfrf._base.command import (
     run_command,
     spinner,
 )
-from nlfrf._base.files import LOAD_OPTIONS, command_signature, require_writable, write_text
+from nlfrf._base.files import LOAD_OPTIONS, command_signature, require_file_of, require_writable, write_text
 from robust._base.states import FrictionVerdict
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-certificates, pid, sampling, from_options, drive_check, shaping_page, gains_file = (
+certificates, models, pid, sampling, from_options, drive_check, shaping_page, gains_file = (
     lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
     for module in (
         "io.certificates",
+        "io.models",
         "io.pid",
         "lti.sampling",
         "reports.command",
@@ -160,7 +161,7 @@ def model(
             perturbation=perturbation,
         )
     print(result)
-    robust.io.save_model(result, out)
+    robust.save(result, out)
     if picture is not None:
         write_pictures(picture, from_options.model_pictures(result, blas))
 
@@ -203,9 +204,7 @@ def design(
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
         plant = (
-            nlfrf.io.load_bla(model)
-            if model.suffix.lower() in from_options.BLA_SUFFIXES
-            else robust.io.load_model(model)
+            models.load_bla(model) if model.suffix.lower() in from_options.BLA_SUFFIXES else models.load_model(model)
         )
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
@@ -216,7 +215,7 @@ def design(
     else:
         if bandwidth is None:
             raise ValueError(f"bandwidth must be given [Hz] for {method}")
-        plant = robust.io.load_model(model)
+        plant = models.load_model(model)
         if delay and not plant.is_single and plant.nominal.dt:
             raise ValueError(
                 f"delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
@@ -243,7 +242,7 @@ def design(
         )
     if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
-    robust.io.save_controller(result.K, out, delay=delay or None)
+    robust.save(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
@@ -269,7 +268,12 @@ def check(
     ] = 2.0,
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
     no_certify: Annotated[bool, typer.Option("--no-certify", help="Look at a grid only; proves nothing.")] = False,
-    solver: Annotated[str, typer.Option(help="CLARABEL or SCS; without effect on the proof of one loop.")] = "CLARABEL",
+    proof: Annotated[
+        str, typer.Option(help="Proof of one loop: exact, lmi (a matrix from cvxpy, verified exactly) or both.")
+    ] = "exact",
+    solver: Annotated[
+        str | None, typer.Option(help="CLARABEL or SCS, for --proof lmi and several channels; both when not given.")
+    ] = None,
     reference_step: StepHeight = None,
     disturbance: DisturbanceRms = None,
     noise: NoiseRms = None,
@@ -293,14 +297,23 @@ def check(
     files = {path: [controller_file(path, one, several) for one in (out, picture)] for path in controller}
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
     require_writable(*(certificates.certificate_path(report) for report, _ in files.values() if report is not None))
-    plant, say, reports = robust.io.load_model(model), printer(json), {}
+    plant, say, reports = models.load_model(model), printer(json), {}
     w_P, signals = (
         from_options.demand_weight(plant, bandwidth, peak, error),
         from_options.signals_from_options(reference_step, disturbance, noise, up_to),
     )
     for path, (K, late) in zip(controller, from_options.load_loops(controller, delay), strict=True):
         with spinner("checking"):
-            report = robust.check(plant, K, w_P=w_P, delay=late, certify=not no_certify, solver=solver, signals=signals)
+            report = robust.check(
+                plant,
+                K,
+                w_P=w_P,
+                delay=late,
+                certify=not no_certify,
+                proof=proof,  # type: ignore[arg-type]
+                solver=solver,
+                signals=signals,
+            )
         report = replace(report, peak=require_positive("peak", peak))
         gains = pid.format_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
@@ -323,8 +336,8 @@ def verify(
     json: Json = False,
 ) -> None:
     """Prove a certificate again to the last bit, all rounding outward; exit code 1 where any claim is not proved."""
-    plant = None if model is None else robust.io.load_model(model)
-    K = None if controller is None else robust.io.load_controller(controller)
+    plant = None if model is None else models.load_model(model)
+    K = None if controller is None else models.load_controller(controller)
     with spinner("verifying"):
         found = robust.io.verify_certificate(file, model=plant, K=K, time_cap=seconds)
     printer(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")
@@ -425,14 +438,17 @@ def orders(
 
 @app.command()
 def export(
-    file: Annotated[Path, typer.Argument(help="Model or controller written by this command (.json).")],
+    file: Annotated[
+        Path, typer.Argument(help="Model, controller or certificate of 'robust check --proof lmi' (.json).")
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
     if out.suffix == ".mat":
+        require_file_of(file, "robust-model", "robust-matrix-model", "robust-controller", "robust-mu-certificate")
         robust.io.export_matlab(robust.load(file), out)
     elif out.suffix == ".csv":
-        sections = robust.io.controller_sections(robust.io.load_controller(file))
+        sections = robust.io.controller_sections(models.load_controller(file))
         if isinstance(sections, tuple):
             raise ValueError(
                 f"file must be a controller of one loop to be written as sections, got {len(sections)} in {file}"
@@ -480,7 +496,7 @@ def report(
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
-    plant, [(K, late)] = robust.io.load_model(model), from_options.load_loops([controller], delay)
+    plant, [(K, late)] = models.load_model(model), from_options.load_loops([controller], delay)
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
     if not plant.is_single:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
@@ -494,7 +510,7 @@ def report(
             out,
             plant,
             K,
-            bla=[nlfrf.io.load_bla(path) for path in bla or []],
+            bla=[models.load_bla(path) for path in bla or []],
             record=[nlfrf.load_record(path, **load) for path in record or []],
             w_P=w_P,
             delay=late,
@@ -615,7 +631,7 @@ def check_gains(
     if out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
     not_judged = found.verdict is drive_check.DriveVerdict.FRICTION_NOT_JUDGED
-    finish_command(found, found.safe, json, code=3 if not_judged else 1)
+    finish_command(found.to_values() if json else found, found.safe, json, code=3 if not_judged else 1)
 
 
 def require_design(traces: list[Path]) -> None:

@@ -87,6 +87,7 @@ FILE_KINDS = {
     "robust-controller": FileKind("a controller", "robust check MODEL {}"),
     "robust-certificate": CERTIFICATE_FILE,
     "robust-friction-certificate": CERTIFICATE_FILE,
+    "robust-mu-certificate": CERTIFICATE_FILE,
 }
 
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from nlfrf._base.arguments import require_choice, require_integer, require_kind
+from nlfrf._base.arguments import require_integer
 from nlfrf._base.files import (
-    DECIMALS,
     DESIGN_MARK,
     Role,
     require_writable,
@@ -38,41 +37,7 @@ DESIGNS: dict[str, Callable[..., Multisine | OrthogonalMultisine | AxisExperimen
 
 
 def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write a design with its samples.
-
-    ``.npz`` and ``.h5`` hold the design exactly, and the samples u beside it, (M, N), or (n_u, M, N) of several inputs.
-    ``.csv``, ``.mat`` and ``.wav`` hold what a signal generator plays, with the design in an ``.npz`` of the same name
-    beside them: one column or channel a realisation, or each input of the first experiment, of the second and so on; a
-    WAV file is scaled to a peak of 1, and that peak stored with the design.
-
-    Parameters
-    ----------
-    ms : Multisine or OrthogonalMultisine
-        The design.
-    path : path
-        File to write; its suffix says the format. Written whole or not at all.
-    decimal : str
-        Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
-
-    Raises
-    ------
-    ValueError
-        Another suffix; a sampling frequency that is not a whole number for a WAV file, which can hold no other; a file
-        with the name of the ``.npz`` beside it that is no design.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> from nlfrf.signals.multisine import multisine
-    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
-    >>> save_multisine(ms, f"{folder.name}/ms.csv")              # and the design beside it
-    >>> bool(np.array_equal(load_multisine(f"{folder.name}/ms.npz").phase, ms.phase))
-    True
-    >>> folder.cleanup()
-    """
-    require_kind("ms", ms, Multisine, OrthogonalMultisine)
-    require_choice("decimal", decimal, DECIMALS)
+    """Write a design with its samples, or what a generator plays and the design beside it."""
     path, companion = to_path(path), to_path(path).with_suffix(".npz")
     schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u
@@ -164,31 +129,7 @@ def played_names(ms: Multisine | OrthogonalMultisine) -> list[str]:
 
 
 def load_multisine(path: str | os.PathLike[str]) -> Multisine:
-    """Read the design of one input that `save_multisine` wrote; `load` reads those of several inputs, too.
-
-    Parameters
-    ----------
-    path : path
-        The ``.npz`` or ``.h5`` file of the design.
-
-    Returns
-    -------
-    Multisine
-
-    Raises
-    ------
-    ValueError
-        A file that is not a whole design of a version this package reads.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> load_multisine("README.md")
-    Traceback (most recent call last):
-        ...
-    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
-    """
+    """Return the design of one input in a file, or a refusal of one of several."""
     ms = load_design(path)
     if not isinstance(ms, Multisine):
         raise ValueError(

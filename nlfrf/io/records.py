@@ -352,7 +352,7 @@ def load_record(
     >>> import tempfile
     >>> folder = tempfile.TemporaryDirectory()
     >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
-    >>> nlfrf.io.save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.mat")
+    >>> nlfrf.save(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.mat")
     >>> record = load_record(f"{folder.name}/run.mat", u="u", y="y")
     >>> bool(np.array_equal(record.u, ms.u[None]))
     True

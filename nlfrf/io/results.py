@@ -1,15 +1,17 @@
-"""Results to and from files, and whatever else this package wrote."""
+"""Results to and from files, and whatever else these packages wrote."""
 
 from __future__ import annotations
 
 import itertools
 import os
 from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from nlfrf._base.arguments import require_choice, require_kind
-from nlfrf._base.files import DECIMALS, describe_wrong_file, to_path, write_table
+from nlfrf._base.files import DECIMALS, FILE_KINDS, describe_wrong_file, to_path, write_table
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.designs import DESIGNS, save_experiment, save_multisine
@@ -20,7 +22,7 @@ from nlfrf.io.stored_records import (
     stored_multirecord,
     stored_records,
 )
-from nlfrf.io.stored_values import load_value, save_value, value_from_file
+from nlfrf.io.stored_values import save_value, value_from_file
 from nlfrf.records.record import Record
 from nlfrf.records.samples import Cutting
 from nlfrf.signals.axis_experiment import AxisExperiment
@@ -30,38 +32,8 @@ from nlfrf.signals.orthogonal import OrthogonalMultisine
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
 RESULTS: dict[str, Callable[..., Bla]] = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
 StoredValue = Multisine | OrthogonalMultisine | AxisExperiment | Record | Bla
-
-
-def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
-    """Write a `Bla` to an ``.npz`` or ``.h5`` file, exactly.
-
-    Parameters
-    ----------
-    bla : Bla
-        What was identified.
-    path : path
-        File to write, ``.npz`` or ``.h5``. Written whole or not at all.
-
-    Raises
-    ------
-    ValueError
-        Another suffix.
-
-    Examples
-    --------
-    >>> import nlfrf
-    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> bla = nlfrf.identify(record)
-    >>> save_bla(bla, f"{folder.name}/bla.npz")
-    >>> bool(np.array_equal(nlfrf.io.load_bla(f"{folder.name}/bla.npz").G, bla.G))
-    True
-    >>> folder.cleanup()
-    """
-    require_kind("bla", bla, Bla)
-    save_value(bla, BLA_SCHEMA if bla.is_single else FRM_SCHEMA, path)
+#: Reads and writes the JSON files of `robust`. It is named here, not imported: `robust` stands on this package.
+JSON_FILES = "robust.io.stored"
 
 
 def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
@@ -133,83 +105,87 @@ def bla_table(bla: Bla, confidence: float) -> dict[str, np.ndarray]:
     }
 
 
-def load_bla(path: str | os.PathLike[str]) -> Bla:
-    """Read what `save_bla` wrote.
+def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", delay: float | None = None) -> None:
+    """Write whatever these packages make, so that `load` reads it.
+
+    Files replace what the path held. Each is written whole or not at all.
 
     Parameters
     ----------
+    thing : Multisine, Record, Bla, UncertaintyModel, controller, RobustnessReport, ...
+        What to write; the suffixes that each kind takes:
+
+        - a multisine: ``.npz`` and ``.h5`` hold the design exactly and its samples u, (M, N), of several inputs
+          (n_u, M, N). ``.csv``, ``.mat`` and ``.wav`` hold what a signal generator plays, one column or channel a
+          realisation or input; the design goes to an ``.npz`` of the same name. A WAV file is scaled to a peak of 1.
+        - an experiment on a drive: ``.npz``, ``.h5``, or ``.csv`` of set points to play, one file a realisation, with
+          its design as ``.npz``.
+        - a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one experiment.
+        - a BLA: ``.npz`` or ``.h5``.
+        - an uncertainty model, or a controller for negative feedback (state space, transfer function, number or
+          matrix): ``.json``, exact to the bit.
+        - what `robust.check`, `robust.prove_friction` and `robust.friction.prove_saturated` return: a certificate,
+          ``.json``, with plant, controller, delay, weights and claim as given and a digest of it all.
     path : path
-        A file that `save_bla` wrote.
-
-    Returns
-    -------
-    Bla
-
-    Raises
-    ------
-    ValueError
-        A file that is not a whole BLA of a version this package reads.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> load_bla("README.md")
-    Traceback (most recent call last):
-        ...
-    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
-    """
-    bla: Bla = load_value(RESULTS, path)
-    return bla
-
-
-def save(thing: StoredValue, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write whatever this package makes, so that `load` reads it: a multisine, an experiment, a record or a BLA.
-
-    Parameters
-    ----------
-    thing : Multisine, OrthogonalMultisine, AxisExperiment, Record or Bla
-        What to write.
-    path : path
-        File to write; its suffix says how. All of it is kept by ``.npz`` and ``.h5``. An experiment as ``.csv`` is the
-        set points to play, one file a realisation, with its design as ``.npz``.
+        File to write.
     decimal : str
-        Decimal mark of a table, "." or ",".
+        Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
+    delay : float, optional
+        Of a controller: computation delay [s] that it was designed for. Commands that get the file check it with that.
 
     Raises
     ------
     ValueError
-        A thing of another kind, or a suffix that does not fit.
+        A thing of another kind, or a suffix that does not fit; several experiments of a record for a ``.csv``; a
+        sampling frequency that is no whole number for a ``.wav``; a report in which nothing is proved.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Warns
+    -----
+    DataWarning
+        A sampled controller whose second-order sections do not hold it to 0.1 %: they are left out, A, B, C and D kept.
 
     Examples
     --------
-    >>> save(1.0, "x.npz")
-    Traceback (most recent call last):
-        ...
-    ValueError: thing must be of type Multisine or OrthogonalMultisine or AxisExperiment or Record or Bla, got 1.0
+    >>> import nlfrf, tempfile
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> save(ms, f"{folder.name}/ms.csv")  # to play, and the design beside it
+    >>> bool(np.array_equal(load(f"{folder.name}/ms.npz").phase, ms.phase))
+    True
+    >>> folder.cleanup()
     """
-    require_kind("thing", thing, Multisine, OrthogonalMultisine, AxisExperiment, Record, Bla)
+    require_choice("decimal", decimal, DECIMALS)
+    if delay is not None and isinstance(thing, StoredValue):
+        raise ValueError(f"delay must be left out for anything but a controller, got {delay!r}")
     if isinstance(thing, Bla):
-        save_bla(thing, path)
+        save_value(thing, BLA_SCHEMA if thing.is_single else FRM_SCHEMA, path)
     elif isinstance(thing, Record):
         save_record(thing, path, decimal=decimal)
     elif isinstance(thing, AxisExperiment):
         save_experiment(thing, path, decimal=decimal)
-    else:
+    elif isinstance(thing, Multisine | OrthogonalMultisine):
         save_multisine(thing, path, decimal=decimal)
+    else:
+        import_module(JSON_FILES).save_json(thing, path, delay=delay)
 
 
-def load(path: str | os.PathLike[str]) -> StoredValue:
-    """Read whatever this package wrote: a multisine, an experiment, a record, a BLA, of one input or of several.
+def load(path: str | os.PathLike[str]) -> Any:
+    """Read whatever `save` or a command of these packages wrote.
+
+    Files of other programs go to `load_record` and `nlfrf.io.load_frf`.
 
     Parameters
     ----------
     path : path
-        A file of `save_multisine`, `save_record` or `save_bla`.
+        A file of `save`; of what is to be played, the ``.npz`` of its design.
 
     Returns
     -------
-    Multisine, OrthogonalMultisine, AxisExperiment, Record or Bla
+    Multisine, OrthogonalMultisine, AxisExperiment, Record, Bla, UncertaintyModel or control.StateSpace
+        What was saved; a controller is a state space. Of a certificate the claim that it makes, unproved:
+        `robust.io.verify_certificate` proves it again.
 
     Raises
     ------
@@ -225,6 +201,13 @@ def load(path: str | os.PathLike[str]) -> StoredValue:
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
+    if to_path(path).suffix.lower() == ".json":
+        return import_module(JSON_FILES).load_json(path)
+    return load_own(path)
+
+
+def load_own(path: str | os.PathLike[str]) -> StoredValue:
+    """Return what `nlfrf` wrote, for commands that take nothing else."""
     return value_in(read_channels(path))
 
 
@@ -236,6 +219,6 @@ def value_in(file: Channels) -> StoredValue:
     if schema == MULTIRECORD_SCHEMA:
         return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
-        raise ValueError(describe_wrong_file(file.path, schema or None, *DESIGNS, RECORD_SCHEMA, *RESULTS))
+        raise ValueError(describe_wrong_file(file.path, schema or None, *FILE_KINDS))
     kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
     return value_from_file(kinds, file)

@@ -90,20 +90,19 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
     top, bottom = bode_axes(ax)
     draw_magnitude(top, bla, confidence)
     top.set(xscale="log", title=describe_measurement(bla))
-    phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, bla.bound(confidence))
-    bottom.fill_between(bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0)
-    bottom.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=COLOR["excited"])
-    bottom.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
+    plot_phase(bla, confidence=confidence, ax=bottom)
     join_labels(bottom, top)
     finish_axes(top)
     return top, finish_axes(bottom)
 
 
-def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
-    """Draw the unwrapped phase of the BLA in degrees; arguments as in `plot_bla`."""
+def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
+    """Draw the unwrapped phase of the BLA in degrees, with its bound as a band; arguments as in `plot_bla`."""
     require_single(bla)
     ax = axes_or_new(ax)
-    ax.plot(bla.f, np.degrees(np.unwrap(np.angle(bla.G))), "-", color=COLOR["excited"], label="arg G")
+    phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, bla.bound(confidence))
+    ax.fill_between(bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0)
+    ax.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=COLOR["excited"])
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
     return finish_axes(ax)
 

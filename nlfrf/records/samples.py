@@ -287,6 +287,7 @@ def records_from_streams(
     excitation = streams[known]
     for one in excitation:
         warn_of_hits(known, one[excited_span(one, one.size // 16)])
+    n_samples_found = n_samples is None and design is None
     if n_samples is None and design is not None:
         n_samples = design_period(design, fs)
     elif n_samples is None:
@@ -318,6 +319,12 @@ def records_from_streams(
     warn_of_swapped(cut, labels)
     if lines is None:
         lines = recognise_grid(cut.get("r", cut["u"])) if design is None else design.lines
+        if n_samples_found and n_periods == 2 and lines.kind == "custom":
+            data_warning(
+                f"the period of {n_samples} samples was found from one repetition, of lines that form no grid: with "
+                "samples lost between its two ends it would come out too short. Give the design that was played, or "
+                "n_samples"
+            )
     require_equal_gaps(kept, tracks)
     for _ in range(MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
         if not examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):

@@ -6,6 +6,7 @@ curves           S, T and the measures of robust stability (rs) and performance 
 disk             disk margins: gain, phase or less of both, in all channels at once
 family           loops around random plants of the set
 gap              the distance between plants (nu-gap), and the margin of a loop for it
+lmi_proofs       the same proofs of one loop by a matrix inequality that cvxpy solves
 loop             plant, controller, hold, delay on one time base: stable or not, its peaks, with another plant
 loop_proofs      stability and performance of the whole set proved at every frequency
 loop_level       predict at which level a loop moves the machine, and compare that with the measured levels

@@ -35,8 +35,8 @@ class ClassicalMargins:
 
     Fields
     ------
-    crossover : float
-        Highest frequency at which |L| is one [rad/s]; nan where it never is.
+    crossovers : tuple of float
+        Every frequency at which |L| is one [rad/s], increasing.
     phase_margin, omega_phase : float
         Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and where [rad/s].
     delay_margin : float
@@ -62,7 +62,7 @@ class ClassicalMargins:
     (2.0, 3.0)
     """
 
-    crossover: float = float("nan")
+    crossovers: tuple[float, ...] = ()
     phase_margin: float = float("nan")
     omega_phase: float = float("nan")
     delay_margin: float = float("inf")
@@ -72,13 +72,19 @@ class ClassicalMargins:
     omega_reduction: float = float("nan")
     bandwidth: float = float("nan")
 
+    @property
+    def crossover(self) -> float:
+        """Return the highest frequency at which |L| is one [rad/s]; nan where it never is."""
+        return self.crossovers[-1] if self.crossovers else float("nan")
+
     def __str__(self) -> str:
-        if np.isnan(self.crossover):
+        if not self.crossovers:
             text = "|L| never crosses one"
         else:
+            found = ", ".join(map(format_hertz, self.crossovers))
             text = (
-                f"crossover {format_hertz(self.crossover)}, phase margin {np.degrees(self.phase_margin):.1f} deg"
-                f" at {format_hertz(self.omega_phase)}"
+                f"crossover{'s' * (len(self.crossovers) > 1)} {found}, phase margin "
+                f"{np.degrees(self.phase_margin):.1f} deg at {format_hertz(self.omega_phase)}"
             )
         if np.isfinite(self.gain_margin):
             text += f", gain margin {20 * np.log10(self.gain_margin):.2f} dB at {format_hertz(self.omega_gain)}"
@@ -111,12 +117,12 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
         return ClassicalMargins()
     size, phase = np.log(np.abs(L)), np.unwrap(np.angle(L))
     found: dict[str, float] = {}
-    at = zero_crossings(x, size)
+    at = crossovers = zero_crossings(x, size)
     if at.size:
         off = np.interp(at, x, phase)
         margin = np.abs((off + 2 * np.pi) % (2 * np.pi) - np.pi)
         k = int(np.argmin(margin))
-        found |= {"crossover": np.exp(at[-1]), "phase_margin": margin[k], "omega_phase": np.exp(at[k])}
+        found |= {"phase_margin": margin[k], "omega_phase": np.exp(at[k])}
         found["delay_margin"] = ((off + np.pi) % (2 * np.pi) / np.exp(at)).min()
     turns = np.arange(np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1)
     real = [zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
@@ -132,7 +138,8 @@ def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
     reached = zero_crossings(x, S)
     if S[0] < 0 and reached.size:
         found["bandwidth"] = np.exp(reached[0])
-    return ClassicalMargins(**{name: float(number) for name, number in found.items()})
+    numbers = {name: float(number) for name, number in found.items()}
+    return ClassicalMargins(crossovers=tuple(np.exp(crossovers).tolist()), **numbers)
 
 
 def zero_crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -26,9 +26,10 @@ from robust._base.types import Controller, Weight
 from robust.analysis.aliases import RsBreakdown, rs_breakdown
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.disk import disk_margins
+from robust.analysis.lmi_proofs import METHODS, ProofMethod, prove_set_by
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability, find_curve_peaks
 from robust.analysis.loop_level import LoopSignals, predict_level, require_one_channel_loop
-from robust.analysis.loop_proofs import prove_set, stability_claim
+from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import (
     KnownOfLoop,
     RobustnessReport,
@@ -125,7 +126,8 @@ def check(
     w_P: Weight | None = None,
     delay: float = 0.0,
     certify: bool = True,
-    solver: str = "CLARABEL",
+    proof: ProofMethod = "exact",
+    solver: str | None = None,
     n_unstable: int = 0,
     signals: LoopSignals | None = None,
 ) -> RobustnessReport:
@@ -147,8 +149,12 @@ def check(
         Computation delay [s] on top of what the model contains.
     certify : bool
         Prove the result over all frequencies; without it nothing better than "not certified" comes out.
-    solver : str
-        "CLARABEL" or "SCS". Without effect since exact arithmetic proves a loop; kept for scripts that name it.
+    proof : str
+        How one loop is proved: "exact" (polynomials in exact arithmetic), "lmi" (a matrix P and a scaling from cvxpy,
+        verified over the rationals, which leaves aliases and delays of continuous loops open), or "both", where what
+        either proves is proved. Several channels are proved by P and a scaling, whatever is asked for.
+    solver : str, optional
+        "CLARABEL" or "SCS", for P and the scaling. When not given one loop takes CLARABEL, several channels both.
     n_unstable : int
         Unstable open-loop poles of an FRF, for the winding number.
     signals : LoopSignals, optional
@@ -180,11 +186,13 @@ def check(
     >>> report.verdict, bool(abs(report.margin_rs - 1 / max(report.rs)) < 1e-3)
     ('robust', True)
     """
-    require_choice("solver", solver, SOLVERS)
+    require_choice("proof", proof, METHODS)
+    if solver is not None:
+        require_choice("solver", solver, SOLVERS)
     if signals is not None:
         require_one_channel_loop(model)
     if has_several_channels(model):
-        return check_matrix(model, K, w_P=w_P, delay=delay, certify=certify)
+        return check_matrix(model, K, w_P=w_P, delay=delay, certify=certify, proof=proof, solver=solver)
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
@@ -219,7 +227,7 @@ def check(
     peaks = find_curve_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1], peaks.S_worst[1]])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
-    proofs = prove_set(loop, curves, peaks.rs[0], claim=claim, certify=certify)
+    proofs = prove_set_by(loop, curves, peaks.rs[0], claim=claim, certify=certify, proof=proof, solver=solver)
     folding = rs_breakdown_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
     found = fill_report(
         curves,
@@ -247,15 +255,22 @@ def rs_breakdown_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) ->
 
 
 def check_matrix(
-    model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float, certify: bool
+    model: UncertaintyModel,
+    K: Controller,
+    *,
+    w_P: Weight | None,
+    delay: float,
+    certify: bool,
+    proof: ProofMethod,
+    solver: str | None,
 ) -> RobustnessReport:
     """Check several channels by the blocks of the best form, with the margins of every loop; one by `check`."""
     if model.is_single:
-        return check(model, K, w_P=w_P, delay=delay, certify=certify)
+        return check(model, K, w_P=w_P, delay=delay, certify=certify, proof=proof, solver=solver)
     forms = [
         set_on_controller_time_base(form, K, delay) for form in (model, model.alternative_form) if form is not None
     ]
-    reports = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form, _ in forms}
+    reports = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify, solver=solver) for form, _ in forms}
     taken = best_form(reports)
     found = reports[taken]
     reason = found.reason

@@ -1,7 +1,7 @@
 """Check of a loop with several uncertainties: nominal stability, bounds by mu, certificates (SP 8.9, 8.10).
 
 The upper bound of mu over a grid decides what is worth proving, the lower bound gives a counter-example. Only
-`certify_mu` and `certify_norm`, which hold between the frequencies, make a proof.
+`certify_mu` and `certify_scaled`, which hold between the frequencies, make a proof.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.lti.stability import StabilityResult
 from robust.models.sets.interconnection import UncertainSystem
-from robust.mu.blocks import block_structure
+from robust.mu.blocks import block_structure, blocks_with_kinds
 from robust.mu.certify import certify_mu
 from robust.mu.lower import search_perturbation
 from robust.mu.parameters import Crossing, ParameterMargin, find_crossing, parameter_margin
-from robust.mu.upper import mu_bound_at, mu_upper, refine_grid
-from robust.proofs.search.bounded_real import certify_norm
+from robust.mu.upper import mu_bound_at, refine_grid
 from robust.proofs.search.certificate import Certificate, failed_certificate
+from robust.proofs.search.intervals import SLACK
+from robust.proofs.search.scaled_kyp import certify_scaled
 from robust.proofs.search.stability import decide_stability
 
 DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided verdict is pursued
@@ -40,7 +41,12 @@ MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smalle
 
 
 def check_structure(
-    system: UncertainSystem, *, certify: bool = True, gap: float | None = None, time_cap: float = 60.0
+    system: UncertainSystem,
+    *,
+    certify: bool = True,
+    gap: float | None = None,
+    solver: str | None = None,
+    time_cap: float = 60.0,
 ) -> RobustnessReport:
     """Check a loop with several uncertainties by the structured singular value, and say what was proved.
 
@@ -53,6 +59,8 @@ def check_structure(
     gap : float, optional
         With real parameters: relative distance between margin_rs and margin_broken, for which their box is cut up part
         by part (`parameter_margin`). When not given it is cut up, to 5 %, only where the verdict is still open.
+    solver : str, optional
+        "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling; one after the other when not given.
     time_cap : float
         Seconds. Where they were too few the bounds found by then, larger ones, are what is judged, and the reason says
         so.
@@ -94,7 +102,7 @@ def check_structure(
     curves = bound_curves(system, omega, deadline - 0.5 * time_cap)
     broken, worst = find_worst_perturbation(system, curves, deadline - 0.3 * time_cap)
     certificates = (
-        prove_stability_and_performance(system, curves, deadline)
+        prove_stability_and_performance(system, curves, solver, deadline)
         if certify and curves.peak < 1 and not broken <= 1
         else ()
     )
@@ -260,11 +268,11 @@ def complete_bounds(
 
 
 def prove_stability_and_performance(
-    system: UncertainSystem, curves: MuCurves, deadline: float
+    system: UncertainSystem, curves: MuCurves, solver: str | None, deadline: float
 ) -> tuple[Certificate, ...]:
     """Prove stability, and performance where stability is proved and the grid does not contradict it."""
     stability = prove_bound(
-        system, system.loop, blocks=system.structure, subject="robust stability", omega=curves.omega, deadline=deadline
+        system, system.loop, blocks=system.structure, subject="robust stability", solver=solver, deadline=deadline
     )
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
@@ -273,7 +281,7 @@ def prove_stability_and_performance(
         system.N,
         blocks=system.with_performance,
         subject="robust performance",
-        omega=curves.omega,
+        solver=solver,
         deadline=deadline,
     )
     return stability, performance
@@ -362,35 +370,22 @@ def prove_bound(
     *,
     blocks: Blocks,
     subject: str,
-    omega: np.ndarray,
+    solver: str | None,
     deadline: float,
 ) -> Certificate:
     """Prove mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
 
     A repeated operator counts as a full block: no scaling but a number commutes with a nonlinear one.
     """
-    nonlinear = any(block.perturbation == "operator" for block in system.blocks.values())
+    left = min(10.0, max(deadline - time.monotonic(), 0.1))
+    operators = [block.kind != "real" and block.perturbation == "operator" for block in system.blocks.values()]
     one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
-    if not nonlinear or one_full_block:
-        found = certify_mu(N, blocks, 1.0, time_cap=min(10.0, max(deadline - time.monotonic(), 0.1)))
-        return replace(found, subject=subject)
-    response = response_by_channel(N, omega)
-    scaling = mu_upper(response, [b[:2] for b in blocks]).scaling
-    assert scaling is not None
-    D_L, D_R, _ = scaling
-    sizes = [
-        np.linalg.norm(
-            np.einsum("ij,jkw,kl->wil", D_L[:, :, k], response, np.linalg.inv(D_R[:, :, k])), 2, (1, 2)
-        ).max()
-        for k in range(omega.size)
-    ]
-    k = int(np.argmin(sizes))
-    if not sizes[k] < 1:
-        return failed_certificate(
-            subject, 1.0, f"no scaling that is the same at all frequencies was found: {sizes[k]:.4g} at best"
-        )
-    L, R = D_L[:, :, k].real, np.linalg.inv(D_R[:, :, k].real)
-    found = certify_norm(control.StateSpace(N.A, N.B @ R, L @ N.C, L @ N.D @ R, N.dt), 1.0, subject=subject)
-    if found.violated:  # by this scaling, which says nothing of another one
-        return failed_certificate(subject, 1.0, f"with the scaling that was found for all frequencies {found.reason}")
-    return found
+    if one_full_block or not any(operators):
+        return replace(certify_mu(N, blocks, 1.0, solver=solver, time_cap=left), subject=subject)
+    given = blocks_with_kinds(blocks)
+    cut = [(*block[:2], "full") if operator else block for block, operator in zip(given, operators, strict=False)]
+    cut += given[len(operators) :]  # performance
+    found = certify_scaled(N, cut, 1 - SLACK, solver=solver, time_cap=left, subject=subject)
+    if found is None:
+        return failed_certificate(subject, 1.0, "no scaling that is the same at all frequencies was found")
+    return replace(found, level=1.0)

@@ -27,8 +27,9 @@ from nlfrf._base.arguments import (
     require_kind,
     require_positive,
 )
+from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.units import POSITIONS
-from nlfrf._base.values import value
+from nlfrf._base.values import to_plain, value
 from robust._base.states import State, Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
@@ -38,7 +39,11 @@ from robust.analysis.robustness import check
 from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
 from robust.drive.settings import DriveSettings
+from robust.friction.balance import motion_of_record
+from robust.friction.classes import any_bounded
+from robust.friction.force import FrictionForce, read_friction_force
 from robust.friction.identification import FrictionFit
+from robust.friction.in_motion import fit_linear
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
@@ -65,6 +70,11 @@ TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
 WEIGHT_ORDERS = (4, 6, 8)
 #: What a drive does not say of its currents.
 AMPERE_NOTE = ". A is rms or peak, the same in kp and in the force constant"
+#: Why friction that creeps is not read as a class whose rest can be proved.
+CREEP_NOTE = (
+    "the friction creeps below break-away, or is damped there, as LuGre, Dahl and hysteresis with micro-damping do: no "
+    "rest of such friction is proved"
+)
 #: What the words of the page mean.
 LEGEND = """line: an excited frequency; rms: on the lines, in parentheses of the whole trace with its noise
 radius: how far the FRF on a line may be from the model, relative to it; weight: bound of that error
@@ -100,13 +110,16 @@ class BaseMotion(State):
 class Conditions(NamedTuple):
     """With which gains a trace was recorded, whether the axis moved, and what was found when all traces were read.
 
-    warnings : what was warned of. unread : why pre-tests show no friction.
+    velocity : base velocity [m/s], [rad/s]. warnings : what was warned of. unread : why pre-tests show no class of
+    friction. levels : every level of the pre-tests.
     """
 
     gains: RecordedGains = RecordedGains.UNKNOWN
     motion: BaseMotion = BaseMotion.UNKNOWN
     warnings: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
+    velocity: float = 0.0
+    levels: tuple[nlfrf.Record, ...] = ()
 
 
 class DoubtKind(State):
@@ -152,6 +165,8 @@ class DriveCheck:
         Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
     doubts : tuple of Doubt
         Why the gains are not safe though the verdict may be good, or why the model cannot judge them.
+    given : DriveSettings or None
+        The settings as given: those of `settings` have delay and lag of the trace where it refutes the given ones.
     """
 
     settings: DriveSettings
@@ -163,6 +178,7 @@ class DriveCheck:
     friction: DriveFriction
     actual: bool
     doubts: tuple[Doubt, ...] = ()
+    given: DriveSettings | None = None
 
     @property
     def linear_passed(self) -> bool:
@@ -201,6 +217,34 @@ class DriveCheck:
             why += "; the verdict below only says that no linear plant of the set is unstable"
         return f"NOT PASSED: linear loop: {why}; friction {friction}"
 
+    def to_values(self) -> dict[str, Any]:
+        """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
+
+        friction.outcome : "rests", "settles" (within `within` [m]), "refuted" or "open": what is proved.
+        """
+        found, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
+        assert isinstance(found, dict)
+        assert isinstance(found["friction"], dict)
+        found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.S_worst}
+        known = fit if force is None and fit is not None else None if force is None else force.sliding
+        mass = None if known is None or not np.isfinite(known.stds["mass"]) else known.mass
+        interval = [None, None] if force is None else force.Fs.tolist()
+        if force is None and fit is not None and np.isfinite(fit.stds["Fs"]):
+            interval = list(fit.interval("Fs"))
+        found["friction"] |= to_plain(
+            {
+                "outcome": self.friction.outcome,
+                "within": self.friction.within,
+                "reason": self.friction.note,
+                "mass": mass,
+                "mass_interval": None if mass is None or known is None else known.interval("mass"),
+                "delay": None if known is None else known.delay,
+                "Fs_interval": interval,
+                "K0_used": self.friction.K0_used,
+            }
+        )
+        return found
+
     @property
     def stiffness(self) -> str | None:
         """The least stiffness of the axis in its loop, over frequency; None where it is not stable or not known."""
@@ -218,6 +262,11 @@ class DriveCheck:
         timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms"
         margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
         more = f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay" if margin < np.inf else ""
+        if self.given is not None and (self.given.delay, self.given.lag) != (self.settings.delay, self.settings.lag):
+            timing += (
+                f", as the trace shows them, and not {1e3 * self.given.delay:g} ms and {1e3 * self.given.lag:g} ms as "
+                "given, with which the machine would lead its force"
+            )
         if shown := self.friction.delay:
             more = f"; the traces at rest show {shown} of both together{more}"
         if self.actual:
@@ -354,25 +403,31 @@ def read_experiments(
             f"{len(traces)} traces"
         )
     records, names, conditions, unread, warned_texts, left = [], [], [], [], [], list(traces)
+    levels_at_rest: list[nlfrf.Record] = []
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
         with collect_warnings(paths[0].name) as warned:
             found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
         warned_texts += warned
         if design.is_ramp:
-            levels = nlfrf.axis.find_levels(found, design)
-            if levels.reason:
-                unread.append(f"{paths[0].name}: {levels.reason}")
+            read = nlfrf.axis.find_levels(found, design)
+            levels_at_rest += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
+            if read.reason:
+                unread.append(f"{paths[0].name}: {read.reason}")
                 continue
-            taken = choose_levels(levels, n_levels)
-            found, labels = tuple(found[k] for k in taken), tuple(levels.states[k].value for k in taken)
+            taken = choose_levels(read, n_levels)
+            found, labels = tuple(found[k] for k in taken), tuple(read.states[k].value for k in taken)
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
-        conditions += [Conditions(gains=compare_gains(design, settings), motion=motion)] * len(found)
+        # of a ramp every velocity is zero
+        speeds = design.velocities if motion is BaseMotion.MOVING else np.zeros(len(found))
+        gains = compare_gains(design, settings)
+        conditions += [Conditions(gains=gains, motion=motion, velocity=float(speed)) for speed in speeds]
     if not records:
         raise ValueError(f"design of a pre-test must show three levels, got {'; '.join(unread)}")
-    return records, names, [one._replace(warnings=tuple(warned_texts), unread=tuple(unread)) for one in conditions]
+    texts, why, levels = tuple(warned_texts), tuple(unread), tuple(levels_at_rest)
+    return records, names, [one._replace(warnings=texts, unread=why, levels=levels) for one in conditions]
 
 
 def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
@@ -510,25 +565,33 @@ def check_drive(
     blas, warned = [], []
     for name, record in zip(names, records, strict=True):
         with collect_warnings(name) as texts:
-            blas.append(machine_frf(nlfrf.identify(record), settings, actual=actual))
+            blas.append(nlfrf.identify(record))
         warned.append(texts)
-    chosen = highest_level(blas)
-    if not actual:
-        require_late_trace(blas[chosen], settings)
-    nominal = choose_fit(scan_orders(blas[chosen], n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False))
     moving = [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
+    candidates = moving or list(range(len(records)))
+    chosen = candidates[highest_level([blas[k] for k in candidates])]
+    given = settings
+    machine_bla, nominal, settings = fit_machine(blas[chosen], records[chosen], settings, actual=actual)
     at_rest = [record for k, record in enumerate(records) if k not in moving]
-    friction = judge_friction(
-        at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses, fit=fit
-    )
+    force, note = None, ""
+    if moving and unit != "A" and fit is None:
+        levels = under[0].levels or at_rest
+        force, note = read_force([records[k] for k in moving], [under[k].velocity for k in moving], levels)
+    if force is not None and force.creeps:
+        friction = DriveFriction(note=CREEP_NOTE)
+    else:
+        friction = judge_friction(
+            at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses, fit=fit
+        )
+    friction = replace(friction, force=force)
     if friction.fit is None and under[0].unread:
         friction = replace(friction, note="; ".join(under[0].unread))
+    if note:
+        friction = replace(friction, note=f"{friction.note}; {note}".lstrip("; "))
     if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
         friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
-    if not actual:
-        require_no_lead(nominal.G, blas[chosen], settings, friction=friction)
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
-    machine = set_around(blas[chosen], replace(nominal, warnings=()))
+    machine = set_around(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = check(model, K, delay=settings.delay)
     stiffness_unit = ratio_unit(unit, base)
@@ -537,7 +600,7 @@ def check_drive(
     doubts: list[Doubt | None] = [
         None
         if friction.assumed is not None
-        else doubt_of_trace_at_rest(names[chosen], blas[chosen], under=under[chosen], unit=stiffness_unit),
+        else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=stiffness_unit),
         doubt_of_crossover(report),
         doubt_of_unstable_model(names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved),
         doubt_of_margins(report),
@@ -549,10 +612,13 @@ def check_drive(
     warned_texts = [text for one in under for text in one.warnings]
     warned_texts += [text for k, texts in enumerate(warned) if k == chosen or k in moving for text in texts]
     doubts += [Doubt(DoubtKind.WARNED_TRACE, text) for text in dict.fromkeys(warned_texts)]
-    if Fs is not None and not friction.proofs:
+    largest = Fs if Fs is not None or force is None else float(force.Fs[1])
+    if largest is not None and np.isfinite(largest) and not np.isfinite(friction.within):
         if report.nominally_stable and not misled:
-            bounded = bound_any_friction(machine.nominal, settings, Fs=Fs, output_unit=unit)
-            friction = replace(friction, bounded=bounded, largest=Fs)
+            damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
+            any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
+            bounded = bound_any_friction(machine.nominal, settings, any_friction, output_unit=unit)
+            friction = replace(friction, bounded=bounded, largest=largest)
         else:
             friction = replace(
                 friction, note=f"{friction.note}. No bound with the given force: no linear model is known"
@@ -577,7 +643,19 @@ def check_drive(
         friction=friction,
         actual=actual,
         doubts=tuple(filter(None, doubts)),
+        given=given,
     )
+
+
+def read_force(
+    moving: Sequence[nlfrf.Record], velocities: Sequence[float], levels: Sequence[nlfrf.Record]
+) -> tuple[FrictionForce | None, str]:
+    """Return the friction without a law, and why there is none or no break-away force."""
+    try:
+        force = read_friction_force(moving, velocities, levels)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        return None, str(error)
+    return force, force.reason
 
 
 def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlfrf.Bla:
@@ -587,23 +665,60 @@ def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlf
     return bla if actual else bla.times(late, output_unit=bla.output_units)
 
 
-def require_no_lead(
-    machine: control.StateSpace, bla: nlfrf.Bla, settings: DriveSettings, *, friction: DriveFriction
-) -> None:
-    """Refuse a delay that is not that of the traces: what is left where it is too long is fitted by unstable poles."""
+def fit_machine(
+    bla: nlfrf.Bla, record: nlfrf.Record, settings: DriveSettings, *, actual: bool
+) -> tuple[nlfrf.Bla, NominalFit, DriveSettings]:
+    """Return the BLA of the machine, its fit, and the settings with a delay and lag that the trace does not refute.
+
+    What is taken off too much leaves a machine that leads. Delay and lag of the settings are tried, then those that the
+    trace shows of an axis that slides. Where the best fit leads with both, as where a pole and a zero above the band
+    nearly cancel, the best one that does not lead is taken: the radius of the set holds what it leaves.
+    """
+    timings, not_leading, reason = [settings, *([] if actual else late_as_traced(record, settings))], [], ""
+    for timing in timings:
+        machine = machine_frf(bla, timing, actual=actual)
+        late = "" if actual else reason_of_late_settings(machine, timing)
+        if late:
+            reason = reason or late
+            continue
+        scan = scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False)
+        nominal = choose_fit(scan)
+        leads = "" if actual else reason_of_lead(nominal.G, machine, timing)
+        if not leads:
+            return machine, nominal, timing
+        reason = reason or leads
+        for fit in scan.fits:
+            if not reason_of_lead(fit.G, machine, timing):
+                not_leading.append((fit.cost, machine, fit, timing))
+    if not not_leading:
+        raise ValueError(reason)
+    return min(not_leading, key=lambda one: one[0])[1:]
+
+
+def late_as_traced(record: nlfrf.Record, settings: DriveSettings) -> list[DriveSettings]:
+    """Return the settings with delay and lag together as a trace of a sliding axis shows them; none where it does not.
+
+    The lag is kept as far as there is so much.
+    """
+    numbers, stds = fit_linear(motion_of_record(record, 1))
+    late = numbers["delay"]
+    if not (numbers["mass"] > 0 and 0 < late < np.inf and np.isfinite(stds["delay"])):
+        return []
+    lag = min(settings.lag, late)
+    return [replace(settings, lag=lag, delay_periods=(late - lag) * settings.fs)]
+
+
+def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: DriveSettings) -> str:
+    """Why a delay is not that of the traces: what is left where it is too long is fitted by unstable poles."""
     fast = machine.poles()[machine.poles().real > 0]
     fast = fast[np.abs(fast) > LEAD * bla.omega[-1]]
-    if fast.size and (shown := friction.delay):
-        raise ValueError(
-            f"delay and lag must be those of the traces, which show {shown} of both together, got "
-            f"{1e3 * settings.delay:g} ms and {1e3 * settings.lag:g} ms"
-        )
-    if fast.size:
-        raise ValueError(
-            f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
-            f"{1e3 * settings.lag:g} ms: without them the machine leads, as with an unstable pole at "
-            f"{format_hertz(float(np.abs(fast).max()))}"
-        )
+    if not fast.size:
+        return ""
+    return (
+        f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
+        f"{1e3 * settings.lag:g} ms: without them the machine leads, as with an unstable pole at "
+        f"{format_hertz(float(np.abs(fast).max()))}"
+    )
 
 
 def choose_fit(scan: OrderScan) -> NominalFit:
@@ -629,13 +744,13 @@ def cancels_unstable_pole(G: control.StateSpace) -> bool:
     return any(np.any(np.abs(zeros - p) < CANCELLED * p.real) for p in poles if p.real > 0)
 
 
-def require_late_trace(machine: nlfrf.Bla, settings: DriveSettings) -> None:
-    """Refuse a delay that turns the phase of what is left up by more than a machine can, which no fit can follow."""
+def reason_of_late_settings(machine: nlfrf.Bla, settings: DriveSettings) -> str:
+    """Why a delay is too long: it turns the phase of what is left up by more than a machine can, or by a whole turn."""
     omega, steps = machine.omega, machine.G[1:] * machine.G[:-1].conj()
     widths = np.diff(omega)
     longest, period = settings.delay + settings.lag, 2 * np.pi / float(widths.min())
     if longest >= period:  # a whole turn from line to line is none
-        raise ValueError(
+        return (
             f"delay must be below {1e3 * period:.4g} ms, one over the distance of the lines, got "
             f"{1e3 * settings.delay:g} ms"
         )
@@ -643,12 +758,12 @@ def require_late_trace(machine: nlfrf.Bla, settings: DriveSettings) -> None:
     agree = np.mean((steps / np.abs(steps)) * np.exp(-1j * np.outer(leads, widths)), axis=1).real
     k = int(np.argmax(agree))
     turns = leads[k] * (omega[-1] - omega[0]) / (2 * np.pi)
-    if agree[k] > AGREE and turns > MOST_RISE:
-        raise ValueError(
-            f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
-            f"{1e3 * settings.lag:g} ms: without them the machine leads: its phase rises by {turns:.2g} turns over the "
-            "band"
-        )
+    if not (agree[k] > AGREE and turns > MOST_RISE):
+        return ""
+    return (
+        f"delay must be no longer than in the traces, got {1e3 * settings.delay:g} ms, and a lag of "
+        f"{1e3 * settings.lag:g} ms: without them the machine leads: its phase rises by {turns:.2g} turns over the band"
+    )
 
 
 def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str) -> Doubt | None:

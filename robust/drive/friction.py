@@ -19,7 +19,8 @@ from robust.drive.cures import FrictionCure, friction_cures
 from robust.drive.p_pi import cascade
 from robust.drive.settings import DriveSettings
 from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
-from robust.friction.classes import AnyFriction, FrictionAtPorts, any_bounded
+from robust.friction.classes import AnyFriction, FrictionAtPorts
+from robust.friction.force import FrictionForce
 from robust.friction.identification import FrictionFit, identify_friction
 from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states
@@ -40,9 +41,9 @@ FORCE_NOTE = (
 )
 #: What the bound of a stated force is of, where no friction was read.
 BOUNDED_NOTE = (
-    "The given force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest is not "
-    "judged. The bound is of the nominal linear model of these traces, not of its set, with the friction where the "
-    "motor acts."
+    "The largest friction force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest "
+    "is not judged. The bound is of the nominal linear model of these traces, not of its set, with the friction where "
+    "the motor acts."
 )
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
 MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
@@ -78,6 +79,8 @@ class DriveFriction:
         Delay with lag [s] that the settings have in front of the traces.
     has_integral : bool
         Whether the velocity loop has an integral part, so that the axis can rest at its set point only.
+    force : FrictionForce or None
+        The friction without a law, from traces in motion and at rest.
     """
 
     fit: FrictionFit | None = None
@@ -90,11 +93,36 @@ class DriveFriction:
     added_delay: float = np.nan
     known_delay: float = 0.0
     has_integral: bool = False
+    force: FrictionForce | None = None
 
     @property
     def proved(self) -> bool:
         """Whether the loop comes to rest with every friction of the class, by a proof."""
         return bool(self.proofs) and all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
+
+    @property
+    def outcome(self) -> str:
+        """What is proved: "rests", "settles", "refuted" (a friction of the class never rests), or "open"."""
+        if self.proved:
+            return "rests"
+        if any(proof.verdict is FrictionVerdict.REFUTED for proof in self.proofs):
+            return "refuted"
+        return "settles" if np.isfinite(self.within) else "open"
+
+    @property
+    def within(self) -> float:
+        """How far the axis is from its rest in the end [m] or [rad], at most; zero where it rests, nan: unknown."""
+        if self.proved:
+            return 0.0
+        known = [self.error_bound, *(proof.settling_error for proof in self.proofs[:1])]
+        return float(np.fmin.reduce(known))
+
+    @property
+    def K0_used(self) -> float:
+        """The largest presliding stiffness that a verdict is for [N/m]; nan where it is for any."""
+        if self.assumed is None or self.bounded is not None:
+            return np.nan
+        return float(np.max(self.assumed.friction.K0))
 
     @property
     def delay(self) -> str:
@@ -128,16 +156,17 @@ class DriveFriction:
         return f"{judged} axis may move {within if np.isfinite(bound) else 'without a known bound'}"
 
     def __str__(self) -> str:
+        without_law = [] if self.force is None else [str(self.force)]
+        bounded = []
+        if self.bounded is not None:
+            bounded = [BOUNDED_NOTE, self.bounded.claim or self.bounded.reason, self.bounded.not_claimed]
         if self.fit is None or self.assumed is None:
             rows = [] if self.fit is None else [f"read from {len(self.fit.levels)} traces at rest:\n{self.fit}"]
-            rows.append(f"not judged: {self.note}")
-            if self.bounded is not None:
-                rows += [BOUNDED_NOTE, self.bounded.claim or self.bounded.reason, self.bounded.not_claimed]
-            return "\n".join(rows)
+            return "\n".join([*rows, f"not judged: {self.note}", *without_law, *bounded])
         rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
         rows += [FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
         rows.append(str(replace(self.proofs[0], error_bound=self.error_bound)))
-        return "\n".join([*rows, " ".join(self.describe_scope()), *map(str, self.cures)])
+        return "\n".join([*rows, " ".join(self.describe_scope()), *map(str, self.cures), *without_law, *bounded])
 
     def describe_scope(self) -> list[str]:
         """Say where a proved loop rests, for which other machines and delays it is proved, and the force of a bound."""
@@ -273,7 +302,7 @@ def judge_friction(
     if fit is None:
         try:
             fit = read_friction(records, spring=spring, masses=masses)
-        except ValueError as error:
+        except (ValueError, np.linalg.LinAlgError) as error:
             return DriveFriction(note=str(error))
     try:
         assumed = fit.assumed_class(stiction=stiction, margin=K0_MARGIN)
@@ -319,11 +348,11 @@ def judge_friction(
 
 
 def bound_any_friction(
-    machine: control.StateSpace, settings: DriveSettings, *, Fs: float, output_unit: str
+    machine: control.StateSpace, settings: DriveSettings, friction: AnyFriction, *, output_unit: str
 ) -> FrictionProof:
-    """Return the bound of the error of a linear machine with any friction of at most Fs, under its drive."""
+    """Return the bound of the error of a linear machine with any bounded friction, under its drive."""
     plant = friction_behind_lag(friction_plant(machine, position_unit=settings.base_unit), settings.lag)
-    K, friction = cascade(settings, output_unit=output_unit), any_bounded(Fs, position_unit=settings.base_unit)
+    K = cascade(settings, output_unit=output_unit)
     return prove_friction(plant, K, friction, delay=settings.delay)
 
 

@@ -5,6 +5,7 @@ classes              classes of friction laws, without their parameters
 describing_function  the entry point: amplitude, initial velocity and outcome of a loop around given friction
 dissipation          the dissipation inequality of the multipliers, in states that come to rest
 exact                verification of friction proofs in exact arithmetic
+force                mass, delay and force of any friction, from an axis in motion and at rest
 identification       the entry point: machine and friction with intervals, from records at several levels
 in_motion            mass, viscous and Coulomb friction of an axis in motion
 levels               machine and class read from BLAs at several levels, and what of it is refused

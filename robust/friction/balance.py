@@ -42,6 +42,8 @@ from robust.lti.sampling import hold_correction
 #: Steps of the motion per sample of the record, as it turns and slips between samples: while elements are looked for,
 #: while other minima are looked for around the first, and for the numbers that count.
 COARSE, MEDIUM, FINE = 2, 4, 8
+#: Steps in a cycle of the highest line that the first two have at most: more do not change where the search ends.
+COARSE_CYCLE, MEDIUM_CYCLE = 27, 54
 #: Lines of a window over which a variance is smoothed, and of a block whose residuals may be alike.
 WINDOW, BLOCK = 31, 8
 #: Error of the model relative to the rms of the force on the lines of a level, as a floor of every weight.
@@ -244,8 +246,11 @@ class Candidate:
         return np.append(self.stiffness, self.load_stiffness), np.append(self.breakaway, self.load_breakaway)
 
 
-def motion_of_record(record: Any, upsampling: int, shrinkage: float = 2.0) -> Motion:
-    """Mean period of a record: spectra on the lines of the band, and the motion between the samples."""
+def motion_of_record(record: Any, upsampling: int, shrinkage: float = 2.0, per_cycle: float = np.inf) -> Motion:
+    """Mean period of a record: spectra on the lines of the band, and the motion between the samples.
+
+    per_cycle : steps in a cycle of the highest line at most, where the record has more samples than these in it.
+    """
     u, y = np.asarray(record.u), np.asarray(record.y)
     M, P, N = u.shape
     f0 = record.fs / N
@@ -259,11 +264,12 @@ def motion_of_record(record: Any, upsampling: int, shrinkage: float = 2.0) -> Mo
     shrunk = mean * gain
     shrunk[:, 0] = 0.0  # where the axis stands is not known to the elements
     shrunk[:, -1] = 0.0
-    n = upsampling * N
-    padded = np.zeros((M, n // 2 + 1), dtype=complex)
-    padded[:, : shrunk.shape[1]] = shrunk * n / 2
-    grid = 2j * np.pi * f0 * np.arange(padded.shape[1])
     excited = np.asarray(record.lines.excited)
+    n = int(min(upsampling * N, max(per_cycle * excited[-1], 2 * excited[-1] + 2)))
+    padded = np.zeros((M, n // 2 + 1), dtype=complex)
+    held = min(shrunk.shape[1], padded.shape[1])
+    padded[:, :held] = shrunk[:, :held] * n / 2
+    grid = 2j * np.pi * f0 * np.arange(padded.shape[1])
     lines = np.arange(excited[0], excited[-1] + 1)
     if np.all(excited % 2 == 1):  # even lines hold noise alone
         lines = lines[lines % 2 == 1]
@@ -275,9 +281,9 @@ def motion_of_record(record: Any, upsampling: int, shrinkage: float = 2.0) -> Mo
         Y=mean[:, lines],
         noise=noise[:, lines],
         excited=np.isin(lines, excited),
-        x=np.fft.irfft(padded, axis=-1),
-        v=np.fft.irfft(grid * padded, axis=-1),
-        fs=record.fs * upsampling,
+        x=np.fft.irfft(padded, n=n, axis=-1),
+        v=np.fft.irfft(grid * padded, n=n, axis=-1),
+        fs=f0 * n,
         lines=lines,
     )
 

@@ -25,7 +25,7 @@ class AnyFriction:
     stiction : float
         Largest force a slider holds over the least it slips at; of bristles: largest creep over velocity.
     bristle_time : float
-        Largest damping over stiffness of an element [s].
+        Largest damping over stiffness of an element [s]; of bounded friction, of its bristles.
     microdamping : float
         Damping of the bending of bristles [Ns/m].
     Fs : float
@@ -72,7 +72,8 @@ class AnyFriction:
                 f"{self.stiction:.4g} times as fast as the machine moves)"
             )
         if self.kind == "bounded":
-            return f"friction of at most {self.Fs:g} {self.units.force}"
+            damped = f" on bristles damped by up to {1e3 * self.bristle_time:.3g} ms of their stiffness"
+            return f"friction of at most {self.Fs:g} {self.units.force}" + damped * (self.bristle_time > 0)
         return "passive friction"
 
 
@@ -247,13 +248,18 @@ def any_bristle(
     )
 
 
-def any_bounded(Fs: float, *, position_unit: str = "m") -> AnyFriction:
-    """Every friction that is never larger than a force, whatever it depends on.
+def any_bounded(Fs: float, bristle_time: float = 0.0, *, position_unit: str = "m") -> AnyFriction:
+    """Every friction that is never larger than a force, whatever it depends on, on bristles with damping if any.
+
+    f = s + tau s', with |s| <= Fs and a constant tau of 0 to `bristle_time`. In it: LuGre (s = sigma0 z, tau =
+    sigma1/sigma0), Dahl, Maxwell slip of any kind, rigid stiction.
 
     Parameters
     ----------
     Fs : float
         Largest force [N], the viscous part left out.
+    bristle_time : float
+        Damping over stiffness of the bristles [s], at most.
     position_unit : str
         "m", or "rad" with Nm.
 
@@ -264,7 +270,7 @@ def any_bounded(Fs: float, *, position_unit: str = "m") -> AnyFriction:
     Raises
     ------
     ValueError
-        A force that is not positive.
+        A force that is not positive, a negative time.
 
     References
     ----------
@@ -275,7 +281,12 @@ def any_bounded(Fs: float, *, position_unit: str = "m") -> AnyFriction:
     >>> any_bounded(1.0).Fs
     1.0
     """
-    return AnyFriction(kind="bounded", Fs=require_positive("Fs", Fs), position_unit=position_unit)
+    return AnyFriction(
+        kind="bounded",
+        Fs=require_positive("Fs", Fs),
+        bristle_time=require_nonnegative("bristle_time", bristle_time),
+        position_unit=position_unit,
+    )
 
 
 def any_passive(*, position_unit: str = "m") -> AnyFriction:

@@ -15,11 +15,13 @@ from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
 from robust.friction.balance import (
     COARSE,
+    COARSE_CYCLE,
     FINE,
     FORCE_ERROR,
     HALF_WIDTH,
     LOAD,
     MEDIUM,
+    MEDIUM_CYCLE,
     REPORTED,
     STEP,
     WORTH,
@@ -702,7 +704,7 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
         require_si("records", f"{record.y_unit}/{record.u_unit}")
         if record.lines.excited.size < FEWEST_LINES:
             raise ValueError(f"records must have at least {FEWEST_LINES} lines, got {record.lines.excited.size}")
-    coarse = [motion_of_record(record, COARSE) for record in records]
+    coarse = [motion_of_record(record, COARSE, per_cycle=COARSE_CYCLE) for record in records]
     order = sorted(range(len(records)), key=lambda i: -coarse[i].force)
     records, coarse = [records[i] for i in order], [coarse[i] for i in order]
     span = (min(float(np.std(one.x)) for one in coarse) / 2, 0.9 * max(one.half_swing for one in coarse))
@@ -715,7 +717,8 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
         )
     candidate = search(coarse, starts, span)
     if not two:  # of two masses each start takes a minute
-        candidate = escape([motion_of_record(record, MEDIUM) for record in records], candidate, span)
+        medium = [motion_of_record(record, MEDIUM, per_cycle=MEDIUM_CYCLE) for record in records]
+        candidate = escape(medium, candidate, span)
     fine = [motion_of_record(record, FINE) for record in records]
     candidate = settle(fine, candidate, span)[1]
     fine = with_branches(fine, candidate)

@@ -547,8 +547,8 @@ class PeriodPieces:
         The position at the ends of the pieces, of the state at the begin of the period.
     within : (R,) ndarray
         What 1 N in the pieces of the period before each makes of it, at most.
-    bends, bends_within : ndarray
-        The acceleration at the ends of the pieces, likewise.
+    bends, bends_within, speeds, speeds_within : ndarray
+        Acceleration and velocity at the ends of the pieces, likewise.
     lengths : (P,) ndarray
         Lengths of the pieces [s].
     """
@@ -559,6 +559,8 @@ class PeriodPieces:
     within: np.ndarray
     bends: np.ndarray
     bends_within: np.ndarray
+    speeds: np.ndarray
+    speeds_within: np.ndarray
     lengths: np.ndarray
 
 
@@ -614,7 +616,11 @@ def steady_error_bound(loop: FrictionLoop) -> float:
         return np.inf
     # between two readings the position leaves its chord by at most h^2/8 times the acceleration: twice the most read
     bend = 2 * (absolute_kernel_integral(cut, cut.bends, cut.bends_within).max() + np.abs(loop.v @ loop.B))
-    return float((positions.max() + cut.lengths.max() ** 2 / 8 * bend) * ROUNDED_UP)
+    step, at_once = cut.lengths.max(), np.abs(loop.x @ loop.B)
+    away = step**2 / 8 * bend
+    if at_once > ROUNDING * np.linalg.norm(loop.x) * np.linalg.norm(loop.B):  # the velocity jumps with the friction
+        away = step / 2 * (absolute_kernel_integral(cut, cut.speeds, cut.speeds_within).max() + step * bend + at_once)
+    return float((positions.max() + away) * ROUNDED_UP)
 
 
 def absolute_kernel_integral(cut: PeriodPieces, rows: np.ndarray, within: np.ndarray) -> np.ndarray:
@@ -718,7 +724,7 @@ def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
     counts = np.maximum(2, np.ceil(PIECES_PER_CYCLE * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12)))
     if not counts.sum() <= MAX_PIECES:
         return None
-    read = np.array([loop.x, loop.v @ loop.F])  # position and acceleration
+    read = np.array([loop.x, loop.v @ loop.F, loop.v])  # position, acceleration, velocity
     map_, kernel, ends, within = np.eye(n), np.zeros((n, 0)), [], []
     for span, jump, count in zip(spans, jumps, counts.astype(int), strict=True):
         flow, push = flow_and_gramian_root(loop.F, loop.B, span / count)
@@ -736,6 +742,8 @@ def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
         within=sums[:, 0],
         bends=reads[:, 1],
         bends_within=sums[:, 1],
+        speeds=reads[:, 2],
+        speeds_within=sums[:, 2],
         lengths=np.repeat(spans / counts, counts.astype(int)),
     )
 

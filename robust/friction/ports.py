@@ -11,7 +11,7 @@ from nlfrf._base.arguments import require_positive, short_form
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.dissipation import ROUNDED_UP
 from robust.friction.multipliers import negative_multipliers, port_terms
-from robust.friction.plant import FrictionLoop, FrictionPlant, steady_error_bound
+from robust.friction.plant import ROUNDING, FrictionLoop, FrictionPlant, steady_error_bound
 
 #: Forces at two ports, over what a definite matrix allows: slack for what the sampler folds.
 COUPLINGS = (0.9, 0.99)
@@ -99,14 +99,23 @@ def weights_of_ports(
     return mu, np.linalg.eigvalsh(both)[:, -1] / largest
 
 
-def bound_of_ports(loop: FrictionLoop, forces: np.ndarray) -> float:
-    """Return how far from rest any port stays in the end with any friction of at most these forces; nan of none."""
+def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float = 0.0) -> float:
+    """Return how far from rest any port stays in the end with any friction of at most these forces; nan of none.
+
+    Bristles with damping make the friction s + tau s' of a bounded s. By parts, s' acts as s does through F B in the
+    place of B, unless a sample sees B at once. The bound is convex in tau: it is largest at one end.
+    """
     if not np.isfinite(forces).all() or not loop.growth() < 0:
         return np.nan
+    if bristle_time:
+        size = np.abs(loop.columns).max()
+        if any(np.abs(jump @ loop.columns - loop.columns).max() > ROUNDING * size for jump in loop.jumps):
+            return np.nan
+    ends = [loop.columns, loop.columns + bristle_time * loop.F @ loop.columns] if bristle_time else [loop.columns]
     bounds = [
         sum(
-            force * steady_error_bound(replace(loop, B=column, x=x, v=v))
-            for force, column in zip(forces, loop.columns.T, strict=True)
+            force * max(steady_error_bound(replace(loop, B=end[:, port], x=x, v=v)) for end in ends)
+            for port, force in enumerate(forces)
         )
         for x, v in zip(loop.displacements, loop.velocities, strict=True)
     ]

@@ -477,7 +477,7 @@ def prove_friction(
             )
         forces = np.array([given.Fs])
     spring = destabilizing_stiffness(loop, np.nan_to_num(given.K0), given.damper)
-    kick_sure, error_bound = bounds_of_bounded(machine, loop, forces)
+    kick_sure, error_bound = bounds_of_bounded(machine, loop, forces, given)
     if spring is not None:
         found = Finding(verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, given))
     elif given.kind in ("Maxwell slip", "bristle"):
@@ -543,7 +543,9 @@ class Finding:
     form: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-def bounds_of_bounded(machine: FrictionPlant, loop: FrictionLoop, forces: np.ndarray) -> tuple[float, float]:
+def bounds_of_bounded(
+    machine: FrictionPlant, loop: FrictionLoop, forces: np.ndarray, friction: AnyFriction | FrictionAtPorts
+) -> tuple[float, float]:
     """Return the divergence velocity, of one port, and the steady error bound; nan where there is none."""
     kick = np.nan
     unstable = not loop.growth() < 0
@@ -552,7 +554,8 @@ def bounds_of_bounded(machine: FrictionPlant, loop: FrictionLoop, forces: np.nda
         hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
         least = divergence_velocity(loop, hit, float(forces[0]))
         kick = least if np.isfinite(least) else np.nan
-    return kick, bound_of_ports(loop, forces)
+    damped = float(np.nan_to_num(friction.bristle_time)) if friction.kind == "bounded" else 0.0
+    return kick, bound_of_ports(loop, forces, damped)
 
 
 def bounded_verdict(loop: FrictionLoop, error_bound: float) -> Finding:

@@ -1,10 +1,5 @@
 from .biquads import controller_sections as controller_sections
-from .certificates import save_certificate as save_certificate
 from .certificates import verify_certificate as verify_certificate
 from .matlab import export_matlab as export_matlab
-from .models import load_controller as load_controller
-from .models import load_model as load_model
-from .models import save_controller as save_controller
-from .models import save_model as save_model
 from .pid import PidGains as PidGains
 from .pid import pid_gains as pid_gains

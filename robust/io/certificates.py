@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
+import control
 import numpy as np
 
 import nlfrf
@@ -19,8 +20,11 @@ from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
+from robust.analysis.lmi_proofs import perturbation_loop
+from robust.analysis.loop import assemble_loop
 from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
+from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim, read_friction_claim, write_friction_claim
 from robust.friction.exact.verify import verify_friction
@@ -31,14 +35,20 @@ from robust.friction.prove import FrictionProof, machines_of_nominal, plant_matr
 from robust.friction.reading import friction_class
 from robust.friction.saturation import SaturatedProof
 from robust.friction.units import position_unit_of
-from robust.io.models import PathLike, load_model
+from robust.io.models import CERTIFICATE_SCHEMAS, PathLike, load_bla, load_model
+from robust.lti.grids import structure_grid
+from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import LoopClaim, Matrices, differing_fields, read_claim, to_matrices, write_claim
 from robust.proofs.exact.loops import Verification, verify_loop
-
-if TYPE_CHECKING:
-    import control
+from robust.proofs.exact.scaled_kyp import (
+    ScaledClaim,
+    ScaledFile,
+    read_scaled_claims,
+    verify_scaled_file,
+    write_scaled_claims,
+)
 
 
 def certificate_path(report: Path, number: int = 0) -> Path:
@@ -53,40 +63,22 @@ def certificate_path(report: Path, number: int = 0) -> Path:
 def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, path: PathLike) -> None:
     """Write what was proved as JSON: plant, controller, delay, weights and claim as given, and a digest of it all.
 
-    Parameters
-    ----------
-    report : RobustnessReport, FrictionProof or SaturatedProof
-        Of `check`, `prove_friction` or `prove_saturated`, with a proof in it.
-    path : path
-        File to write.
-
-    Raises
-    ------
-    ValueError
-        A report in which nothing is proved that can be proved again.
-    FileNotFoundError
-        A folder that does not exist.
-
-    Examples
-    --------
-    >>> import tempfile, control, numpy as np
-    >>> from robust import UncertaintyModel, check
-    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_certificate(check(model, 2.0), f"{folder}/proof.json")
-    ...     print(verify_certificate(f"{folder}/proof.json", model=model, K=2.0))
-    nominal stability: proved, rigorous
-    stable weights: proved, rigorous
-    robust stability: proved, rigorous
+    Of several channels it holds the loop with its perturbations pulled out, P and the scaling of each claim.
     """
     if isinstance(report, (FrictionProof, SaturatedProof)) and report.certificate is not None:
         save_friction_proof(report, path)
         return
-    found = [c for c in getattr(report, "certificates", ()) if c.holds and isinstance(c.claim, LoopClaim)]
+    proofs = [c for c in getattr(report, "certificates", ()) if c.holds]
+    found = [c for c in proofs if isinstance(c.claim, LoopClaim)]
+    scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim)}
+    how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
+    warned = getattr(report, "warnings", ())
+    if isinstance(report, RobustnessReport) and scaled and not found:
+        write_scaled_claims(path, scaled, form=report.form, delay=report.delay, found=how, warnings=warned)
+        return
     if not found:
         raise ValueError(
-            "report must hold a proof of a single loop, got "
+            "report must hold a proof that can be repeated, got "
             + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else short_form(report))
         )
     claim = replace(
@@ -94,8 +86,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
         claims=tuple(name for c in found for name in c.claim.claims),
         scaling=found[-1].claim.scaling,
     )
-    how = [{"subject": c.subject, "found by": c.method} for c in found]
-    write_claim(path, claim, found=how, warnings=getattr(report, "warnings", ()))
+    write_claim(path, claim, found=how, warnings=warned)
 
 
 def save_friction_proof(
@@ -119,6 +110,11 @@ def save_friction_proof(
     )
 
 
+def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ScaledFile:
+    """Return what a certificate claims, of a loop, of several channels or of a machine with friction."""
+    return read_friction_claim(path) or read_scaled_claims(path) or read_claim(path)
+
+
 def verify_certificate(
     path: PathLike,
     *,
@@ -131,10 +127,10 @@ def verify_certificate(
     Parameters
     ----------
     path : path
-        A file that `save_certificate`, `robust check` or `robust prove` wrote.
+        A certificate that `robust.save`, `robust check` or `robust prove` wrote.
     model : UncertaintyModel or FrictionPlant, optional
         What the certificate is said to be about: nominal, weight, form and class are compared number by number; of a
-        machine with friction its linear part.
+        machine with friction its linear part. Of several channels the loop of model and K is compared, to 1e-6.
     K : control.StateSpace, TransferFunction or float, optional
         The controller that runs, compared likewise.
     time_cap : float
@@ -163,12 +159,15 @@ def verify_certificate(
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
-    stored = parse_json_of(path, "robust-certificate", "robust-friction-certificate").get("warnings", ())
-    friction = read_friction_claim(path)
-    if friction is not None:
-        proved: Verification = verify_friction_claim(friction, model, K=K, time_cap=time_cap)
+    stored = parse_json_of(path, *CERTIFICATE_SCHEMAS).get("warnings", ())
+    claim = load_claim(path)
+    if not isinstance(claim, LoopClaim):
+        proved: Verification = (
+            verify_friction_claim(claim, model, K=K, time_cap=time_cap)
+            if isinstance(claim, FrictionClaim)
+            else verify_several_channels(claim, model, K=K)
+        )
         return replace(proved, warnings=tuple(map(one_line, stored)))
-    claim = read_claim(path)
     wrong = []
     if model is not None:
         if not isinstance(model, UncertaintyModel):
@@ -180,6 +179,47 @@ def verify_certificate(
         wrong.append(("the controller", "not the one of the certificate"))
     found, warned = verify_loop(claim, time_cap=time_cap), tuple(map(one_line, stored))
     return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed), warnings=warned)
+
+
+def verify_several_channels(
+    given: ScaledFile, model: UncertaintyModel | FrictionPlant | None, *, K: Controller | None
+) -> Verification:
+    """Return the claims on several channels, proved again; their loop is compared with that of model and controller."""
+    wrong = []
+    if (model is None) != (K is None):
+        raise ValueError("model and K must be given together for a certificate of several channels, got one of them")
+    if model is not None and K is not None:
+        if not isinstance(model, UncertaintyModel):
+            raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
+        if not is_loop_of(given, model, K):
+            wrong.append(("model and controller", "their loop is not the one of the certificate"))
+    found = verify_scaled_file(given)
+    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
+
+
+LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
+
+
+def is_loop_of(given: ScaledFile, model: UncertaintyModel, K: Controller) -> bool:
+    """Return whether the loop of model and controller responds as that of the certificate, at its perturbations."""
+    form = next((one for one in (model, model.alternative_form) if one is not None and one.form == given.form), None)
+    if form is None:
+        return False
+    if form.is_single:
+        mine = perturbation_loop(assemble_loop(form, K, w_P=None, delay=given.delay))
+    else:
+        mine = set_on_controller_time_base(form, K, given.delay)[0].loop(K).loop
+    omega = structure_grid(mine)
+    response = response_by_channel(mine, omega)
+    rows, cols = mine.noutputs, mine.ninputs
+    for claim in given.claims.values():
+        theirs = control.StateSpace(*(getattr(claim.system, name) for name in "ABCD"), claim.system.dt)
+        if theirs.noutputs < rows or theirs.ninputs < cols or timebase(theirs) != timebase(mine):
+            return False
+        off = np.abs(response_by_channel(theirs, omega)[:rows, :cols] - response).max(axis=(0, 1))
+        if np.any(off > LOOP_TOLERANCE * np.abs(response).max(axis=(0, 1))):
+            return False
+    return True
 
 
 def matrices_of_controller(K: Controller) -> Matrices:
@@ -332,7 +372,7 @@ def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
     schema = nlfrf.inspect_file(path).schema
     is_bla = schema and "record" not in schema
-    level: nlfrf.Bla | nlfrf.Record = nlfrf.io.load_bla(path) if is_bla else nlfrf.load_record(path, **load)
+    level: nlfrf.Bla | nlfrf.Record = load_bla(path) if is_bla else nlfrf.load_record(path, **load)
     return repeat_warnings(level) if schema else level
 
 

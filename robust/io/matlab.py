@@ -1,4 +1,4 @@
-"""Models and controllers for MATLAB: a file of plain structs, and a loader beside it."""
+"""Models, controllers and proofs for MATLAB: a file of plain structs, and a loader beside it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.io import savemat
 
 from nlfrf._base.files import Role, command_signature, require_writable, to_path, write_atomically, write_text
 from robust._base.types import Controller
+from robust.analysis.report import RobustnessReport
 from robust.io.biquads import sections_by_name, transfer_polynomials
 from robust.io.models import CONTROLLER_SCHEMA, MATRIX_SCHEMA, MODEL_SCHEMA, PathLike, as_controller
 from robust.lti.connections import in_series
@@ -19,24 +20,28 @@ from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import ELEMENTS, FORMS, INPUT
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
+from robust.proofs.exact.scaled_kyp import SCHEMA as PROOF_SCHEMA
+from robust.proofs.exact.scaled_kyp import ScaledClaim, ScaledFile, scaling_matrices
+from robust.proofs.search.certificate import SCALED_KYP
 
 
-def export_matlab(content: UncertaintyModel | Controller, path: PathLike) -> None:
-    """Write a model or a controller for MATLAB: a ``.mat`` file of plain structs and a ``.m`` file that loads it.
+def export_matlab(content: UncertaintyModel | RobustnessReport | ScaledFile | Controller, path: PathLike) -> None:
+    """Write a model, a controller or a proof for MATLAB: a ``.mat`` of plain structs and a ``.m`` file that loads it.
 
     The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
+    That of a proof puts its inequality together and returns the largest eigenvalue, which has to be negative.
 
     Parameters
     ----------
-    content : UncertaintyModel, or a controller
-        What to write.
+    content : UncertaintyModel, RobustnessReport or a controller
+        What to write; of a report the proofs by "scaled KYP", with P, the scalings and the loop they are about.
     path : path
         The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
 
     Raises
     ------
     ValueError
-        A path that does not end in .mat; a file with the name of the loader that is none.
+        A path that does not end in .mat; a file with the name of the loader that is none; a report with no such proof.
     FileNotFoundError
         A folder that does not exist.
 
@@ -60,6 +65,8 @@ def export_matlab(content: UncertaintyModel | Controller, path: PathLike) -> Non
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
     if isinstance(content, UncertaintyModel):
         struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
+    elif isinstance(content, (RobustnessReport, ScaledFile)):
+        struct, script = {"kind": PROOF_SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
     else:
         K = as_controller("content", content)
         struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **sections_by_name(K)}, CONTROLLER_LOADER
@@ -109,6 +116,25 @@ def model_struct(model: UncertaintyModel) -> dict[str, object]:
     if FORMS[model.form].depends_on_units:
         struct |= {"W1": matlab_system(model.W1), "W2": matlab_system(model.W2)} | coprime_struct(model)
     return struct
+
+
+def proof_structs(content: RobustnessReport | ScaledFile) -> np.ndarray:
+    """Return the proofs by P and one scaling as a cell array of structs."""
+    if isinstance(content, ScaledFile):
+        claims = content.claims
+    else:
+        proofs = [c for c in content.certificates if c.holds]
+        claims = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim)}
+    if not claims:
+        raise ValueError(f"content must hold a proof by {SCALED_KYP} to be written for MATLAB, got none")
+    return cell_array([proof_struct(subject, claim) for subject, claim in claims.items()])
+
+
+def proof_struct(subject: str, claim: ScaledClaim) -> dict[str, object]:
+    """Return one proof as numbers and text."""
+    system = {name: getattr(claim.system, name) for name in "ABCD"} | {"Ts": claim.system.dt}
+    scalings = dict(zip(("X_L", "X_R", "G"), scaling_matrices(claim), strict=True))
+    return {"subject": subject, "level": claim.level, "P": claim.storage, **system, **scalings}
 
 
 def cell_array(things: list[object]) -> np.ndarray:
@@ -210,6 +236,34 @@ else
 end
 end
 """.replace("ELEMENTS", f"'{ELEMENTS}'").replace("INPUT", f"'{INPUT}'")
+PROOF_LOADER = """function [largest, proofs] = NAME(file)
+%NAME  Proofs by P and one scaling from FILE.
+%   largest  of each proof the largest eigenvalue of its inequality and of -P, which have to be negative:
+%            [A'P+PA, PB; B'P, 0] + [C D]'X_L[C D] - [0; I]G[C D] - [C D]'G'[0 I] - level^2 [0 0; 0 X_R]
+%            (discrete: [A'PA-P, A'PB; B'PA, B'PB] in front)
+%   proofs   everything that was written, as structs
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+proofs = data.content.proofs;
+largest = zeros(size(proofs));
+for k = 1:numel(proofs)
+    p = proofs{k};
+    n = size(p.A, 1);
+    m = size(p.D, 2);
+    if p.Ts
+        M = [p.A, p.B]' * p.P * [p.A, p.B] - blkdiag(p.P, zeros(m));
+    else
+        M = [p.A' * p.P + p.P * p.A, p.P * p.B; p.B' * p.P, zeros(m)];
+    end
+    CD = [p.C, p.D];
+    across = [zeros(n, m); eye(m)] * p.G * CD;
+    M = M + CD' * p.X_L * CD - across - across' - p.level^2 * blkdiag(zeros(n), p.X_R);
+    largest(k) = max([eig((M + M') / 2); eig(-p.P)]);
+end
+end
+"""
 CONTROLLER_LOADER = """function [K, content] = NAME(file)
 %NAME  Controller from FILE, negative feedback u = K (r - y).
 %   K        ss

@@ -11,8 +11,9 @@ from typing import Any
 import control
 import numpy as np
 
+import nlfrf
 from nlfrf._base.arguments import one_line, require_nonnegative, short_form
-from nlfrf._base.files import parse_json_of, require_schema, write_text
+from nlfrf._base.files import parse_json_of, require_file_of, require_schema, write_text
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import field_names
 from robust._base.types import Controller
@@ -28,7 +29,15 @@ from robust.models.sets.records import RecordSummary
 # strings. A file is written whole or not at all, and what is read is held against the schema that is published.
 
 VERSION = 1
+BLA_SCHEMAS = ("nlfrf-bla", "nlfrf-frm")
 PathLike = str | os.PathLike[str]
+
+
+def load_bla(path: PathLike) -> nlfrf.Bla:
+    """Return the BLA in a file, or a refusal of any other kind."""
+    require_file_of(path, *BLA_SCHEMAS)
+    bla: nlfrf.Bla = nlfrf.load(path)
+    return bla
 
 
 def encode(content: object) -> Json:
@@ -105,6 +114,7 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
 # ---- A model as JSON: its fields by name, in a schema for one channel and one for several.
 
 MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
+CERTIFICATE_SCHEMAS = ("robust-certificate", "robust-mu-certificate", "robust-friction-certificate")
 UNITS = {MODEL_SCHEMA: {"omega": "rad/s", "delay": "s", "dt": "s"}, MATRIX_SCHEMA: {"omega": "rad/s", "dt": "s"}}
 #: Fields that a set of such a schema does not have.
 FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "unit", "W1", "W2")}
@@ -182,164 +192,19 @@ def decode_record(content: JsonObject, schema: str) -> RecordSummary:
     return RecordSummary(**parts)
 
 
-def save(thing: UncertaintyModel | Controller, path: PathLike) -> None:
-    """Write an uncertainty model or a controller, so that `load` reads it.
-
-    Parameters
-    ----------
-    thing : UncertaintyModel, or what `save_controller` takes
-        A model, or a controller for negative feedback.
-    path : path
-        File to write, .json.
-
-    Raises
-    ------
-    ValueError
-        A thing of another kind, or what cannot be written exactly.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save(control.tf([1], [1, 1]), Path(folder) / "K.json")
-    ...     load(Path(folder) / "K.json").nstates
-    1
-    """
-    if isinstance(thing, UncertaintyModel):
-        save_model(thing, path)
-    else:
-        save_controller(thing, path)
-
-
-def load(path: PathLike) -> UncertaintyModel | control.StateSpace:
-    """Read what `save` wrote: an uncertainty model or a controller.
-
-    Parameters
-    ----------
-    path : path
-        A file of `save`, `save_model` or `save_controller`.
-
-    Returns
-    -------
-    UncertaintyModel or control.StateSpace
-
-    Raises
-    ------
-    ValueError
-        A file of another kind, or one that is not whole.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save(control.tf([1], [1, 1]), Path(folder) / "K.json")
-    ...     load(Path(folder) / "K.json").nstates
-    1
-    """
-    content = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA)
-    return load_controller(path) if content["schema"] == CONTROLLER_SCHEMA else load_model(path)
-
-
 def save_model(model: UncertaintyModel, path: PathLike) -> None:
-    """Write an uncertainty model to a ``.json`` file.
-
-    Parameters
-    ----------
-    model : UncertaintyModel
-        The model, of any number of channels.
-    path : path
-        File to write.
-
-    Raises
-    ------
-    ValueError
-        Anything that is no model.
-    FileNotFoundError
-        A folder that does not exist.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
-    >>> save_model(model, f"{folder.name}/model.json")
-    >>> bool(np.array_equal(load_model(f"{folder.name}/model.json").radius, model.radius))
-    True
-    >>> folder.cleanup()
-    """
-    if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
+    """Write an uncertainty model to a ``.json`` file."""
     write_json(encode_model(model), path)
 
 
 def load_model(path: PathLike) -> UncertaintyModel:
-    """Read an uncertainty model back from a ``.json`` file.
-
-    Parameters
-    ----------
-    path : path
-        A file that `save_model` wrote.
-
-    Returns
-    -------
-    UncertaintyModel
-
-    Raises
-    ------
-    ValueError
-        A file that is not such a model, is truncated, or has a newer version.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> load_model("nothing.json")
-    Traceback (most recent call last):
-        ...
-    FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
-    """
+    """Read an uncertainty model back from a ``.json`` file."""
     schema, content = read_json(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
     return decode_model(content, schema)
 
 
 def save_controller(K: Controller, path: PathLike, *, delay: float | None = None) -> None:
-    """Write a controller to a ``.json`` file.
-
-    Parameters
-    ----------
-    K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
-        Controller, negative feedback.
-    path : path
-        File to write.
-    delay : float, optional
-        Computation delay [s] that it was designed for: commands that get the file check it with that.
-
-    Raises
-    ------
-    ValueError
-        Anything that is no controller, a negative delay.
-    FileNotFoundError
-        A folder that does not exist.
-
-    Warns
-    -----
-    DataWarning
-        A sampled controller whose second-order sections do not hold it to 0.1 %: they are left out, A, B, C and D kept.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> save_controller(control.tf([1, -0.5], [1, -0.9], 0.01), f"{folder.name}/K.json")
-    >>> load_controller(f"{folder.name}/K.json").dt
-    0.01
-    >>> folder.cleanup()
-    """
+    """Write a controller to a ``.json`` file, with the computation delay [s] that it was designed for."""
     K = as_controller("K", K)
     content = {
         "schema": CONTROLLER_SCHEMA,
@@ -355,34 +220,15 @@ def save_controller(K: Controller, path: PathLike, *, delay: float | None = None
 
 
 def load_controller(path: PathLike) -> control.StateSpace:
-    """Read a controller back from a ``.json`` file.
-
-    Parameters
-    ----------
-    path : path
-        A file that `save_controller` wrote.
-
-    Returns
-    -------
-    control.StateSpace
-        With the sampling time that was saved.
-
-    Raises
-    ------
-    ValueError
-        A file that is not a controller, or is truncated.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> load_controller("nothing.json")
-    Traceback (most recent call last):
-        ...
-    FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
-    """
+    """Read a controller back from a ``.json`` file, with the sampling time that was saved."""
     _, content = read_json(path, (CONTROLLER_SCHEMA,))
     return as_controller("K", decode_system(content["K"]))
+
+
+def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
+    """Return the model or the controller in a file, or a refusal of any other kind."""
+    content = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA)
+    return load_controller(path) if content["schema"] == CONTROLLER_SCHEMA else load_model(path)
 
 
 def load_controller_delay(path: PathLike) -> float | None:

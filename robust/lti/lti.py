@@ -16,7 +16,7 @@ from robust._base.types import AnySystem
 #
 # A state space is reduced to its numbers and names: python-control's own holds functions that pickle refuses, so that a
 # controller could not be sent to a `ProcessPoolExecutor`. A pickle runs code when it is read and knows one version of
-# python-control: to a file go `save_model` and `save_controller`.
+# python-control: to a file goes `robust.save`.
 
 
 def make_picklable() -> None:

@@ -8,7 +8,7 @@ import control
 import numpy as np
 from scipy.linalg import eig, schur, solve_continuous_are, solve_continuous_lyapunov
 
-from robust.lti.lti import Matrices, balance_matrix, evaluate_transfer, scale_states, timebase
+from robust.lti.lti import Matrices, balance_matrix, evaluate_transfer, timebase
 
 # ---- Bilinear maps: between the circle and the axis, z = (1 + s T/2)/(1 - s T/2), and between discs and half planes.
 
@@ -72,7 +72,12 @@ LEVEL_OFFSETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singul
 
 
 def well_conditioned(matrices: Matrices) -> Matrices:
-    """Return a stable system in coordinates where numbers say what the dynamics are, hidden modes kept.
+    """Return a stable system in coordinates where numbers say what the dynamics are, hidden modes kept."""
+    return well_conditioned_with(matrices)[0]
+
+
+def well_conditioned_with(matrices: Matrices) -> tuple[Matrices, np.ndarray]:
+    """Return `well_conditioned` and the T of its coordinates T x.
 
     The two Gramians are balanced (Moore 1981) after a small multiple of the identity was added to what drives them,
     so that a mode that hardly shows at input or output stays where it is; modal coordinates where that fails, those
@@ -81,8 +86,9 @@ def well_conditioned(matrices: Matrices) -> Matrices:
     A, B, C, D = matrices
     n = A.shape[0]
     if n < 2:
-        return matrices
-    A, B, C = scale_states(A, B, C)
+        return matrices, np.eye(n)
+    A, weights = balance_matrix(A)
+    B, C = B / weights[:, None], C * weights
     candidates = [balancing_coordinates(A, B, C), modal_coordinates(A)]
     omega = np.unique(np.abs(np.linalg.eigvals(A)))
     before = evaluate_transfer(*matrices, 1j * omega)
@@ -93,8 +99,8 @@ def well_conditioned(matrices: Matrices) -> Matrices:
         if all(np.isfinite(m).all() for m in moved):
             after = evaluate_transfer(*moved, 1j * omega)
             if np.all(np.abs(before - after) < 1e-6 * scale):
-                return moved
-    return A, B, C, D
+                return moved, forth / weights
+    return (A, B, C, D), np.diag(1 / weights)
 
 
 def balancing_coordinates(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

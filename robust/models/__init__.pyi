@@ -4,6 +4,7 @@ from .fit.orders import scan_orders as scan_orders
 from .fit.weights import WeightFit as WeightFit
 from .fit.weights import control_weight as control_weight
 from .fit.weights import delay_weight as delay_weight
+from .fit.weights import makeweight as makeweight
 from .sets.interconnection import Block as Block
 from .sets.interconnection import UncertainSystem as UncertainSystem
 from .sets.interconnection import interconnection as interconnection

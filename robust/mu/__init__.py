@@ -4,7 +4,6 @@ blocks      the structure: which blocks, which scalings commute with it
 bounds      both bounds of mu or of a worst gain in one call, of systems too
 certify     a level of mu proved at every frequency
 gain        the worst gain over a set: its bound, and a perturbation that attains it
-lmi         the upper bound by a convex program, to check against
 lower       lower bounds: a perturbation that makes the loop singular, verified
 parameters  margins and bounds for real parameters
 upper       upper bounds by scalings, refined around their peaks

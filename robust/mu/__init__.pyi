@@ -3,7 +3,6 @@ from .bounds import mu_bounds as mu_bounds
 from .bounds import worst_gain_bounds as worst_gain_bounds
 from .certify import certify_mu as certify_mu
 from .gain import worst_gain as worst_gain
-from .lmi import mu_upper_lmi as mu_upper_lmi
 from .lower import mu_lower as mu_lower
 from .parameters import ParameterMargin as ParameterMargin
 from .parameters import parameter_margin as parameter_margin

@@ -98,6 +98,11 @@ def check_block(name: str, block: object) -> tuple[int, int, str]:
     return int(parts[0]), int(parts[1]), kind
 
 
+def blocks_with_kinds(blocks: Blocks) -> list[tuple[int, int, str]]:
+    """Return (rows, cols, kind) of every block, checked."""
+    return [check_block(f"blocks[{k}]", block) for k, block in enumerate(blocks)]
+
+
 def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
     """Return the structure, or refuse one that does not match the outputs and inputs of the system."""
     found = block_structure(name, blocks)

@@ -1,27 +1,32 @@
 """A level for the structured singular value proved at every frequency, not only on a grid.
 
-On each interval of the frequency axis the scaling found in its middle is frozen; what is left is a norm bound on a
-linear system, decided by its Hamiltonian (`robust.proofs.search.intervals`). Intervals that fail are split.
+First one scaling for all frequencies is searched, whose proof anyone can repeat over the rationals
+(`robust.proofs.search.scaled_kyp`). Where none is found, the scaling found in the middle of an interval of the
+frequency axis is frozen there. What is left is a norm bound on a linear system, decided in floating point by its
+Hamiltonian (`robust.proofs.search.intervals`). Intervals that fail are split.
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import format_hertz, require_positive
+from nlfrf._base.arguments import format_hertz, require_choice, require_positive
 from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust._base.types import Blocks, LinearSystem
 from robust.lti.lti import Matrices, response_by_channel, timebase
 from robust.lti.norms import continuous_image, real_block_crossings, well_conditioned
 from robust.lti.realisation import multivariable
-from robust.mu.blocks import BlockStructure, structure_for
+from robust.mu.blocks import BlockStructure, blocks_with_kinds, structure_for
 from robust.mu.upper import MuBound, upper_bound
-from robust.proofs.search.certificate import Certificate, failed_certificate
+from robust.proofs.exact.scaled_kyp import LEVEL
+from robust.proofs.search.certificate import SOLVERS, Certificate, failed_certificate
 from robust.proofs.search.intervals import SLACK, initial_cuts, interior_point, prove
+from robust.proofs.search.scaled_kyp import certify_scaled
 from robust.proofs.search.stability import decide_stability
 
 N_GRID = 300
@@ -30,7 +35,9 @@ SLACK_REAL = 1e-9  # of the norm with real blocks, for rounding in it; what N ma
 Scaling = tuple[np.ndarray, ...]
 
 
-def certify_mu(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, time_cap: float = 10.0) -> Certificate:
+def certify_mu(
+    N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None, time_cap: float = 10.0
+) -> Certificate:
     """Prove that the structured singular value of a system stays below a level at every frequency.
 
     Parameters
@@ -42,6 +49,8 @@ def certify_mu(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, time_c
     level : float
         With mu < level everywhere the loop is stable for every stable linear perturbation of the structure of gain at
         most 1/level (with a block for performance: and keeps its gain from there under level).
+    solver : str, optional
+        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; one after the other when not given.
     time_cap : float
         Seconds.
 
@@ -49,7 +58,8 @@ def certify_mu(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, time_c
     -------
     Certificate
         One that does not hold says why: the system is not stable, the upper bound reaches the level at a frequency, or
-        time ran out. intervals : (I, 2) with the frequencies [rad/s] proved.
+        time ran out. intervals : (I, 2) with the frequencies [rad/s] proved. By the method "scaled KYP" it is proved
+        over the rationals, and `verify` repeats that; by any other it is judged in floating point.
 
     Raises
     ------
@@ -58,24 +68,37 @@ def certify_mu(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, time_c
 
     References
     ----------
-    Packard & Doyle 1993 (the theorem); Boyd, Balakrishnan & Kabamba 1989 (the Hamiltonian); Young, Newlin & Doyle 1991
+    Packard & Doyle 1993 (the theorem); Boyd, El Ghaoui, Feron & Balakrishnan 1994, 8.1 (one scaling);
+    Boyd, Balakrishnan & Kabamba 1989 (the Hamiltonian); Young, Newlin & Doyle 1991
     (real blocks as a norm).
 
     Examples
     --------
     >>> import control
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> certify_mu(control.append(lag, 2 * lag), [(1, 1), (1, 1)], 2.001).holds
+    >>> certify_mu(control.append(lag, 2 * lag), [(1, 1), (1, 1)], 2.001).verify().verified
     True
     """
     N = multivariable("N_ss", N_ss)
-    s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
+    structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     level = require_positive("level", level)
-    subject = "structured singular value"
+    if solver is not None:
+        require_choice("solver", solver, SOLVERS)
     nominal = decide_stability(N)
     if not nominal.stable:
-        return failed_certificate(subject, level, f"the system is not stable: {nominal}")
+        return failed_certificate(LEVEL, level, f"the system is not stable: {nominal}")
     deadline = time.monotonic() + require_positive("time_cap", time_cap)
+    # exact of N as it is, which was rounded when it was put together: the slack on the level is for that
+    found = certify_scaled(N, blocks_with_kinds(blocks), level * (1 - SLACK), solver=solver, time_cap=time_cap / 2)
+    if found is not None:
+        return replace(found, level=level)
+    return certify_by_intervals(N, blocks, level, time_cap=max(deadline - time.monotonic(), 1e-3))
+
+
+def certify_by_intervals(N: control.StateSpace, blocks: Blocks, level: float, *, time_cap: float) -> Certificate:
+    """Return `certify_mu` of a stable system interval by interval, judged in floating point."""
+    subject, deadline = LEVEL, time.monotonic() + time_cap
+    s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     real = bool(s.skew.size)
     # a large G brings the norm so near to one that slack on it is none on mu: with real blocks the level has it
     proved = level * (1 - SLACK) if real else level

@@ -4,11 +4,13 @@ For an eigenvalue lambda = l* N Delta r of the loop, the smallest Delta of the s
 in closed form: it is what moves the eigenvalue along most. Towards it the perturbation is moved as far as the
 eigenvalue grows. With complex blocks alone that is ascent on the spectral radius, with the fixed points of the power
 iteration of Packard, Fan & Doyle 1988. Real blocks may end between their limits, where the power iteration does not
-converge (Young & Doyle 1990; Seiler, Packard & Balas 2010).
+converge (Young & Doyle 1990; Seiler, Packard & Balas 2010). Where all blocks are real numbers the determinant is affine
+in each of them, and the smallest perturbation has as a rule all but one at their limits: these are solved for exactly.
 """
 
 from __future__ import annotations
 
+import itertools
 import time
 
 import numpy as np
@@ -28,6 +30,8 @@ BOUNDS_MEET = 1e-6  # relative distance to the upper bound at which the lower on
 MOVES = (1.0, 0.5, 0.2, 0.07, 0.02)  # of the way to the smallest perturbation
 GROWTH = 1e-9  # relative growth of the eigenvalue below which no step is worth while
 N_ANGLES = 24
+MOST_NUMBERS = 8  # real numbers of which all signs are tried: n 2^(n-2) polynomials at each frequency
+REAL_ROOT = 1e-6  # relative imaginary part of a root that is taken for rounding; what comes of it is verified
 EIGENVALUE_TURNS = 2.0  # least price of an imaginary part
 
 
@@ -114,6 +118,8 @@ def search_perturbation(
         np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s=s, n_steps=RACE, deadline=deadline
     )
     raced, reached = raced.reshape(len(starts), W, *raced.shape[1:]), reached.reshape(len(starts), W)
+    if set(s.kinds) == {"real"} and len(s.kinds) == s.shape[0] and 1 < s.shape[0] <= MOST_NUMBERS:
+        best, delta = verified_bound(M, restore_eigenvalue(M, all_but_one_at_limits(M, deadline), s), s)
     order = np.argsort(-reached, axis=0)
     for place in order[: N_FINISHERS * (STARTS_OF_REAL if s.skew.size else 1)]:
         at = np.flatnonzero(best < (1 - BOUNDS_MEET) * bound)  # elsewhere it is mu
@@ -126,6 +132,53 @@ def search_perturbation(
         better = value > best[at]
         best[at[better]], delta[at[better]] = value[better], candidate[better]
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
+
+
+def all_but_one_at_limits(M: np.ndarray, deadline: float) -> np.ndarray:
+    """Smallest diagonal (W, n, n) of real numbers with det(I - M delta) = 0 and all but one of a size; zero for none.
+
+    With the others at k times their signs, det = a(k) + t b(k) for the number t that is left: real where Im(a b*) = 0,
+    a polynomial in k. Of a pair of opposite sign patterns one is tried, as k has both signs.
+    """
+    W, n = M.shape[:2]
+    size = np.linalg.norm(M, 2, axis=(1, 2))
+    M = M / np.where(size > 0, size, 1.0)[:, None, None]
+    turn = np.exp(2j * np.pi * np.arange(n) / n)  # points at which a polynomial of degree n - 1 is known
+    least, delta = np.full(W, np.inf), np.zeros((W, n, n), complex)
+    for free, signs in itertools.product(range(n), itertools.product((1.0, -1.0), repeat=max(n - 2, 0))):
+        if time.monotonic() > deadline:
+            break
+        limits = np.insert(np.array([1.0, *signs])[: n - 1], free, 0.0)
+        without = np.linalg.det(np.eye(n) - M[:, None] * (turn[:, None] * limits)[None, :, None, :])
+        one = np.eye(n)[free]
+        by_free = np.linalg.det(np.eye(n) - M[:, None] * (turn[:, None] * limits + one)[None, :, None, :]) - without
+        a, b = (np.fft.fft(values, axis=1) / n for values in (without, by_free))  # (W, n) from the power zero on
+        products = a[:, :, None] * b[:, None, :].conj()
+        parts = [np.trace(products[:, :, ::-1], n - 1 - power, axis1=1, axis2=2).imag for power in range(2 * n - 1)]
+        k = real_roots(np.stack(parts, axis=1))
+        with np.errstate(all="ignore"):
+            powers = k[:, :, None] ** np.arange(n)
+            t = -(np.einsum("wkp,wp->wk", powers, a) / np.einsum("wkp,wp->wk", powers, b)).real
+        inside = np.isfinite(t) & (np.abs(t) <= np.abs(k))
+        sizes = np.where(inside, np.abs(k), np.inf)
+        at, best = np.arange(W), sizes.argmin(axis=1)
+        better = sizes[at, best] < least
+        at, best = at[better], best[better]
+        delta[better] = (k[at, best, None] * limits + t[at, best, None] * one)[:, :, None] * np.eye(n)
+        least[better] = sizes[at, best]
+    return delta
+
+
+def real_roots(coefficients: np.ndarray) -> np.ndarray:
+    """Return (W, degree) real roots of polynomials (W, degree + 1), from the power zero on; nan where there is none."""
+    reversed_ = coefficients[:, 1:] / np.where(coefficients[:, :1] == 0, 1e-300, coefficients[:, :1])  # of 1/k
+    n = reversed_.shape[1]
+    companion = np.zeros((len(coefficients), n, n))
+    companion[:, 0] = -np.where(np.isfinite(reversed_), reversed_, 0.0)
+    companion[:, np.arange(1, n), np.arange(n - 1)] = 1.0
+    inverse = np.linalg.eigvals(companion)
+    with np.errstate(all="ignore"):
+        return np.where(np.abs(inverse.imag) <= REAL_ROOT * np.abs(inverse), 1 / inverse.real, np.nan)
 
 
 def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:

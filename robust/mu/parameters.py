@@ -22,7 +22,7 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
 from robust.mu.blocks import BlockStructure, structure_for
-from robust.mu.certify import certify_mu
+from robust.mu.certify import certify_by_intervals
 from robust.mu.lower import search_perturbation
 from robust.mu.upper import refine_grid, upper_bound
 from robust.proofs.search.certificate import Certificate
@@ -395,7 +395,9 @@ def begin_search(
         x = real_parameters(found.delta[:, :, k], s) * float(found.value[k])
         search = replace(search, broken=1 / float(found.value[k]), worst=x, omega=float(omega[at[k]]))
     level = min(0.99 / peak, MAX_FACTOR)
-    proof = certify_mu(N, blocks, 1 / level, time_cap=max(min(BOX_TIME_CAP, deadline - time.monotonic()), 0.1))
+    proof = certify_by_intervals(
+        N, blocks, 1 / level, time_cap=max(min(BOX_TIME_CAP, deadline - time.monotonic()), 0.1)
+    )
     if not proof.holds:
         return search, 0.0
     return replace(search, level=level, certificates=(proof,)), level
@@ -459,7 +461,7 @@ def prove_box(search: BoxSearch, N: control.StateSpace) -> tuple[Certificate | N
     if not mu.max() < BOUND_LIMIT:
         return None, where
     left = max(min(BOX_TIME_CAP, search.deadline - time.monotonic()), 0.05)
-    proof = certify_mu(N, search.blocks, 1.0, time_cap=left)
+    proof = certify_by_intervals(N, search.blocks, 1.0, time_cap=left)
     return (proof if proof.holds else None), where
 
 

@@ -20,7 +20,7 @@ from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
 from robust.analysis.report import RobustnessReport
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
-from robust.io.models import load_controller, load_controller_delay, load_model
+from robust.io.models import load_bla, load_controller, load_controller_delay, load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
@@ -45,7 +45,7 @@ def load_blas(
         if not own:
             require_file_of(path, "nlfrf-bla")
         one = (
-            repeat_warnings(nlfrf.io.load_bla(path))
+            repeat_warnings(load_bla(path))
             if own
             else nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
         )

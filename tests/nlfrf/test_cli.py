@@ -7,9 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from nlfrf import Record, __version__, cli, load, multisine
+from nlfrf import Record, __version__, cli, load, multisine, save
 from nlfrf.axis.axis_file import load_axis
-from nlfrf.io import load_bla, load_multisine, save_multisine, save_record
 
 
 @pytest.fixture
@@ -40,7 +39,7 @@ def test_design_simulate_identify_plot(nlfrf_command, tmp_path):
         code, out, _ = nlfrf_command(*step.split())
         assert code == 0, step
         assert "wrote" in out
-    bla = load_bla(tmp_path / "bla.npz")
+    bla = load(tmp_path / "bla.npz")
     assert bla.grid == "special-odd"
     assert 55 < bla.f[np.argmax(np.abs(bla.G))] < 63
     for name, magic in (("bla.png", b"\x89PNG"), ("ms.svg", b"<?xml"), ("record.pdf", b"%PDF")):
@@ -61,7 +60,7 @@ def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
     assert "second opinion: roughness over detection lines" in out
     assert (tmp_path / "bla.csv").read_text().startswith("f [Hz],Re G,Im G,bound")
     assert (tmp_path / "play.npz").exists()
-    assert load_bla(tmp_path / "bla.h5").n_realizations == 2
+    assert load(tmp_path / "bla.h5").n_realizations == 2
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5", ".csv"])
@@ -90,7 +89,7 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
     code, out, _ = nlfrf_command("identify", "lost0.npz", "lost1.npz", *asked, "--resample", "-o", "H.npz")
     assert code == 0
     if suffix != ".csv":
-        frm = load_bla(tmp_path / f"G{suffix}")
+        frm = load(tmp_path / f"G{suffix}")
         assert frm.hold == "zoh"
         assert (frm.inputs, frm.outputs) == (("fx", "fy"), ("x", "y"))
         assert np.abs(frm.G[1, 1] - 2).max() < 1e-9
@@ -113,7 +112,7 @@ def test_inputs_one_by_one_are_as_many_as_with_commas(nlfrf_command, tmp_path):
     commas = ["--input", '"f,x",fy', "--reference", "rx,ry", "-o", "H.npz"]
     for how in (several, commas):
         assert nlfrf_command(*asked, *how)[0] == 0
-    one, other = load_bla(tmp_path / "G.npz"), load_bla(tmp_path / "H.npz")
+    one, other = load(tmp_path / "G.npz"), load(tmp_path / "H.npz")
     assert one.inputs == other.inputs == ("f,x", "fy")
     np.testing.assert_array_equal(one.cov_bound, other.cov_bound)
     code, _, err = nlfrf_command(*asked, "--input", "fy", "--reference", "rx", "--reference", "ry", "-o", "b.npz")
@@ -130,7 +129,7 @@ def test_a_zippered_record_beside_its_design(nlfrf_command, tmp_path):
     names = ["--input", "fx,fy", "--output", "x"]
     code, _, err = nlfrf_command("identify", "run.npz", *names, "--design", "ms.npz", "-o", "G.npz")
     assert (code, "r must be left out" in err) == (0, False)
-    assert load_bla(tmp_path / "G.npz").design == "zippered"
+    assert load(tmp_path / "G.npz").design == "zippered"
 
 
 def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
@@ -150,7 +149,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         said.append(out)
     assert "2 experiments of 2 inputs" in said[0]
     assert "2 experiments x 2 periods x 1024 samples\nwrote run.npz\n" in said[2]
-    frm, row = load_bla(tmp_path / "G.npz"), load_bla(tmp_path / "row.npz")
+    frm, row = load(tmp_path / "G.npz"), load(tmp_path / "row.npz")
     assert (frm.inputs, frm.outputs, row.outputs) == (("Fx", "Fy"), ("x", "y"), ("y",))
     assert 25 < frm.f[np.argmax(np.abs(frm.G[0, 0]))] < 33
     np.testing.assert_allclose(row.G[0], frm.G[1], atol=0.05 * np.abs(frm.G).max())
@@ -172,9 +171,9 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
 )
 def test_what_several_inputs_refuse(nlfrf_command, tmp_path, command, refusal):
     ms = multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
-    save_multisine(ms, tmp_path / "ms.npz")
+    save(ms, tmp_path / "ms.npz")
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    save_record(Record(u=u, y=u[::-1], fs=512, lines=ms.lines), tmp_path / "run.npz")
+    save(Record(u=u, y=u[::-1], fs=512, lines=ms.lines), tmp_path / "run.npz")
     band = "--fs 512 --period 512 --f-min 2 --f-max 100 " if command.startswith("design") else ""
     code, _, err = nlfrf_command(*f"{command} {band}-o out.npz".split())
     assert code == 2
@@ -237,7 +236,7 @@ def test_motor_bench_from_the_command_line(nlfrf_command, measured):
     assert code == 0
     assert "nlfrf: warning: the odd detection lines of an odd-odd grid" in err
     assert "60 lines from 13 to 249 Hz, odd-odd grid" in out
-    assert load_bla("bla-theta_my.npz").n_periods == 19
+    assert load("bla-theta_my.npz").n_periods == 19
 
 
 def test_the_version_needs_no_command(nlfrf_command):
@@ -298,7 +297,7 @@ def test_several_files_and_the_design_that_was_played(nlfrf_command, tmp_path):
     steps = "design --fs 1024 --period 1024 --f-min 1 --f-max 200 --realizations 3 --seed 0 --hold zoh -o ms.csv"
     code, _, _ = nlfrf_command(*steps.split())
     assert code == 0
-    ms = load_multisine(tmp_path / "ms.npz")
+    ms = load(tmp_path / "ms.npz")
     rng = np.random.default_rng(0)
     for m, row in enumerate(ms.u):
         u = np.tile(np.clip(np.roll(row, 17 * m), -1.3, 1.3), 2)
@@ -310,7 +309,7 @@ def test_several_files_and_the_design_that_was_played(nlfrf_command, tmp_path):
     )
     assert code == 0
     assert all("seems clipped" in line or "its crest factor is" in line for line in err.splitlines())
-    bla = load_bla(tmp_path / "bla.npz")
+    bla = load(tmp_path / "bla.npz")
     assert (bla.n_realizations, bla.f.size) == (3, ms.f.size)
     assert np.abs(bla.G - 3).max() < 0.02
     assert "M = 3, P = 2" in out
@@ -407,7 +406,7 @@ def test_an_axis_from_its_gains_to_three_levels_and_either_direction(nlfrf_comma
     assert re.search(r"take, as rms of the force set point: .* N \(sticks\), .* N \(bends\), .* N \(slides\)", said[2])
     assert "in motion at 0.1 m/s" in said[3]
     assert "forward: BLA on" in said[5]
-    forward, backward = (load_bla(tmp_path / f"bla-{one}.npz") for one in ("forward", "backward"))
+    forward, backward = (load(tmp_path / f"bla-{one}.npz") for one in ("forward", "backward"))
     assert forward.output_units == ("m",)
     np.testing.assert_allclose(forward.G, backward.G, rtol=0.05)
     bends = re.search(r"([\d.]+) N \(bends\)", said[2])[1]
@@ -521,7 +520,7 @@ def test_what_the_commands_of_an_axis_refuse(nlfrf_command, tmp_path, arguments,
     (tmp_path / "broken.toml").write_text("mass = = 3\n")
     for step in (f"axis design belt {band} --rms 30 -o play.csv", "axis play belt play.csv -o trace.csv"):
         assert nlfrf_command(*step.split())[0] == 0
-    save_multisine(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz")
+    save(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz")
     code, _, err = nlfrf_command(*arguments.format(band).split())
     assert code == 2
     assert message in err

@@ -35,7 +35,7 @@ def test_what_the_warning_asks_for_has_a_line_there(command, kind, tmp_path):
     for asked in re.findall(r"--f-min [\d.]+|--period \d+", err):
         line = BAND.replace("--period 8000", asked) + " --f-min 1" if "period" in asked else f"{BAND} {asked}"
         assert command(f"{line} --kind {kind} -o cured.npz --overwrite")[0] == 0
-        assert nlfrf.io.load_multisine(tmp_path / "cured.npz").f[0] <= 1.2
+        assert nlfrf.load(tmp_path / "cured.npz").f[0] <= 1.2
 
 
 def test_a_frequency_below_the_resolution_asks_for_its_period(command, tmp_path):
@@ -43,14 +43,14 @@ def test_a_frequency_below_the_resolution_asks_for_its_period(command, tmp_path)
     assert "a period of 4 s has no line below 0.25 Hz: ask for --period 20000" in err
     _, _, err = command(f"{BAND.replace('8000', '20000')} --f-min 0.1 -o exc.npz")
     assert "warning" not in err
-    assert nlfrf.io.load_multisine(tmp_path / "exc.npz").f[0] == pytest.approx(0.1)
+    assert nlfrf.load(tmp_path / "exc.npz").f[0] == pytest.approx(0.1)
 
 
 def test_a_wav_file_says_its_full_scale_in_units(command, tmp_path):
     code, out, _ = command(f"{BAND} --f-min 0.25 --rms 3 -o exc.wav")
     assert code == 0
     scale = float(re.search(r"full scale of the WAV file is ([\d.]+), in the unit of --rms", out)[1])
-    ms = nlfrf.io.load_multisine(tmp_path / "exc.npz")
+    ms = nlfrf.load(tmp_path / "exc.npz")
     assert scale == pytest.approx(np.abs(ms.u).max(), rel=1e-5)
 
 
@@ -67,7 +67,7 @@ def test_tables_hold_the_shortest_digits_that_are_exact(command, tmp_path):
     text = (tmp_path / "exc.csv").read_text()
     assert text.splitlines()[2].startswith("0.0005,")
     table = np.loadtxt(tmp_path / "exc.csv", delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(table[:, 1], nlfrf.io.load_multisine(tmp_path / "exc.npz").u[0])
+    np.testing.assert_array_equal(table[:, 1], nlfrf.load(tmp_path / "exc.npz").u[0])
     assert all(len(cell) <= 24 for cell in text.replace("\n", ",").split(","))
 
 

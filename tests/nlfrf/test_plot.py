@@ -160,3 +160,11 @@ def test_a_bode_picture_takes_the_two_axes_of_subplots_and_other_pictures_refuse
             pictures.plot_bode(bla, ax=[*both, both[0]])
     finally:
         plt.close(figure)
+
+
+def test_the_phase_has_its_bound(ax):
+    bla = identify(Record(u=U, y=2 * U + 0.01 * U**3, fs=128, lines=MS.lines))
+    pictures.plot_phase(bla, ax=ax)
+    assert ax.get_lines()[0].get_ydata() == pytest.approx(np.degrees(np.angle(bla.G)))
+    top = ax.collections[0].get_paths()[0].vertices[:, 1].max()
+    assert top == pytest.approx(np.degrees(np.max(np.angle(bla.G) + np.arcsin(bla.bound(0.95) / np.abs(bla.G)))))

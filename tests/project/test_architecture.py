@@ -67,7 +67,7 @@ HEAVY = {
     "robust.reports.parts nlfrf.cli robust.cli",
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
-    "cvxpy": "robust.proofs.search robust.mu.lmi robust.synthesis.fixed.cone_program "
+    "cvxpy": "robust.proofs.search robust.synthesis.fixed.cone_program "
     "robust.friction.multipliers robust.friction.linear_uncertainty robust.friction.settling",
     "clarabel": "robust.synthesis.tuning.minimax",
     "jinja2": "robust.reports.page",

@@ -13,10 +13,9 @@ import pytest
 from scipy.io import loadmat
 
 from nlfrf import export_csv
-from nlfrf.io import save_multisine
 from nlfrf.signals.multisine import multisine
-from robust import fit_nominal
-from robust.io import controller_sections, export_matlab, load_model, save_controller, save_model
+from robust import fit_nominal, load, save
+from robust.io import controller_sections, export_matlab
 from robust.lti.lti import response
 from tests.robust.io.test_export import BLA, MODELS
 
@@ -36,13 +35,13 @@ def validator(name):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_models_are_what_their_schema_says(name, tmp_path):
-    save_model(MODELS[name], tmp_path / "m.json")
+    save(MODELS[name], tmp_path / "m.json")
     validator("robust-model").validate(json.loads((tmp_path / "m.json").read_text()))
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_controllers_are_what_their_schema_says(name, tmp_path):
-    save_controller(CONTROLLERS[name], tmp_path / "K.json")
+    save(CONTROLLERS[name], tmp_path / "K.json")
     validator("robust-controller").validate(json.loads((tmp_path / "K.json").read_text()))
 
 
@@ -59,13 +58,13 @@ def test_controllers_are_what_their_schema_says(name, tmp_path):
     ],
 )
 def test_the_schema_refuses_what_the_reader_refuses(damage, tmp_path):
-    save_model(MODELS["continuous"], tmp_path / "m.json")
+    save(MODELS["continuous"], tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text()) | damage
     assert list(validator("robust-model").iter_errors(content))
     if "surprise" not in damage:
         (tmp_path / "bad.json").write_text(json.dumps(content))
         with pytest.raises(ValueError, match=r"must|whole"):
-            load_model(tmp_path / "bad.json")
+            load(tmp_path / "bad.json")
 
 
 def test_pandas_reads_the_tables(tmp_path):
@@ -83,7 +82,7 @@ def test_pandas_reads_the_tables(tmp_path):
         assert table[name].to_numpy() == pytest.approx(values, rel=1e-12, abs=0), name
     assert table.notna().all().all()
     ms = multisine(fs=100, n_samples=200, f_min=1, f_max=20, n_realizations=2, rng=1)
-    save_multisine(ms, tmp_path / "ms.csv")
+    save(ms, tmp_path / "ms.csv")
     played = pandas.read_csv(tmp_path / "ms.csv")
     assert list(played.columns) == ["t [s]", "u0", "u1"]
     assert pytest.approx(ms.u, rel=1e-12, abs=0) == played[["u0", "u1"]].to_numpy().T

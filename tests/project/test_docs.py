@@ -149,6 +149,18 @@ def test_every_link_of_a_page_leads_to_a_file_of_a_clone():
                 assert "generated" not in there.parts, (page, target)
 
 
+def test_the_paper_cites_what_it_lists_and_states_what_was_measured():
+    folder = gallery.ROOT / "docs" / "paper"
+    paper = (folder / "paper.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^@\w+\{(\w+),", (folder / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(re.findall(r"@(\w+)", paper)) == set(listed)
+    quality = paper.split("# Quality of the results")[1].split("# References")[0]
+    measured = (gallery.ROOT / "docs" / "guide" / "measured.md").read_text(encoding="utf-8")
+    numbers = re.findall(r"\b\d[\d.]*\d", quality)
+    assert len(numbers) > 15
+    assert [number for number in numbers if number not in measured] == []
+
+
 def test_links_to_the_tree_become_links_to_pages():
     source = ["[`tune`](../../robust/x.py), [all](../examples), [2](../../examples/02_a.py), [it](../../robust/y.py)"]
     api.link_to_pages(None, "howto/index", source)

@@ -12,9 +12,9 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
+import robust
 from docs import gallery
 from docs.gallery import EXAMPLES, names, outputs, printed, title_and_text
-from robust.io import load_controller, load_model
 
 #: What each must have printed, as patterns in order.
 PRINTED = {
@@ -201,15 +201,15 @@ def test_what_an_example_prints_fits_a_hundred_columns(name):
 
 def test_what_the_first_example_leaves():
     folder = outputs("01_identify_then_design")
-    assert load_model(folder / "model.json").perturbation == "statistical"
-    assert load_controller(folder / "controller.json").dt == 1e-3
+    assert robust.load(folder / "model.json").perturbation == "statistical"
+    assert robust.load(folder / "controller.json").dt == 1e-3
     for name in ("record.npz", "bla.npz", "report.html", "report.txt"):
         assert (folder / name).stat().st_size > 0
     # what limits the loop was measured: stability and performance alike
     text = (folder / "report.txt").read_text(encoding="utf-8")
     limits = re.findall(r"max rs \S+ at (\S+) Hz|worst\s+case \S+ at\s+(\S+) Hz", text)
     f = [float(one or other) for one, other in limits]
-    band = load_model(folder / "model.json").omega[[0, -1]] / (2 * np.pi)
+    band = robust.load(folder / "model.json").omega[[0, -1]] / (2 * np.pi)
     assert len(f) == 2
     assert band[0] < min(f) <= max(f) < band[1]
 

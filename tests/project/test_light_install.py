@@ -22,7 +22,7 @@ import numpy as np, control, nlfrf, robust
 ms = nlfrf.multisine(fs=128, n_samples=512, f_min=1, f_max=40, rng=1)
 y = np.fft.irfft(np.fft.rfft(ms.u) / (1 + 1j * np.fft.rfftfreq(512) * 10), 512) + 0.01 * ms.u**3
 record = nlfrf.Record(u=np.array([[ms.u, ms.u]]), y=np.array([[y, y]]), fs=128, lines=ms.lines)
-nlfrf.io.save_record(record, "record.npz")
+nlfrf.save(record, "record.npz")
 bla = nlfrf.identify(nlfrf.load_record("record.npz"))
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
 K = robust.ncfsyn(model.nominal).K
@@ -47,7 +47,7 @@ def test_the_core_identifies_models_designs_checks_and_reports(tmp_path):
 MISSING = """
 import nlfrf
 ms = nlfrf.multisine(fs=1000, n_samples=1000, f_min=1, f_max=40, rng=1)
-nlfrf.io.save_multisine(ms, "ms.npz")
+nlfrf.save(ms, "ms.npz")
 for call in (
     lambda: nlfrf.load_record("run.csv", fs=10, n_samples=2),
     lambda: nlfrf.save(ms, "new.h5"),

@@ -71,9 +71,9 @@ def files(tmp_path_factory):
     made()
     record = nlfrf.load_record("rec.npz")
     np.savez("plain-run.npz", u=record.u.ravel(), y=record.y.ravel(), fs=record.fs)
-    nlfrf.io.save_record(record, "mid.csv")
+    nlfrf.save(record, "mid.csv")
     assert run("robust model bla.npz --poles 2 --zeros 0 -o m0.json")[0] == 0
-    robust.io.save_controller(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
+    robust.save(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
     gains = f'fs = "{record.fs:g} Hz"\nkv = "10 1/s"\nkp = "10 N/(m/s)"\n'
     Path("gains.toml").write_text(gains)
     assert run("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
@@ -255,7 +255,7 @@ def test_a_script_runs_twice_and_every_file_is_named(files, command, written):
 def test_overwrite_replaces_what_was_asked_for(files):
     Path("old.npz").write_text("mine")
     assert run("nlfrf identify mid.csv -o old.npz --force")[0] == 0
-    assert nlfrf.io.load_bla("old.npz").n_periods == 2
+    assert nlfrf.load("old.npz").n_periods == 2
 
 
 def test_a_measurement_is_never_taken_for_a_simulation(files):
@@ -275,7 +275,7 @@ def test_a_symbolic_link_is_written_through(files):
     Path("link.npz").symlink_to("sub/behind.npz")
     assert run("nlfrf identify mid.csv -o link.npz")[0] == 0
     assert Path("link.npz").is_symlink()
-    assert nlfrf.io.load_bla("sub/behind.npz").n_periods == 2
+    assert nlfrf.load("sub/behind.npz").n_periods == 2
 
 
 def test_a_script_replaces_the_path_that_it_names_and_no_other(tmp_path):
@@ -283,13 +283,13 @@ def test_a_script_replaces_the_path_that_it_names_and_no_other(tmp_path):
     ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
     (tmp_path / "exc.npz").write_text("a measurement")
     (tmp_path / "K.mat").write_text("mine")
-    nlfrf.io.save_multisine(ms, tmp_path / "exc.npz")
-    assert nlfrf.io.load_multisine(tmp_path / "exc.npz") is not None
+    nlfrf.save(ms, tmp_path / "exc.npz")
+    assert nlfrf.load(tmp_path / "exc.npz") is not None
     for name in ("mid.npz", "load_K.m"):
         (tmp_path / name).write_text("a measurement")
     K = control.ss(control.tf([1.0], [1.0, 1.0]))
     for write, path in (
-        (lambda: nlfrf.io.save_multisine(ms, tmp_path / "mid.csv"), tmp_path / "mid.csv"),
+        (lambda: nlfrf.save(ms, tmp_path / "mid.csv"), tmp_path / "mid.csv"),
         (lambda: robust.io.export_matlab(K, tmp_path / "K.mat"), None),
     ):
         with pytest.raises(ValueError, match="must be new or an earlier result of the same kind"):
@@ -300,7 +300,7 @@ def test_a_script_replaces_the_path_that_it_names_and_no_other(tmp_path):
 
 
 def test_nothing_is_half_written(tmp_path, monkeypatch):
-    nlfrf.io.save_multisine(nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz")
+    nlfrf.save(nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz")
     before = (tmp_path / "ms.npz").read_bytes()
 
     def broken(stream, **content):
@@ -309,7 +309,7 @@ def test_nothing_is_half_written(tmp_path, monkeypatch):
 
     monkeypatch.setattr(np, "savez", broken)
     with pytest.raises(OSError, match="disk full"):
-        nlfrf.io.save_multisine(nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=2), tmp_path / "ms.npz")
+        nlfrf.save(nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=2), tmp_path / "ms.npz")
     assert (tmp_path / "ms.npz").read_bytes() == before
     assert os.listdir(tmp_path) == ["ms.npz"]
 
@@ -318,7 +318,7 @@ def test_the_full_scale_of_a_wav_file_is_in_it_and_read_past(tmp_path):
     from scipy.io import wavfile
 
     ms = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=100, rms=3.0, rng=1)
-    nlfrf.io.save_multisine(ms, tmp_path / "exc.wav")
+    nlfrf.save(ms, tmp_path / "exc.wav")
     rate, samples = wavfile.read(tmp_path / "exc.wav")
     assert rate == 512
     np.testing.assert_allclose(samples * np.abs(ms.u).max(), ms.u[0], rtol=1e-6, atol=1e-6)

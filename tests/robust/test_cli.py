@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.io import save_bla
-from robust import UncertaintyModel, cli
-from robust.io import load_controller, load_model, save_controller, save_model
+from robust import UncertaintyModel, cli, load, save
 from tests.support.bla import make_bla
+from tests.support.printed import unwrapped
 
 F = np.sort(np.concatenate([8 * np.arange(30) + 1, 8 * np.arange(30) + 3])) * 0.5
 
@@ -30,7 +29,7 @@ def robust_command(monkeypatch, capsys, tmp_path):
     size = np.abs(plant(2j * np.pi * F))
     for name, seed in (("bla.npz", 0), ("bla2.npz", 1)):
         bla = make_bla(plant, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=seed, fs=1000)
-        save_bla(bla, name)
+        save(bla, name)
 
     def run(command):
         monkeypatch.setattr(sys, "argv", ["robust", *command.split()])
@@ -71,8 +70,8 @@ def test_the_whole_way(robust_command, tmp_path):
         assert code == (1 if word == "NOT CERTIFIED" else 0), (command, err)  # nothing proved
         assert word in out, command
     told_as_json(robust_command)
-    assert load_model(tmp_path / "m.json").form == "multiplicative"
-    assert load_controller(tmp_path / "K.json").dt == 0.001
+    assert load(tmp_path / "m.json").form == "multiplicative"
+    assert load(tmp_path / "K.json").dt == 0.001
     assert (tmp_path / "r.txt").read_text().startswith("verdict")
     assert (tmp_path / "K.csv").read_text().startswith("b0,b1,b2,a0,a1,a2\n")
     for name, magic in (("m.png", b"\x89PNG"), ("c.pdf", b"%PDF"), ("orders.png", b"\x89PNG")):
@@ -197,6 +196,9 @@ def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
     code, said, _ = robust_command("verify r.certificate.json --model m.json --controller K.json")
     assert code == 0
     assert said.splitlines()[-1] == "VERIFIED"
+    code, said, _ = robust_command("check m.json K.json --delay 0.001 --proof lmi")
+    assert code == 1
+    assert "every alias of a continuous plant counts" in unwrapped(said)
     code, said, _ = robust_command("verify r.certificate.json --controller other.json")
     assert code == 1
     assert "the controller: NOT verified: not the one of the certificate" in said
@@ -205,7 +207,7 @@ def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
     code, _, wrong = robust_command("verify changed.json")
     assert code == 2
     assert "whose digest does not fit" in wrong
-    save_controller(control.ss([], [], [], [[1e9]], 0.001), tmp_path / "bold.json")
+    save(control.ss([], [], [], [[1e9]], 0.001), tmp_path / "bold.json")
     code, said, _ = robust_command("check m.json bold.json -o r.txt")  # which proves nothing
     assert "r.certificate.json is of an earlier run" in said
 
@@ -217,20 +219,24 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     y = np.fft.irfft(np.einsum("jik,impk->jmpk", G, np.fft.rfft(u)), 512)
     y += 2e-3 * y.std() * np.random.default_rng(0).standard_normal(y.shape)
     frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines), transient="none")
-    nlfrf.io.save_bla(frm, "G.npz")
+    nlfrf.save(frm, "G.npz")
     command = "model G.npz --poles 4 --sample-time 0.00390625 --form additive --order 2 -o m.json --picture m.png"
     code, out, err = robust_command(command)
     assert not code, err
     assert "additive uncertainty of 2 outputs by 2 inputs" in out
     T = 1 / 256
     small = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
-    save_controller(small, "small.json")
-    save_controller(control.ss([], [], [], 500 * np.eye(2), T), "large.json")
+    save(small, "small.json")
+    save(control.ss([], [], [], 500 * np.eye(2), T), "large.json")
     code, out, err = robust_command("check m.json small.json large.json -o r.txt --picture c.png")
     assert code == 1, err
     assert "small.json:\nverdict:     STATISTICALLY ROBUST" in out
     assert "large.json:\nverdict:     NOT ROBUST" in out
     assert "STATISTICALLY ROBUST" in (tmp_path / "r-small.txt").read_text()
+    code, out, err = robust_command("verify r-small.certificate.json --model m.json --controller small.json")
+    assert (code, out.splitlines()[-1]) == (0, "VERIFIED"), err
+    code, out, err = robust_command("export r-small.certificate.json -o proof.mat")
+    assert (code, (tmp_path / "load_proof.m").exists()) == (0, True), err
     for picture in ("m.png", "c-small.png", "c-large.png"):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
     code, out, err = robust_command("check m.json small.json --bandwidth 0.01 --peak 4 --no-certify")
@@ -247,7 +253,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
         code, out, err = robust_command(f"design m.json --method {method} {asked} -o K.json")
         assert not code, err
         assert "controller of order" in out
-        assert (load_controller("K.json").ninputs, load_controller("K.json").dt) == (2, 1 / 256)
+        assert (load("K.json").ninputs, load("K.json").dt) == (2, 1 / 256)
         code, out, err = robust_command("check m.json K.json --no-certify")
         assert "because" in out
         assert "max mu" in out
@@ -256,7 +262,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     assert "dk_iteration designs for its perturbation" in err
     code, _, err = robust_command("model G.npz G.npz --poles 2 --form elements -o n.json --picture n.png")
     assert not code, err
-    assert load_model(tmp_path / "n.json").source.count("random-odd multisine") == 2
+    assert load(tmp_path / "n.json").source.count("random-odd multisine") == 2
     assert (tmp_path / "n.png").read_bytes().startswith(b"\x89PNG")
     code, _, err = robust_command("design m.json --bandwidth 3 --delay 0.004 -o K.json")
     assert code == 2
@@ -277,10 +283,10 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
 )
 def test_messages_name_the_option_in_its_own_unit(robust_command, command, message, tmp_path):
     G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    save_model(UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2])), "m.json")
+    save(UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2])), "m.json")
     (tmp_path / "a").mkdir()
     for path in ("K.json", "a/K.json"):
-        save_controller(2.0, path)
+        save(2.0, path)
     code, _, err = robust_command(command)
     assert code == 2
     assert message in err
@@ -297,7 +303,7 @@ def test_a_controller_is_checked_with_the_delay_it_was_designed_for(robust_comma
     _, without, err = robust_command("check m.json K.json --no-certify --delay 0")
     assert "K.json was designed for a computation delay of 0.002 s, and --delay says 0 s" in err
     assert "zero-order hold in the plant" in " ".join(without.split())
-    save_controller(load_controller("K.json"), "old.json")  # says nothing of a delay, as every file of before
+    save(load("K.json"), "old.json")  # says nothing of a delay, as every file of before
     assert robust_command("check m.json old.json --no-certify")[1] == without
 
 
@@ -319,7 +325,7 @@ def test_a_continuous_design_has_its_delay(robust_command):
     orders = []
     for delay in ("0", "0.004"):
         assert robust_command(f"design m.json --bandwidth 6 --delay {delay} -o K.json")[0] == 0
-        orders.append(load_controller("K.json").nstates)
+        orders.append(load("K.json").nstates)
     assert orders[1] == orders[0] + 4  # of the Pade approximation
 
 
@@ -336,8 +342,8 @@ def test_a_continuous_design_has_its_delay(robust_command):
 def test_units_and_clocks_are_named(robust_command, command, message):
     assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
     assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 --sample-time 0.001 -o md.json")[0] == 0
-    save_controller(control.tf([1], [1, 0], 0.001), "old.json")
-    save_controller(control.tf([1], [1, 1]), "2.json")
+    save(control.tf([1], [1, 0], 0.001), "old.json")
+    save(control.tf([1], [1, 1]), "2.json")
     code, _, err = robust_command(command)
     assert code == 2
     assert message in err

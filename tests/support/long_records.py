@@ -14,7 +14,7 @@ def written(path, n_samples, n_periods, noise=0.003, kept=False):
     u += noise * rng.standard_normal(u.shape)
     record = nlfrf.Record(u=u, y=y, fs=1000, lines=ms.lines)
     if kept:
-        nlfrf.io.save_record(record, path)
+        nlfrf.save(record, path)
     elif path.suffix == ".csv":  # with no more digits than a converter has
         table = np.column_stack([np.arange(u.size) / 1000, u.ravel(), y.ravel()])
         np.savetxt(path, table, delimiter=",", header="t [s],u,y", comments="", fmt="%.7g")

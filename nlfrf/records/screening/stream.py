@@ -118,6 +118,8 @@ def leading_silence(u: np.ndarray, n_samples: int) -> int:
 #: Samples that show the median; share of all that are no outliers for sure; how far beyond these outliers are, and
 #: beyond the largest of all others; and their share at most.
 SAMPLES_FOR_LEVEL, BODY, MIN_OVER_BODY, OUTLIER_RATIO, MAX_OUTLIERS = 1 << 16, 0.9, 4.0, 2.0, 0.05
+#: Share of the periods in more than which a peak of the signal itself is seen.
+MOST_PERIODS = 0.7
 
 
 def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int, fs: float) -> None:
@@ -131,8 +133,10 @@ def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int,
     beyond = np.sort(np.append(distance[distance > body], body))
     k = int(np.argmax(beyond[1:] / beyond[:-1]))
     outliers = np.flatnonzero(distance > beyond[k])
-    repeated = np.isin(outliers[:, None] + n_samples * np.array([-1, 1]), outliers).any(axis=1)
-    if beyond[k + 1] > OUTLIER_RATIO * beyond[k] and outliers.size < MAX_OUTLIERS * y.size and repeated.mean() <= 0.5:
+    times = np.unique(outliers % n_samples, return_counts=True)[1]  # that a sample of the period is an outlier
+    repeated = times[times > max(1, MOST_PERIODS * (y.size // n_samples))].sum()
+    few = outliers.size < MAX_OUTLIERS * y.size and repeated <= outliers.size / 2
+    if few and beyond[k + 1] > OUTLIER_RATIO * beyond[k]:
         first, values = int(outliers[0]), np.unique(y[outliers])
         same = f"all of {values[0]:g}, as a mark of no value, " if outliers.size > values.size == 1 else ""
         data_warning(
@@ -166,6 +170,11 @@ def warn_of_hits(name: str, u: np.ndarray) -> None:
         np.ptp(at[m:] - at[:-m]) <= SAME_TIME and np.abs(size[m:] / size[:-m] - 1).max() < SAME_HEIGHT
         for m in range(1, at.size // 2 + 1)
     )
+    if high.size == 1 and np.median(height) > 0:
+        data_warning(
+            f"{name} has a pulse of one sample that does not repeat, an outlier of {u[at[0]]:.6g} at sample {at[0]}: "
+            "it adds the same error to all lines; mend the file, or leave that period out"
+        )
     if at.size > 1 and high.size < HIT_SHARE * u.size and not repeats:
         data_warning(
             f"{name} looks like {at.size} hits of a hammer: pulses in {100 * high.size / u.size:.2g} % of the samples "

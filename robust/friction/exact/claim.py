@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import field, fields
 
 import numpy as np
 
-from nlfrf._base.files import parse_json, require_schema, write_text
 from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
-from robust.proofs.exact.claim import Matrices, content_digest
+from robust.proofs.exact.claim import Matrices, read_sealed, write_sealed
 
 KINDS = ("Maxwell slip", "bristle")
 SYSTEMS = ("machine", "controller")
@@ -280,32 +278,23 @@ def write_friction_claim(
 
     units : of `K0` and `microdamping`.
     """
-    entries: JsonObject = {
-        "schema": SCHEMA,
-        "version": VERSION,
-        "units": {"dt": "s", "delay": "s", "bristle_time": "s", "rates": "rad/s", **units},
-        "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
-        + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
-        "claim": claim_to_dict(claim),
-        "found": list(found),
-        **({} if read_from is None else {"read from": read_from}),
-        **({"warnings": list(warnings)} if warnings else {}),
-    }
-    entries["digest"] = content_digest(entries)
-    write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
+    write_sealed(
+        path,
+        {
+            "schema": SCHEMA,
+            "version": VERSION,
+            "units": {"dt": "s", "delay": "s", "bristle_time": "s", "rates": "rad/s", **units},
+            "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
+            + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
+            "claim": claim_to_dict(claim),
+            "found": list(found),
+            **({} if read_from is None else {"read from": read_from}),
+            **({"warnings": list(warnings)} if warnings else {}),
+        },
+    )
 
 
 def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
     """Return the claim of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
-    entries = parse_json(path)
-    if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
-        return None
-    if entries.get("version") != VERSION:
-        raise ValueError(f"path must have version {VERSION}, got {entries.get('version')!r} in {str(path)!r}")
-    if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
-        raise ValueError(
-            f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
-            "Something in it was changed."
-        )
-    require_schema(entries, path, package="robust", name=SCHEMA)
-    return claim_from_dict(entries["claim"])
+    entries = read_sealed(path, SCHEMA, VERSION)
+    return None if entries is None else claim_from_dict(entries["claim"])

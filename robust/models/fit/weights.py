@@ -17,6 +17,7 @@ from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots, pair_roots
+from robust.lti.sampling import discretize
 from robust.models.fit.rational import fit_numerator, map_to_model_plane, starting_poles, vector_fit
 from robust.models.fit.refinement import (
     MagnitudeProblem,
@@ -119,6 +120,61 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
         raise ValueError(f"A must be below M_u = {M_u:g}, got {A:g}")
     low, high = M_u ** (1 / order), A ** (1 / order)
     return from_roots(np.full(order, -omega_bc / low), np.full(order, -omega_bc / high), 1 / A, 0.0)
+
+
+def makeweight(
+    dc: float, crossover: float | tuple[float, float], high: float, *, order: int = 1, dt: float = 0.0
+) -> control.StateSpace:
+    """Make a weight from its gain at zero frequency, at one frequency and far above, as MATLAB's function of this name.
+
+    W = ((h s + a d)/(s + a))^n with d = dc^(1/n), h = high^(1/n), and a from the gain m at omega.
+
+    Parameters
+    ----------
+    dc, high : float
+        |W| at zero frequency, and at infinity (sampled: at the Nyquist frequency).
+    crossover : float or (float, float)
+        Frequency [rad/s] at which |W| is one; or omega [rad/s] and |W| there, between dc and high.
+    order : int
+        Of the weight: the higher, the steeper between its two gains.
+    dt : float
+        Sampling time [s]; 0 is continuous.
+
+    Returns
+    -------
+    control.StateSpace
+        Stable, minimum phase and biproper.
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive, a gain that is not between dc and high, a frequency beyond Nyquist.
+
+    References
+    ----------
+    SP 2.8.2; the sampled weight by the bilinear map that is exact at omega.
+
+    Examples
+    --------
+    >>> W = makeweight(100, (2.0, 1.5), 0.1, order=3)
+    >>> [round(float(abs(W(s))), 6) for s in (0, 2j, 1e9j)]
+    [100.0, 1.5, 0.1]
+    >>> W = makeweight(0.01, 30.0, 2.0, dt=0.05)
+    >>> [round(float(abs(W(np.exp(0.05j * w)))), 6) for w in (0.0, 30.0, np.pi / 0.05)]
+    [0.01, 1.0, 2.0]
+    """
+    omega, gain = crossover if isinstance(crossover, tuple | list) and len(crossover) == 2 else (crossover, 1.0)
+    omega, gain = require_positive("crossover", omega), require_positive("crossover[1]", gain)
+    dc, high, dt = require_positive("dc", dc), require_positive("high", high), require_nonnegative("dt", dt)
+    order = require_integer("order", order, least=1)
+    if not min(dc, high) < gain < max(dc, high):
+        raise ValueError(f"the gain at crossover must be between dc = {dc:g} and high = {high:g}, got {gain:g}")
+    if omega * dt >= np.pi:
+        raise ValueError(f"crossover must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {omega:g} rad/s")
+    d, m, h = (size ** (1 / order) for size in (dc, gain, high))
+    a = omega * np.sqrt((m**2 - h**2) / (d**2 - m**2))
+    W = from_roots(np.full(order, -a * d / h), np.full(order, -a), high, 0.0)
+    return discretize(W, dt, prewarp=omega) if dt else W
 
 
 def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.StateSpace:

@@ -7,6 +7,7 @@ conditions     what a claim asks at a frequency, in sums and products
 loops          the entry point for one loop: a claim in, `Verification` out
 matrices       matrix inequalities over the rationals: norms and definiteness decided
 polynomials    exact numbers, roots of polynomials, signs on a half line
+scaled_kyp     a level of mu at every frequency, from P and one scaling
 stability      Routh's array; what a delay does to the roots
 taylor_models  enclosures of functions on intervals
 """

@@ -235,34 +235,48 @@ def write_claim(
     warnings: Sequence[str] = (),
 ) -> None:
     """Write a claim with how it was found and what was warned of; the digest covers everything else in the file."""
-    entries: JsonObject = {
-        "schema": SCHEMA,
-        "version": VERSION,
-        "units": {"dt": "s", "delay": "s"},
-        "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
-        "claim": claim_to_dict(claim),
-        "found": list(found),
-        **({"warnings": list(warnings)} if warnings else {}),
-    }
-    entries["digest"] = content_digest(entries)
-    write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
+    write_sealed(
+        path,
+        {
+            "schema": SCHEMA,
+            "version": VERSION,
+            "units": {"dt": "s", "delay": "s"},
+            "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
+            "claim": claim_to_dict(claim),
+            "found": list(found),
+            **({"warnings": list(warnings)} if warnings else {}),
+        },
+    )
 
 
 def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
-    """Return the claim of a file whose digest fits, or a ValueError that says what is wrong.
+    """Return the claim of a file whose digest fits, or a ValueError that says what is wrong."""
+    entries = read_sealed(path, SCHEMA, VERSION)
+    if entries is None:
+        raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
+    return claim_from_dict(entries["claim"])
+
+
+def write_sealed(path: str | os.PathLike[str], entries: JsonObject) -> None:
+    """Write entries as JSON with a digest that covers all of them."""
+    write_text(path, json.dumps(entries | {"digest": content_digest(entries)}, indent=1, allow_nan=False) + "\n")
+
+
+def read_sealed(path: str | os.PathLike[str], schema: str, version: int) -> JsonObject | None:
+    """Return the entries of a file whose digest fits, None of a file of another schema, or a ValueError.
 
     A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
     that the claim is proved again, and that plant and controller are compared with those one has.
     """
     entries = parse_json(path)
-    if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
-        raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
-    if entries.get("version") != VERSION:
-        raise ValueError(f"path must have version {VERSION}, got {entries.get('version')!r} in {str(path)!r}")
+    if not isinstance(entries, dict) or entries.get("schema") != schema:
+        return None
+    if entries.get("version") != version:
+        raise ValueError(f"path must have version {version}, got {entries.get('version')!r} in {str(path)!r}")
     if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
             "Something in it was changed."
         )
-    require_schema(entries, path, package="robust", name=SCHEMA)
-    return claim_from_dict(entries["claim"])
+    require_schema(entries, path, package="robust", name=schema)
+    return entries

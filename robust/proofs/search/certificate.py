@@ -13,20 +13,22 @@ from robust._base.states import Outcome
 from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.loops import Verification, verify_loop
 from robust.proofs.exact.matrices import NormClaim, verify_norm
+from robust.proofs.exact.scaled_kyp import ScaledClaim
 
 if TYPE_CHECKING:
     import cvxpy
 
-EXACT = "exact arithmetic"  # where nothing is left to floating point
+EXACT, SCALED_KYP = "exact arithmetic", "scaled KYP"  # where nothing is left to floating point
 
 
 @value
 class Certificate:
     """What was proved, how, and if not, why not.
 
-    A loop with one input and one output is proved in exact arithmetic from the matrices as they were given; `verify`
-    repeats that. Any other outcome is judged in floating point, with slacks far above its rounding; of a norm (KYP)
-    `verify` proves the same again to the last bit.
+    A loop with one input and one output is proved in exact arithmetic from the matrices as they were given, one with
+    several by matrices that are checked over the rationals (scaled KYP); `verify` repeats that. Any other outcome is
+    judged in floating point, with slacks far above its rounding; of a norm (KYP) `verify` proves the same again to the
+    last bit.
 
     Fields
     ------
@@ -38,8 +40,9 @@ class Certificate:
     level : float
         The norm is below this level at every frequency.
     method : str
-        "exact arithmetic" (proved, rigorous), "KYP" (P from cvxpy),
-        "Hamiltonian, interval by interval" (mu), "periodic Riccati equation, Bernstein" (friction), or "".
+        "exact arithmetic" and "scaled KYP" (P and X, see `robust.proofs.exact.scaled_kyp`; both proved, rigorous),
+        "KYP" (P from cvxpy), "Hamiltonian, interval by interval" (mu),
+        "periodic Riccati equation, Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) of a norm; where it is violated.
     reason : str
@@ -87,7 +90,16 @@ class Certificate:
     @property
     def judged(self) -> str:
         """In which arithmetic it was judged: "proved, rigorous" to the last bit, or "judged in floating point"."""
-        return "proved, rigorous" if self.method == EXACT else "judged in floating point"
+        return "proved, rigorous" if self.method in (EXACT, SCALED_KYP) else "judged in floating point"
+
+    @property
+    def P(self) -> np.ndarray | None:
+        """Of a proof by "scaled KYP" the matrix P of the states of its claim, in doubles; None of another proof.
+
+        x' P x is a storage function: the inequality of `robust.proofs.exact.scaled_kyp` holds with it, with the system
+        and the scalings of the claim.
+        """
+        return self.claim.storage if isinstance(self.claim, ScaledClaim) else None
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
         """Prove it again with outward rounding, from the claim alone: nothing of what found it is used.

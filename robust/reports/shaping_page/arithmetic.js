@@ -348,14 +348,15 @@ function largest(omega, values) {
   return { value: values[k], omega: omega[k] };
 }
 
-/** Last crossover [rad/s], phase margin [rad] and gain margin [factor] of L. */
+/** Every crossover [rad/s], phase margin [rad] and gain margin [factor] of L. */
 function margins(omega, { lr, li }) {
-  let crossover = NaN, phase = Infinity, gain = Infinity;
+  const crossovers = [];
+  let phase = Infinity, gain = Infinity;
   for (let i = 1; i < omega.length; i++) {
     const before = Math.hypot(lr[i - 1], li[i - 1]), after = Math.hypot(lr[i], li[i]);
     if ((before - 1) * (after - 1) < 0) {
       const x = Math.log(before) / (Math.log(before) - Math.log(after));
-      crossover = omega[i - 1] * Math.pow(omega[i] / omega[i - 1], x);
+      crossovers.push(omega[i - 1] * Math.pow(omega[i] / omega[i - 1], x));
       const first = Math.atan2(-li[i - 1], -lr[i - 1]), turn = wrapped(Math.atan2(-li[i], -lr[i]) - first);
       phase = Math.min(phase, Math.abs(wrapped(first + x * turn)));
     }
@@ -364,7 +365,7 @@ function margins(omega, { lr, li }) {
       if (real < 0 && real > -1) gain = Math.min(gain, -1 / real);
     }
   }
-  return { crossover, phaseMargin: phase, gainMargin: gain };
+  return { crossovers, phaseMargin: phase, gainMargin: gain };
 }
 
 // ------------------------------------------------------------------------------------------------------ step response

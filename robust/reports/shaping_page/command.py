@@ -40,4 +40,5 @@ def write_from_files(
         title="Shape a loop around " + ", ".join(path.stem for path in files),
     )
     w_P = None if bandwidth is None else performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    write_text(out, page_text(page_content(models, w_P=w_P, K=K, sources=sources, **loop)))
+    omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
+    write_text(out, page_text(page_content(models, w_P=w_P, K=K, sources=sources, omega_c=omega_c, **loop)))

@@ -56,24 +56,24 @@ def python_script(
     several = len(files) > 1
     rows = ["import control", "import numpy as np", "import robust", ""]
     if not sources.files:
-        rows.append("# or the model at hand" + " itself" * (not several) + "; robust.io.save_model writes such a file")
+        rows.append("# or the model at hand" + " itself" * (not several) + "; robust.save writes such a file")
     if several:
-        rows.append(f"models = [robust.io.load_model(path) for path in {list(files)!r}]")
+        rows.append(f"models = [robust.load(path) for path in {list(files)!r}]")
     else:
-        rows.append(f"model = robust.io.load_model({files[0]!r})")
+        rows.append(f"model = robust.load({files[0]!r})")
     if w_P is not None:
         rows.append(f"w_P = {sources.demand or state_space_literal(w_P)}")
     rows += [f"dt = {dt!r}", starting_controller(sources, K, dt), PLACE_OF_K, ""]
     arguments = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
     check = f"print(robust.check(model, K{arguments}))"
     rows += ["for model in models:", f"    {check}"] if several else [check]
-    return "\n".join([*rows, 'robust.io.save_controller(K, "controller.json")', ""])
+    return "\n".join([*rows, 'robust.save(K, "controller.json")', ""])
 
 
 def starting_controller(sources: PartSources, K: control.StateSpace, dt: float) -> str:
     """Return the controller to begin with; its gain alone is part of what is shaped."""
     if sources.controller:
-        return f"K = robust.io.load_controller({sources.controller!r})"
+        return f"K = robust.load({sources.controller!r})"
     return "K = " + (state_space_literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
 
 

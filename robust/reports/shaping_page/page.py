@@ -18,43 +18,14 @@ from nlfrf._base.types import JsonObject
 from robust._base.types import Controller, Weight
 from robust.analysis.bounds import loop_bounds
 from robust.analysis.loop import Loop, assemble_loop
-from robust.lti.connections import in_series
 from robust.lti.lti import is_constant, scale_states, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import poles_with_rounding
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
+from robust.reports.shaping_page.beginning import starting_state
 from robust.reports.shaping_page.generated_text import PartSources, proof_commands, python_script
-from robust.synthesis.shaping import lag, lead, notch, roll_off
-
-# ---- The controller that was shaped: gain and elements as the page names them, to one state space.
-
-
-def shaped_controller(state: JsonObject, K: Controller, dt: float) -> control.StateSpace:
-    """Return the controller K to begin with, times the gain and the elements of a state of the page.
-
-    >>> state = {"gain": 2.0, "elements": [{"kind": "lead", "f": 1.0, "phase": 30.0}]}
-    >>> round(float(abs(shaped_controller(state, 1.0, 0.0)(2j * np.pi))), 9)      # a lead has gain one there
-    2.0
-    """
-    K = state_space("K", K)
-    gain = control.StateSpace([], [], [], [[float(state.get("gain", 1.0))]], dt)
-    elements = [shaping_element(element, dt) for element in state.get("elements", ())]
-    return in_series(control.StateSpace(K.A, K.B, K.C, K.D, dt), gain, *elements)
-
-
-def shaping_element(element: JsonObject, dt: float) -> control.StateSpace:
-    """One element, by the function of `compensators` that the page writes out for it."""
-    omega, kind = 2 * np.pi * element["f"], element["kind"]
-    if kind == "integrator":
-        return lag(omega, np.inf, dt=dt)
-    if kind == "lead":
-        return lead(omega, np.radians(element["phase"]), dt=dt)
-    if kind == "notch":
-        return notch(omega, depth=element["depth"], width=element["width"], dt=dt)
-    return roll_off(omega, order=element["order"], zeta=element["zeta"], dt=dt)
-
 
 # ---- A system as the page computes with it: a Hessenberg form, whose response costs n^2 operations a frequency.
 
@@ -106,8 +77,9 @@ def page_content(
     dt: float,
     delay: float,
     sources: PartSources,
+    omega_c: float | None = None,
 ) -> JsonObject:
-    """Everything the page needs, as JSON holds it."""
+    """Return everything the page needs, as JSON holds it; omega_c [rad/s] is where |L| = 1 at first, without a K."""
     models = list(models) if isinstance(models, Sequence) else [models]
     if not models or not all(isinstance(model, UncertaintyModel) for model in models):
         raise ValueError(f"model must be an UncertaintyModel or a list of them, got {short_form(models)}")
@@ -126,12 +98,17 @@ def page_content(
     for model in models if dt else ():
         warn_of_unknown_hold(model, dt)
     names = [*sources.names, *(f"level {k + 1}" for k in range(len(sources.names), len(models)))]
+    omega = shared_grid(models, loops)
+    begin: JsonObject = {"gain": 1, "elements": []}
+    if K is None:
+        begin = starting_state(models, loops, np.array(omega), omega_c=omega_c, delay=delay)
     return {
         "title": sources.title,
+        "begin": begin,
         "warnings": list(dict.fromkeys(text for model in models for text in model.warnings)),
         "dt": dt,
         "delay": delay,
-        "omega": shared_grid(models, loops),
+        "omega": omega,
         "models": [encode_model(*row) for row in zip(names, models, loops, strict=False)],
         "w_P": None if w_P is None else encode_response(loops[0].w_P),
         "K": encode_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
@@ -283,7 +260,8 @@ def write_shaping_page(
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight.
     K : control.StateSpace, TransferFunction or float, optional
-        Controller to begin with; what is shaped is multiplied to it.
+        Controller to begin with; what is shaped is multiplied to it. When not given, a gain, with integrator and lead
+        where the plant asks for them, that makes |L| = 1 where the demand or the set ends.
     dt : float
         Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
     delay : float

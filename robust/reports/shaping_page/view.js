@@ -3,6 +3,8 @@
 const COLOURS = ["#1f6fd1", "#d1681f", "#2a9d5c", "#9b4fc4", "#c43c5a", "#6b7280"];
 const FAINT = "#d9dfe6", AXIS = "#5b6774", TOO_LOW = "#1f6fd1", TOO_HIGH = "#d13444";
 const FONT = "12px system-ui, sans-serif";
+const TALLEST = 120; // of |L| beyond 0 dB or the nearest of its values [dB]
+const SETTLED = 0.03, LONGEST = 9; // the step axis grows, at most so often, until the response stays this close to its end
 /** What each element is called, starts with, may be, and which of its numbers a vertical drag changes. */
 const KINDS = {
   integrator: { title: "Integrator", sign: "∫", begin: f => ({ f: f / 10 }), help: "(s + ω)/s: error to zero", fields: {} },
@@ -34,10 +36,10 @@ function make(what, attributes = {}, ...children) {
 /** Fill an element with the page; `changed(state)` is told of every step that undo can take back. */
 function start(root, content, changed = () => {}, begin = null) {
   const problem = prepare(content), band = bandOf(content);
-  let state = begin || { gain: 1, elements: [] };
+  let state = begin || content.begin;
   const history = { past: [], future: [], last: JSON.stringify(state) };
   const page = { content, problem, frames: 0, took: 0, key: `shaping-${Math.random()}` };
-  let answer = null, waiting = false;
+  let answer = null, waiting = false, dragging = false, scale = null;
 
   // ------------------------------------------------------------------------------------------------------ the frame
   root.classList.add("shaping-page");
@@ -49,10 +51,11 @@ function start(root, content, changed = () => {}, begin = null) {
   const late = content.delay ? `, delay ${brief(content.delay * 1e3)} ms` : "";
   const verdicts = make("section.verdicts", { "aria-live": "polite", "aria-label": "Verdicts" });
   const panels = Object.fromEntries([
-    ["loop", "Loop gain |L| and its bounds", "dB over Hz"], ["nyquist", "Nyquist, with the discs of the set", ""],
-    ["robust", "rs (solid) and rp (dashed)", "below 1, over Hz"], ["sensitivity", "|S| (solid) and |T| (dashed)", "dB over Hz"],
-    ["step", "Step response, r to y", "over seconds"],
-  ].map(([name, title, unit]) => [name, panel(name, title, unit)]));
+    ["loop", "Loop gain |L| and its bounds", [...(problem.demand ? [[TOO_LOW, "too low for the demand"]] : []), [TOO_HIGH, "too high for the set"]]],
+    ["nyquist", "Nyquist, with the discs of the set", content.models.map((model, k) => [COLOURS[k % 6], content.models.length > 1 ? `L of ${model.name} over its set` : "L over the set"])],
+    ["robust", `rs${problem.demand ? " (solid) and rp (dashed)" : ""}, to lie below 1`], ["sensitivity", `|S| (solid) and |T| (dashed)${problem.demand ? ", 1/|w_P| (dotted)" : ""}`],
+    ["step", "Step response, r to y"],
+  ].map(([name, title, areas]) => [name, panel(name, title, areas)]));
   const elements = make("section.elements", { "aria-label": "Controller" }), gains = make("div.gains");
   const python = make("pre.code", { tabindex: 0, "aria-label": "Python" });
   root.append(
@@ -67,10 +70,10 @@ function start(root, content, changed = () => {}, begin = null) {
         make("section.prove", {}, make("h2", {}, "Prove"), ...proving(content, () => state)),
         make("section", {}, make("h2", {}, "Python"), copyButton(() => python.textContent), python))));
 
-  const loop = curvePlot(panels.loop.place, { y: [-60, 60], unit: "dB", tall: true, below: drawBounds });
-  const robust = curvePlot(panels.robust.place, { y: [0, 1.5], below: drawLimit, dashes: [[], [6, 4]] });
-  const sensitivity = curvePlot(panels.sensitivity.place, { y: [-50, 15], unit: "dB", dashes: [[], [6, 4]], demand: true });
-  const stepPlot = curvePlot(panels.step.place, { y: [-0.2, 1.8], time: true });
+  const loop = curvePlot(panels.loop.place, { y: [-60, 60], label: "|L| [dB]", tall: true, below: drawBounds });
+  const robust = curvePlot(panels.robust.place, { y: [0, 1.5], label: problem.demand ? "rs, rp [-]" : "rs [-]", below: drawLimit, dashes: [[], [6, 4]] });
+  const sensitivity = curvePlot(panels.sensitivity.place, { y: [-50, 15], label: "|S|, |T| [dB]", dashes: [[], [6, 4]], demand: true });
+  const stepPlot = curvePlot(panels.step.place, { y: [-0.2, 1.8], label: "y over the step of r [-]", time: true });
   const nyquist = nyquistPlot(panels.nyquist.place);
   const handles = new Map();
   loop.over.addEventListener("pointerdown", grabCurve);
@@ -107,10 +110,10 @@ function start(root, content, changed = () => {}, begin = null) {
     return out;
   }
 
-  function amplify(gain) { set({ ...state, gain: tidy(clamp(gain, 1e-12, 1e12)) }); }
+  function amplify(gain) { set({ ...state, gain: tidy(Math.sign(gain || state.gain) * clamp(Math.abs(gain), 1e-12, 1e12)) }); }
 
   function add(name) {
-    const f = answer && answer.models[0].crossover > 0 ? answer.models[0].crossover / TWO_PI : Math.sqrt(band.low * band.high);
+    const f = answer && answer.models[0].crossovers.length ? answer.models[0].crossovers.at(-1) / TWO_PI : Math.sqrt(band.low * band.high);
     set({ ...state, elements: [...state.elements, limited({ kind: name, ...KINDS[name].begin(clamp(f, band.low, band.high)) })] });
     drawElements(); commit();
   }
@@ -120,15 +123,17 @@ function start(root, content, changed = () => {}, begin = null) {
   // -------------------------------------------------------------------------------------------------------- dragging
   function drag(event, move) {
     event.preventDefault();
+    dragging = true; // axes hold still under the pointer
     const target = event.currentTarget;
     if (target.setPointerCapture && event.pointerId !== undefined) target.setPointerCapture(event.pointerId);
     let [x, y] = [event.clientX, event.clientY];
     const moved = e => { move(e.clientX - x, e.clientY - y, e); [x, y] = [e.clientX, e.clientY]; };
     const done = () => {
+      dragging = false;
       target.removeEventListener("pointermove", moved);
       target.removeEventListener("pointerup", done);
       target.removeEventListener("pointercancel", done);
-      drawElements(); commit();
+      drawElements(); commit(); request();
     };
     target.addEventListener("pointermove", moved);
     target.addEventListener("pointerup", done);
@@ -203,7 +208,8 @@ function start(root, content, changed = () => {}, begin = null) {
     const x = Array.from(answer.omega, omega => omega / TWO_PI);
     const every = of => answer.models.map(of);
     const size = every(m => Float64Array.from(m.lr, (r, i) => db(Math.hypot(r, m.li[i]))));
-    loop.show(x, size, range(size, x, band, -80, 80, 12));
+    if (!dragging) scale = gainRange(size, x, band);
+    loop.show(x, size, scale);
     robust.show(x, [...every(m => (m.stable ? m.rs : blank(m.rs))), ...(problem.demand ? every(m => (m.stable ? m.rp : blank(m.rp))) : [])],
       [0, clamp(1.15 * Math.max(1.1, ...every(m => (m.stable ? Math.max(m.maxRs.value, m.maxRp ? m.maxRp.value : 0) : 0))), 1.25, 3)]);
     sensitivity.show(x, [...every(m => m.S.map(db)), ...every(m => m.T.map(db)), ...(problem.demand ? [answer.size.map(p => -db(p))] : [])], [-50, 16]);
@@ -219,14 +225,21 @@ function start(root, content, changed = () => {}, begin = null) {
   }
 
   function drawStep() {
-    const slow = Math.min(...answer.models.map(m => m.crossover).filter(x => x > 0));
-    const wanted = 12 / (Number.isFinite(slow) ? slow : TWO_PI * band.low), power = Math.pow(10, Math.floor(Math.log10(wanted)));
-    const end = [1, 2, 5, 10].find(n => n * power >= wanted) * power;
+    const fast = Math.max(...answer.models.map(m => m.crossovers[m.crossovers.length - 1] || 0)), stable = answer.models.every(m => m.stable);
+    const wanted = 6 / (fast || TWO_PI * band.low), power = Math.pow(10, Math.floor(Math.log10(wanted)));
+    const lengths = Array.from({ length: LONGEST }, (_, k) => [1, 2, 5][k % 3] * power * Math.pow(10, Math.floor(k / 3))).filter(end => end >= wanted);
+    const end = lengths.find(length => answer.models.every(m => !m.stable || settles(m, length))) || lengths[lengths.length - 1];
     let times = Array.from({ length: 121 }, (_, k) => k * end / 120);
     if (content.dt) times = sampledTimes(content.dt, end);
     const shown = answer.models.map(m => (m.stable ? stepOf(m, times) : times.map(() => null)));
-    stepPlot.show(times, shown, range(shown, null, null, -3, 4, 0.1), [0, end]);
-    panels.step.note.textContent = answer.models.every(m => m.stable) ? "" : "none where the loop is unstable";
+    stepPlot.show(times, shown, range(shown), [0, end]);
+    panels.step.note.textContent = stable ? "" : "loop unstable";
+  }
+
+  /** Whether the last third of a step response stays at its end, Re T at the lowest frequency. */
+  function settles(m, length) {
+    const times = Array.from({ length: 8 }, (_, k) => length * (0.66 + 0.34 * k / 7));
+    return stepOf(m, times).every(y => Math.abs(y - m.Tr[0]) < SETTLED);
   }
 
   function stepOf(m, times) {
@@ -242,7 +255,7 @@ function start(root, content, changed = () => {}, begin = null) {
     const cards = answer.models.map((m, k) => {
       const good = m.verdict === "holds on the grid";
       const facts = m.stable ? [["max rs", m.maxRs.value, m.maxRs.omega], ...(m.maxRp ? [["max rp", m.maxRp.value, m.maxRp.omega]] : [])] : [];
-      const margins = m.stable ? `${brief(m.crossover / TWO_PI)} Hz crossover · ${brief(m.phaseMargin * 180 / Math.PI)}° · gain ×${brief(m.gainMargin)} · disk ${brief(m.disk)}` : "";
+      const margins = m.stable ? `${crossing(m.crossovers)} · ${brief(m.phaseMargin * 180 / Math.PI)}° · gain ×${brief(m.gainMargin)} · disk ${brief(m.disk)}` : "";
       const said = m.verdict === "unstable" ? `unstable: ${m.count} poles` : m.verdict;
       return make(`div.card${good ? "" : m.verdict === "demand not met" ? ".weak" : ".bad"}`, { style: `--level:${COLOURS[k % 6]}` },
         make("span.level", {}, content.models.length > 1 ? m.name : "Nominal and set"), make("strong", {}, said),
@@ -250,6 +263,11 @@ function start(root, content, changed = () => {}, begin = null) {
         make("span.margins", {}, margins));
     });
     verdicts.replaceChildren(...cards, make("p.note", {}, "On a grid of frequencies. Nothing here is proved; “Prove” says how it is."));
+  }
+
+  function crossing(found) {
+    if (!found.length) return "|L| never crosses 1";
+    return `crossover${found.length > 1 ? "s" : ""} ${found.map(omega => brief(omega / TWO_PI)).join(", ")} Hz`;
   }
 
   function drawGains() {
@@ -297,7 +315,7 @@ function start(root, content, changed = () => {}, begin = null) {
     const m = answer.models[0];
     for (const [k, handle] of handles) {
       const element = state.elements[k];
-      const f = element ? element.f : clamp(m.crossover > 0 ? m.crossover / TWO_PI : Math.sqrt(band.low * band.high), band.low, band.high);
+      const f = element ? element.f : clamp(m.crossovers.length ? m.crossovers.at(-1) / TWO_PI : Math.sqrt(band.low * band.high), band.low, band.high);
       const i = nearest(answer.omega, TWO_PI * f), x = loop.plot.valToPos(clamp(f, band.low, band.high), "x");
       const y = loop.plot.valToPos(db(Math.hypot(m.lr[i], m.li[i])), "y"), high = loop.over.clientHeight;
       handle.style.transform = `translate(${x}px, ${clamp(y, 12, high - 12)}px)`;
@@ -308,18 +326,18 @@ function start(root, content, changed = () => {}, begin = null) {
 
   // ----------------------------------------------------------------------------------------------------------- plots
   /** A plot of curves over frequency, or time, with room for what lies below them. */
-  function curvePlot(place, { y, unit = "", tall = false, time = false, below = null, dashes = [[]], demand = false }) {
+  function curvePlot(place, { y, label, tall = false, time = false, below = null, dashes = [[]], demand = false }) {
     const count = content.models.length, series = [{}];
     for (const dash of dashes) for (let k = 0; k < count; k++) series.push({ stroke: COLOURS[k % 6], width: dash.length ? 1.6 : 2, dash, points: { show: false }, spanGaps: false });
     if (dashes.length > 1 && !demand && !problem.demand) series.splice(1 + count);
     if (demand && problem.demand) series.push({ stroke: "#8a94a0", width: 1.4, dash: [2, 3], points: { show: false } });
     let yRange = y, xRange = time ? [0, 1] : [band.low, band.high];
-    const axisOf = (size, more) => ({ stroke: AXIS, font: FONT, grid: { stroke: FAINT, width: 1 }, ticks: { show: false }, gap: 4, size, ...more });
+    const axisOf = (size, more) => ({ stroke: AXIS, font: FONT, grid: { stroke: FAINT, width: 1 }, ticks: { show: false }, gap: 4, size, labelFont: FONT, labelSize: 18, labelGap: 0, ...more });
     const frequencies = (u, splits) => splits.map(v => (Math.abs(Math.log10(v) - Math.round(Math.log10(v))) < 1e-6 ? brief(v) : /^[25]/.test(v.toExponential()) && band.high / band.low < 1000 ? brief(v) : ""));
     const options = { width: 300, height: 200, legend: { show: false }, cursor: { y: false, points: { show: false }, drag: { x: false, y: false }, ...(time ? {} : { sync: { key: page.key } }) },
       padding: [8, 10, 0, 0],
       scales: { x: time ? { time: false, range: () => xRange } : { time: false, distr: 3, range: () => xRange }, y: { range: () => yRange } },
-      axes: [axisOf(24, time ? {} : { values: frequencies, filter: (u, splits) => splits }), axisOf(40, { values: (u, splits) => splits.map(brief) })], series,
+      axes: [axisOf(24, time ? { label: "Time [s]" } : { label: "Frequency [Hz]", values: frequencies, filter: (u, splits) => splits }), axisOf(40, { label, values: (u, splits) => splits.map(brief) })], series,
       hooks: { drawClear: below ? [below] : [] } };
     const plot = new uPlot(options, [[1], ...series.slice(1).map(() => [null])], place);
     const fit = () => {
@@ -376,9 +394,11 @@ function bandOf(content) {
   return { low, high: Math.min(high, nyquist), highest: Math.min(high, 0.9 * nyquist) };
 }
 
-function panel(name, title, unit) {
-  const place = make("div.place"), note = make("span.unit", {}, unit);
-  return { frame: make(`figure.panel.${name}`, {}, make("figcaption", {}, title, note), place), place, note };
+/** A picture with its title, and a legend of its shaded areas, [colour, words]. */
+function panel(name, title, areas = []) {
+  const place = make("div.place"), note = make("span.unit");
+  const legend = make("div.legend", {}, ...areas.map(([colour, words]) => make("span", { style: `--area:${colour}` }, words)));
+  return { frame: make(`figure.panel.${name}`, {}, make("figcaption", {}, title, note), legend, place), place, note };
 }
 
 function watch(place, fit) { new ResizeObserver(fit).observe(place); requestAnimationFrame(fit); }
@@ -391,16 +411,30 @@ function nearest(omega, wanted) {
   return wanted - omega[low] < omega[high] - wanted ? low : high;
 }
 
-/** A range around all curves inside the band, in steps so that it holds still while something is dragged. */
-function range(curves, x, band, least, most, room) {
+/** Least and largest value of the curves inside a band. */
+function extremes(curves, x, band) {
   let low = Infinity, high = -Infinity;
   for (const curve of curves) for (let i = 0; i < curve.length; i++) {
     if (curve[i] === null || !Number.isFinite(curve[i]) || (x && (x[i] < band.low || x[i] > band.high))) continue;
     low = Math.min(low, curve[i]); high = Math.max(high, curve[i]);
   }
-  if (!(high >= low)) return room < 1 ? [0, 1.5] : [-40, 40];
-  const unit = room < 1 ? 0.25 : 20;
-  return [clamp(unit * Math.floor((low - room / 3) / unit), least, most - unit), clamp(unit * Math.ceil((high + room / 3) / unit), least + unit, most)];
+  return [low, high];
+}
+
+/** Decibels that hold every curve and 0 dB. What lies more
+ * than TALLEST beyond the nearest of both is cut off: a notch to zero, a pole on the axis. */
+function gainRange(curves, x, band) {
+  const [low, high] = extremes(curves, x, band);
+  if (!(high >= low)) return [-40, 40];
+  const bottom = Math.max(Math.min(0, low), Math.min(0, high) - TALLEST), top = Math.min(Math.max(0, high), Math.max(0, low) + TALLEST);
+  return [20 * Math.floor((bottom - 4) / 20), 20 * Math.ceil((top + 4) / 20)];
+}
+
+/** A range around step responses. */
+function range(curves) {
+  const [low, high] = extremes(curves);
+  if (!(high >= low)) return [0, 1.5];
+  return [clamp(0.25 * Math.floor((low - 0.03) / 0.25), -3, 3.75), clamp(0.25 * Math.ceil((high + 0.03) / 0.25), -2.75, 4)];
 }
 
 function sampledTimes(dt, end) {
@@ -449,7 +483,8 @@ function nyquistPlot(place) {
     });
     ctx.strokeStyle = "#d13444"; ctx.lineWidth = 2; ctx.beginPath();
     ctx.moveTo(x(-1) - 6, y(0)); ctx.lineTo(x(-1) + 6, y(0)); ctx.moveTo(x(-1), y(0) - 6); ctx.lineTo(x(-1), y(0) + 6); ctx.stroke();
-    ctx.fillStyle = AXIS; ctx.font = FONT; ctx.fillText("−1", x(-1) + 8, y(0) - 8);
+    ctx.fillStyle = AXIS; ctx.font = FONT; ctx.fillText("−1", x(-1) + 8, y(0) - 8); ctx.fillText("|L| = 1", x(0.72) + 4, y(0.72));
+    ctx.fillText("Im L [-]", x(0) + 5, 12); ctx.textAlign = "right"; ctx.fillText("Re L [-]", wide - 4, y(0) - 5); ctx.textAlign = "left";
   }
   return { show(answer, content) { last = [answer, content]; draw(answer, content); } };
 }

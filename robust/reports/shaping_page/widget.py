@@ -11,8 +11,9 @@ import control
 from nlfrf._base.extras import import_extra
 from robust._base.types import Controller, Weight
 from robust.models.sets.model import UncertaintyModel
+from robust.reports.shaping_page.elements import shaped_controller
 from robust.reports.shaping_page.generated_text import PartSources
-from robust.reports.shaping_page.page import page_content, read_script, read_style, shaped_controller
+from robust.reports.shaping_page.page import page_content, read_script, read_style
 
 if TYPE_CHECKING:
     import anywidget
@@ -77,7 +78,7 @@ def shape(
     ValueError: model must be an UncertaintyModel or a list of them, got []
     """
     content = page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources())
-    return widget_class()(content=content, begun=1.0 if K is None else K)
+    return widget_class()(content=content, state=content["begin"], begun=1.0 if K is None else K)
 
 
 @cache

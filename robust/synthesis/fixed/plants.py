@@ -148,7 +148,9 @@ def plant_on_lines(
         lowest, highest = float(omega[0]), float(omega[-1])
         above = np.geomspace(1, FAR, N_FAR)[1:] * highest
         omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
-        G, w = loop.plant_response(omega), np.abs(response(loop.weight, omega))
+        G = loop.plant_response(omega)
+        omega, G = omega[np.isfinite(G)], G[np.isfinite(G)]  # a line on an undamped mode has no response
+        w = np.abs(response(loop.weight, omega))
         n_integrators = integrator_poles(loop.G, loop.dt)
         known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)

@@ -22,6 +22,7 @@ from robust.synthesis.fixed.structures import Basis
 CROSSOVERS, LEADS, RESETS, GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
 INTEGRATOR_LEAKS = (1e-4, 1e-2)
 MAX_LINES = 60
+PULLED_IN = 1e-6  # of the lowest line: far above rounding, far below any damping that a line shows
 
 
 def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray]:
@@ -166,6 +167,8 @@ def winding_is_right(basis: Basis, theta: np.ndarray, *, family: list[PlantOnLin
         omega, G = at.omega[at.known], at.G[at.known]
         if at.loop is None:
             omega, G = extend_below(omega, G, n=at.n_integrators)
+        else:
+            G = response(barely_damped(at.loop.G, PULLED_IN * omega.min()), omega)
         Y, X = basis.columns(omega)
         with np.errstate(all="ignore"):
             F = 1 + G * (theta @ X.T) / (theta @ Y.T)
@@ -175,6 +178,13 @@ def winding_is_right(basis: Basis, theta: np.ndarray, *, family: list[PlantOnLin
         else:  # a guess: the poles decide
             out &= np.round(turns) == unstable_poles(at.loop.G, at.loop.dt)
     return out
+
+
+def barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:
+    """Return the plant with every pole pulled in by sigma [rad/s]: on the boundary rounding picks the side it turns."""
+    dt = timebase(G)
+    A = G.A * np.exp(-sigma * dt) if dt else G.A - sigma * np.eye(G.nstates)
+    return control.ss(A, G.B, G.C, G.D, G.dt)
 
 
 def start_from_controller(basis: Basis, start: Controller, at: PlantOnLines) -> np.ndarray:

@@ -78,7 +78,7 @@ def test_a_stored_record_and_its_labels(command, tmp_path):
     record = nlfrf.Record(
         u=u, y=2 * u, fs=100, lines=ms.lines, u_name=HOSTILE, y_name="y\nall is well", u_unit="\x1b[N"
     )
-    nlfrf.io.save_record(record, tmp_path / "run.npz")
+    nlfrf.save(record, tmp_path / "run.npz")
     for arguments in (("inspect", "run.npz"), ("identify", "run.npz", "-o", "bla.npz"), ("inspect", "bla.npz")):
         code, out, err = command(*arguments)
         assert code == 0

@@ -100,8 +100,8 @@ def test_deviations_that_are_no_product_are_raised_and_said():
 @pytest.mark.parametrize("ending", ["npz", "h5"])
 def test_it_is_stored_drawn_and_told(ending, tmp_path, ax):
     bla = nlfrf.bla_from_frf(F, G, coherence=0.99, n_averages=20, inputs=["force"], outputs=["way"])
-    nlfrf.io.save_bla(bla, tmp_path / f"bla.{ending}")
-    loaded = nlfrf.io.load_bla(tmp_path / f"bla.{ending}")
+    nlfrf.save(bla, tmp_path / f"bla.{ending}")
+    loaded = nlfrf.load(tmp_path / f"bla.{ending}")
     assert np.array_equal(loaded.bound(), bla.bound())
     assert (loaded.u_name, loaded.y_name, loaded.grid, loaded.level_source) == ("force", "way", "given", "coherence")
     assert np.isnan(loaded.fs)
@@ -109,8 +109,8 @@ def test_it_is_stored_drawn_and_told(ending, tmp_path, ax):
     nlfrf.export_csv(bla, tmp_path / "bla.csv")
     nlfrf.plot.plot_bla(bla, ax=ax)
     frm = nlfrf.bla_from_frf(F, G[None, None], std=0.01)
-    nlfrf.io.save_bla(frm, tmp_path / f"frm.{ending}")
-    assert np.array_equal(nlfrf.io.load_bla(tmp_path / f"frm.{ending}").bound(), frm.bound())
+    nlfrf.save(frm, tmp_path / f"frm.{ending}")
+    assert np.array_equal(nlfrf.load(tmp_path / f"frm.{ending}").bound(), frm.bound())
 
 
 def test_a_known_variance_has_the_law_of_a_chi_square():

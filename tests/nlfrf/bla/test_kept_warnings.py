@@ -129,18 +129,18 @@ def test_other_ways_to_a_bla_keep_them_too():
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
 def test_the_file_of_a_record_keeps_them(suffix, tmp_path):
     record = replace(cut_quietly(1.0), warnings=("said of “u”;\tand\nmore", *cut_quietly(1.0).warnings))
-    nlfrf.io.save_record(record, tmp_path / f"r{suffix}")
+    nlfrf.save(record, tmp_path / f"r{suffix}")
     read, said = shown(nlfrf.load_record, tmp_path / f"r{suffix}")
     assert read.warnings == ("said of “u”; and more", *record.warnings[1:])  # printable, on one line
     assert said == []  # who measured was warned, and who reads has them in the value
-    nlfrf.io.save_record(cut(), tmp_path / f"sound{suffix}")
+    nlfrf.save(cut(), tmp_path / f"sound{suffix}")
     assert nlfrf.load_record(tmp_path / f"sound{suffix}").warnings == ()
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
 def test_the_file_of_a_matrix_and_of_its_record_keep_them(suffix, tmp_path):
     record = replace(matrix_record(), warnings=("said before",))
-    nlfrf.io.save_record(record, tmp_path / f"r{suffix}")
+    nlfrf.save(record, tmp_path / f"r{suffix}")
     read = nlfrf.load_record(tmp_path / f"r{suffix}")
     assert read.warnings == ("said before",)
     bla, said = shown(identify, read)
@@ -149,21 +149,21 @@ def test_the_file_of_a_matrix_and_of_its_record_keep_them(suffix, tmp_path):
     assert bla.entry(0, 1).warnings == bla.warnings
     if suffix != ".mat":
         nlfrf.save(bla, tmp_path / f"bla{suffix}")
-        assert nlfrf.io.load_bla(tmp_path / f"bla{suffix}").warnings == bla.warnings
-        assert f"{len(bla.warnings)} warnings" in str(nlfrf.io.load_bla(tmp_path / f"bla{suffix}"))
+        assert nlfrf.load(tmp_path / f"bla{suffix}").warnings == bla.warnings
+        assert f"{len(bla.warnings)} warnings" in str(nlfrf.load(tmp_path / f"bla{suffix}"))
 
 
 def test_the_file_of_a_bla_keeps_them_and_an_older_file_has_none(tmp_path):
     bla = identify_quietly(cut_quietly(1.0))
-    nlfrf.io.save_bla(bla, tmp_path / "bla.npz")
-    assert nlfrf.io.load_bla(tmp_path / "bla.npz").warnings == bla.warnings
+    nlfrf.save(bla, tmp_path / "bla.npz")
+    assert nlfrf.load(tmp_path / "bla.npz").warnings == bla.warnings
     with np.load(tmp_path / "bla.npz") as stored:
         older = {name: stored[name] for name in stored.files if name != "warnings"}
     np.savez(tmp_path / "older.npz", **older)
-    assert nlfrf.io.load_bla(tmp_path / "older.npz").warnings == ()
+    assert nlfrf.load(tmp_path / "older.npz").warnings == ()
     np.savez(tmp_path / "bad.npz", **older, warnings=np.array("no list"))
     with pytest.raises(ValueError, match="path must hold names as a list in JSON for warnings"):
-        nlfrf.io.load_bla(tmp_path / "bad.npz")
+        nlfrf.load(tmp_path / "bad.npz")
 
 
 def test_what_a_file_is_warned_of_when_it_is_read_stays_with_the_record(tmp_path):

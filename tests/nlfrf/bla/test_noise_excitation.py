@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from nlfrf import DataWarning, Record, identify, identify_noise, multisine
-from nlfrf.io import load_bla, save_bla
+from nlfrf import DataWarning, Record, identify, identify_noise, load, multisine, save
 
 
 @pytest.mark.parametrize("ratio", [2, 2.5, 8.7])
@@ -49,10 +48,10 @@ def test_a_periodic_record_has_no_coherence_and_older_files_load(tmp_path):
     bla = identify(Record(u=ms.u[None], y=ms.u[None], fs=128, lines=ms.lines))
     assert np.isnan(bla.coherence).all()
     assert not bla.coherence.flags.writeable
-    save_bla(bla, tmp_path / "bla.npz")
+    save(bla, tmp_path / "bla.npz")
     with np.load(tmp_path / "bla.npz") as stored:
         np.savez(tmp_path / "older.npz", **{name: stored[name] for name in stored.files if name != "coherence"})
-    assert np.isnan(load_bla(tmp_path / "older.npz").coherence).all()
+    assert np.isnan(load(tmp_path / "older.npz").coherence).all()
 
 
 def resonance(u):

@@ -10,7 +10,8 @@ import nlfrf
 from nlfrf._base.files import write_atomically
 from nlfrf._base.values import field_names
 from nlfrf.io.readers.clock import sampling_frequency
-from nlfrf.io.results import load
+from nlfrf.io.results import RESULTS
+from nlfrf.io.stored_values import load_value
 from tests.support.measurement_files import damaged
 
 FORMATS = [".npz", ".mat", ".h5", ".csv"]
@@ -37,7 +38,7 @@ def same(one, two):
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_records_round_trip_exactly(record, suffix, tmp_path):
     path = tmp_path / f"record{suffix}"
-    nlfrf.io.save_record(record, path)
+    nlfrf.save(record, path)
     same(nlfrf.load_record(path, n_samples=512), record)
     if suffix != ".csv":
         assert nlfrf.load_record(path, n_discard=2).n_periods == 1
@@ -45,29 +46,29 @@ def test_records_round_trip_exactly(record, suffix, tmp_path):
 
 def test_a_reference_travels_along(record, tmp_path):
     with_r = nlfrf.Record(u=record.u, y=record.y, r=2 * record.u, fs=record.fs, lines=record.lines)
-    nlfrf.io.save_record(with_r, tmp_path / "r.npz")
+    nlfrf.save(with_r, tmp_path / "r.npz")
     same(nlfrf.load_record(tmp_path / "r.npz", r="r"), with_r)
 
 
 def test_blas_and_multisines_round_trip_exactly(record, tmp_path):
     bla = nlfrf.identify(record)
-    nlfrf.io.save_bla(bla, tmp_path / "bla.npz")
-    same(nlfrf.io.load_bla(tmp_path / "bla.npz"), bla)
+    nlfrf.save(bla, tmp_path / "bla.npz")
+    same(nlfrf.load(tmp_path / "bla.npz"), bla)
     ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=2, rng=0)
-    nlfrf.io.save_multisine(ms, tmp_path / "ms.npz")
-    same(nlfrf.io.load_multisine(tmp_path / "ms.npz"), ms)
-    assert isinstance(load(tmp_path / "bla.npz"), nlfrf.Bla)
+    nlfrf.save(ms, tmp_path / "ms.npz")
+    same(nlfrf.load(tmp_path / "ms.npz"), ms)
+    assert isinstance(nlfrf.load(tmp_path / "bla.npz"), nlfrf.Bla)
     with pytest.raises(ValueError, match=r"path must hold a BLA, got .*, which is a multisine"):
-        nlfrf.io.load_bla(tmp_path / "ms.npz")
+        load_value(RESULTS, tmp_path / "ms.npz")
 
 
 def test_blas_and_multisines_round_trip_in_hdf5(record, tmp_path):
     bla = nlfrf.identify(record)
-    nlfrf.io.save_bla(bla, tmp_path / "bla.h5")
-    same(nlfrf.io.load_bla(tmp_path / "bla.h5"), bla)
+    nlfrf.save(bla, tmp_path / "bla.h5")
+    same(nlfrf.load(tmp_path / "bla.h5"), bla)
     ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=2, rng=0)
-    nlfrf.io.save_multisine(ms, tmp_path / "ms.h5")
-    same(nlfrf.io.load_multisine(tmp_path / "ms.h5"), ms)
+    nlfrf.save(ms, tmp_path / "ms.h5")
+    same(nlfrf.load(tmp_path / "ms.h5"), ms)
 
 
 def test_csv_of_a_bla_holds_its_numbers(record, tmp_path):
@@ -86,8 +87,8 @@ def test_a_generator_plays_the_samples_and_the_design_lies_beside(suffix, tmp_pa
 
     ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=2, rng=0)
     path = tmp_path / f"ms{suffix}"
-    nlfrf.io.save_multisine(ms, path)
-    same(nlfrf.io.load_multisine(tmp_path / "ms.npz"), ms)
+    nlfrf.save(ms, path)
+    same(nlfrf.load(tmp_path / "ms.npz"), ms)
     if suffix == ".csv":
         played = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:].T
     elif suffix == ".mat":
@@ -127,7 +128,7 @@ def test_foreign_files_by_name(record, tmp_path):
 
 @pytest.mark.parametrize("fs", [0.1, 1 / 3, 1000.5, 11_025, 16_384, 65_536, 2e6])
 def test_a_record_in_csv_keeps_its_sampling_frequency(record, fs, tmp_path):
-    nlfrf.io.save_record(replace(record, fs=fs), tmp_path / "r.csv")
+    nlfrf.save(replace(record, fs=fs), tmp_path / "r.csv")
     assert nlfrf.load_record(tmp_path / "r.csv", n_samples=512).fs == pytest.approx(fs, rel=2e-12)
 
 
@@ -178,7 +179,7 @@ def test_the_header_that_numpy_writes_and_a_row_without_numbers(record, tmp_path
 
 
 def test_a_stored_record_is_not_cut_anew(record, tmp_path):
-    nlfrf.io.save_record(record, tmp_path / "r.npz")
+    nlfrf.save(record, tmp_path / "r.npz")
     with pytest.raises(ValueError, match=r"n_samples must be that of the record, 512, got 100"):
         nlfrf.load_record(tmp_path / "r.npz", n_samples=100)
 
@@ -193,7 +194,7 @@ def test_a_name_that_fits_two_channels_is_refused(tmp_path):
 def test_a_wav_file_cannot_hold_a_broken_sampling_frequency(tmp_path):
     ms = nlfrf.multisine(fs=512.5, n_samples=512, f_min=2, f_max=100, rng=0)
     with pytest.raises(ValueError, match=r"fs of a \.wav file must be a whole number of at least 1, got 512\.5"):
-        nlfrf.io.save_multisine(ms, tmp_path / "ms.wav")
+        nlfrf.save(ms, tmp_path / "ms.wav")
     assert not list(tmp_path.iterdir())
 
 
@@ -220,7 +221,7 @@ def test_names_that_are_not_there_are_answered_with_those_that_are(tmp_path):
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_damaged_files_are_refused(record, suffix, tmp_path):
     whole = tmp_path / f"whole{suffix}"
-    nlfrf.io.save_record(record, whole)
+    nlfrf.save(record, whole)
     content = whole.read_bytes()
     cut = tmp_path / f"cut{suffix}"
     for broken in (b"", content[: len(content) // 2], b"not a measurement"):
@@ -258,9 +259,9 @@ def test_a_file_is_written_whole_or_not_at_all(record, tmp_path):
     assert path.read_text() == "before"
     assert [p.name for p in tmp_path.iterdir()] == ["out.npz"]
     with pytest.raises(ValueError, match=r"path must end in \.npz, \.mat, \.h5 or \.csv"):
-        nlfrf.io.save_record(record, tmp_path / "out.txt")
+        nlfrf.save(record, tmp_path / "out.txt")
     with pytest.raises(FileNotFoundError, match="path must lie in an existing folder"):
-        nlfrf.io.save_record(record, tmp_path / "no" / "out.npz")
+        nlfrf.save(record, tmp_path / "no" / "out.npz")
 
 
 @pytest.mark.data
@@ -305,7 +306,7 @@ def test_damaged_files_raise_documented_errors_only(record, suffix, tmp_path):
 def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
     from nlfrf._base import own_process
 
-    nlfrf.io.save_record(record, tmp_path / "r.h5")
+    nlfrf.save(record, tmp_path / "r.h5")
     monkeypatch.setattr(own_process, "SECONDS", 0.01)
     with pytest.raises(ValueError, match=r"its library did not come to an end within 0.01"):
         nlfrf.load_record(tmp_path / "r.h5")
@@ -315,7 +316,7 @@ def fuzz_loader(record, suffix, folder, *, n, seed):
     """Load n damaged files of one format; anything but a ValueError or a record is let through to the caller."""
     rng = np.random.default_rng(seed)
     whole = folder / f"whole{suffix}"
-    nlfrf.io.save_record(record, whole)
+    nlfrf.save(record, whole)
     content = whole.read_bytes()
     path = folder / f"damaged{suffix}"
     refused = 0
@@ -368,12 +369,12 @@ def test_names_and_units_come_from_the_file_and_travel(record, tmp_path):
     labels = (read.u_name, read.u_unit, read.y_name, read.y_unit)
     assert labels == ("drive force", "N", "stage", "µm")
     for suffix in (".npz", ".h5", ".mat"):
-        nlfrf.io.save_record(read, tmp_path / f"again{suffix}")
+        nlfrf.save(read, tmp_path / f"again{suffix}")
         same(nlfrf.load_record(tmp_path / f"again{suffix}"), read)
 
 
 def test_a_channel_axis_is_reserved(record, tmp_path):
-    nlfrf.io.save_record(record, tmp_path / "r.npz")
+    nlfrf.save(record, tmp_path / "r.npz")
     with np.load(tmp_path / "r.npz") as archive:
         content = dict(archive)
     assert str(content["axes"]) == "realization period sample"
@@ -399,7 +400,7 @@ def test_runs_in_several_files_are_one_record(tmp_path):
     runs = [nlfrf.load_record(path) for path in raw]
     same(nlfrf.join_records(runs), record)
     for m, run in enumerate(runs):
-        nlfrf.io.save_record(run, tmp_path / f"run{m}.npz")
+        nlfrf.save(run, tmp_path / f"run{m}.npz")
     stored = [tmp_path / f"run{m}.npz" for m in range(3)]
     same(nlfrf.load_record(stored), record)
     with pytest.raises(ValueError, match="path must be records that this package wrote, or none of them"):
@@ -414,13 +415,13 @@ def test_runs_in_several_files_are_one_record(tmp_path):
 @pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat"])
 def test_a_reference_comes_along(suffix, record, tmp_path):
     with_r = nlfrf.Record(u=record.u, y=record.y, r=2 * record.u, fs=record.fs, lines=record.lines)
-    nlfrf.io.save_record(with_r, tmp_path / f"r{suffix}")
+    nlfrf.save(with_r, tmp_path / f"r{suffix}")
     same(nlfrf.load_record(tmp_path / f"r{suffix}"), with_r)
     same(nlfrf.load(tmp_path / f"r{suffix}"), with_r)
 
 
 def test_what_is_asked_of_a_stored_record_is_done_or_refused(record, tmp_path):
-    nlfrf.io.save_record(record, tmp_path / "r.npz")
+    nlfrf.save(record, tmp_path / "r.npz")
     with pytest.raises(ValueError, match="resample must be left out for a record that is cut into periods already"):
         nlfrf.load_record(tmp_path / "r.npz", resample=True)
     for names in ({"y": ["y", "y"]}, {"y": 5}, {"u": 3}, {"y": []}, {"r": 3}):

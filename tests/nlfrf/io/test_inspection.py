@@ -88,9 +88,7 @@ def test_what_is_proposed_goes_by_what_a_channel_can_be(names, columns, expected
         command = str(found).splitlines()[-1].removeprefix("run:   nlfrf ")
         code, _, err = nlfrf_command(*shlex.split(command))
         assert code == 0, err
-        assert nlfrf.io.load_bla(tmp_path / "run-bla.npz").hold == (
-            "zoh" if found.u in ("cmd", "reference") else "unknown"
-        )
+        assert nlfrf.load(tmp_path / "run-bla.npz").hold == ("zoh" if found.u in ("cmd", "reference") else "unknown")
     else:
         assert "frequency: rises or falls throughout" in str(found)
         assert "--output OUTPUT" in found.command
@@ -114,13 +112,13 @@ def test_what_does_not_repeat_has_no_input(tmp_path):
 
 def test_what_this_package_wrote_is_called_so(tmp_path):
     record = nlfrf.Record(u=U.reshape(1, P, N), y=Y.reshape(1, P, N), fs=FS, lines=MS.lines)
-    nlfrf.io.save_record(record, tmp_path / "r.npz")
+    nlfrf.save(record, tmp_path / "r.npz")
     found = nlfrf.inspect_file(tmp_path / "r.npz")
     assert found.schema == "nlfrf-record"
     assert [(channel.name, channel.n) for channel in found.channels] == [("u", P * N), ("y", P * N)]
     assert f"1 realisation x {P} periods x {N} samples, " in unwrapped(found)
     assert "written by this package, as nlfrf-record\nrun:   nlfrf identify" in str(found)
-    nlfrf.io.save_bla(nlfrf.identify(record), tmp_path / "bla.npz")
+    nlfrf.save(nlfrf.identify(record), tmp_path / "bla.npz")
     said = str(nlfrf.inspect_file(tmp_path / "bla.npz"))
     assert said.startswith("bla.npz: nlfrf-bla\nBLA on ")
     assert "run:" not in said
@@ -132,8 +130,8 @@ def test_what_several_inputs_are_is_told(closed, tmp_path):
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     names = {"inputs": ("fx", "fy"), "outputs": ("x", "y")}
     record = nlfrf.Record(u=u, y=u[::-1], r=u if closed else None, fs=256, lines=ms.lines, **names)
-    nlfrf.io.save_record(record, tmp_path / "r.npz")
-    nlfrf.io.save_multisine(ms, tmp_path / "ms.npz")
+    nlfrf.save(record, tmp_path / "r.npz")
+    nlfrf.save(ms, tmp_path / "ms.npz")
     found = nlfrf.inspect_file(tmp_path / "r.npz")
     assert [channel.name for channel in found.channels] == ["fx", "fy", "x", "y", *["r fx", "r fy"] * closed]
     assert found.lines == "2 experiments x 2 periods x 256 samples, 37 lines from 3 to 99 Hz, hold unknown"
@@ -146,7 +144,7 @@ def test_from_inspect_to_identify_on_the_command_line(nlfrf_command, tmp_path): 
     assert code == 0
     command = out.splitlines()[-1].removeprefix("run:   nlfrf ")
     assert nlfrf_command(*shlex.split(command))[0] == 0
-    bla = nlfrf.io.load_bla(tmp_path / "run-bla.npz")
+    bla = nlfrf.load(tmp_path / "run-bla.npz")
     assert bla.unit == "mm/N"
     code, out, _ = nlfrf_command("inspect", "run.csv", "--json")
     told = json.loads(out)[0]

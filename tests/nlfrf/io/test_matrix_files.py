@@ -32,24 +32,24 @@ def parts_same(one, two):
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5"])
 def test_a_matrix_comes_back_as_it_was(frm, suffix, tmp_path):
-    nlfrf.io.save_bla(frm, tmp_path / f"G{suffix}")
-    back = nlfrf.io.load_bla(tmp_path / f"G{suffix}")
+    nlfrf.save(frm, tmp_path / f"G{suffix}")
+    back = nlfrf.load(tmp_path / f"G{suffix}")
     parts_same(back, frm)
     assert str(back) == str(frm)
     np.testing.assert_array_equal(back.bound(of="realization"), frm.bound(of="realization"))
     assert isinstance(nlfrf.load(tmp_path / f"G{suffix}"), nlfrf.Bla)
-    parts_same(nlfrf.io.load_bla(tmp_path / f"G{suffix}"), frm)  # one loader for any number of channels
+    parts_same(nlfrf.load(tmp_path / f"G{suffix}"), frm)  # one loader for any number of channels
 
 
 def test_files_that_are_not_whole_are_refused(frm, tmp_path):
-    nlfrf.io.save_bla(frm, tmp_path / "G.npz")
+    nlfrf.save(frm, tmp_path / "G.npz")
     whole = dict(np.load(tmp_path / "G.npz"))
 
     def refusal(**changes):
         content = {name: array for name, array in (whole | changes).items() if array is not None}
         write_arrays(tmp_path / "bad.npz", content)
         with pytest.raises(ValueError) as error:  # noqa: PT011 - its message is what is looked at
-            nlfrf.io.load_bla(tmp_path / "bad.npz")
+            nlfrf.load(tmp_path / "bad.npz")
         assert "\n" not in str(error.value)
         return str(error.value)
 
@@ -62,18 +62,18 @@ def test_files_that_are_not_whole_are_refused(frm, tmp_path):
     for bad in ("x, y", json.dumps({"x": 1}), json.dumps([1, 2]), "[" * 100_000):
         assert "path must hold names as a list in JSON for outputs" in refusal(outputs=np.array(bad))
     with pytest.raises(ValueError, match=r"path must end in .npz or .h5, got 'G.csv'"):
-        nlfrf.io.save_bla(frm, tmp_path / "G.csv")
+        nlfrf.save(frm, tmp_path / "G.csv")
     assert not (tmp_path / "G.csv").exists()
 
 
 def test_damaged_files_are_refused_or_harmless(frm, tmp_path):
-    nlfrf.io.save_bla(frm, tmp_path / "G.npz")
+    nlfrf.save(frm, tmp_path / "G.npz")
     content, rng = (tmp_path / "G.npz").read_bytes(), np.random.default_rng(0)
     said = []
     for _ in range(80):
         (tmp_path / "bad.npz").write_bytes(damaged(content, rng))
         try:
-            nlfrf.io.load_bla(tmp_path / "bad.npz")
+            nlfrf.load(tmp_path / "bad.npz")
         except ValueError as error:
             said.append(str(error))
     assert len(said) > 40
@@ -95,6 +95,6 @@ def test_channels_of_several_lengths_are_named(tmp_path):
     with pytest.raises(ValueError, match=r"u must be channels of one length, got 400 samples in 'a' and 300 in 'b'"):
         nlfrf.load_record(tmp_path / "m.npz", u=["a", "b"], y=["y"])
     ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
-    nlfrf.io.save_record(nlfrf.Record(u=ms.u[None], y=ms.u[None] ** 3, fs=100, lines=ms.lines), tmp_path / "r.npz")
+    nlfrf.save(nlfrf.Record(u=ms.u[None], y=ms.u[None] ** 3, fs=100, lines=ms.lines), tmp_path / "r.npz")
     with pytest.raises(ValueError, match=r"path must be measurement files, got '.*r\.npz', written as nlfrf-record"):
         nlfrf.load_record(tmp_path / "r.npz", u=["u"], y=["y"])

@@ -9,6 +9,7 @@ import pytest
 import nlfrf
 from nlfrf._base.files import write_arrays
 from nlfrf.io import channels
+from nlfrf.io.designs import load_design, load_multisine
 from nlfrf.io.records import holds_multirecord
 from tests.support.measurement_files import damaged
 
@@ -43,7 +44,7 @@ def test_a_record_comes_back_as_it_was(suffix, closed, kind, tmp_path):
     ms = design(design=kind)
     record = played(ms, r=np.repeat(ms.u[:, :, None], 2, axis=2) if closed else None)
     path = tmp_path / f"run{suffix}"
-    nlfrf.io.save_record(record, path)
+    nlfrf.save(record, path)
     same_record(nlfrf.load_record(path), record)
     same_record(nlfrf.load(path), record)
     one = nlfrf.load_record(path, y=["z"], n_discard=1, hold="band-limited")
@@ -58,7 +59,7 @@ def test_its_kind_is_told_by_the_head_of_a_file(suffix, tmp_path):
     one = nlfrf.Record(u=record.u[0], y=record.y[0], fs=record.fs, lines=record.lines)
     for content, several in ((record, True), (one, False)):
         path = tmp_path / f"run{several}{suffix}"
-        nlfrf.io.save_record(content, path)
+        nlfrf.save(content, path)
         path.write_bytes(path.read_bytes()[:4096])
         assert holds_multirecord(path) is several
     assert not holds_multirecord(tmp_path / f"none{suffix}")
@@ -66,38 +67,38 @@ def test_its_kind_is_told_by_the_head_of_a_file(suffix, tmp_path):
 
 def test_a_record_of_a_single_period_keeps_its_axes_in_matlab(tmp_path):
     record = played(design(design="zippered"), n_periods=1)
-    nlfrf.io.save_record(record, tmp_path / "run.mat")
+    nlfrf.save(record, tmp_path / "run.mat")
     same_record(nlfrf.load_record(tmp_path / "run.mat"), record)
 
 
 def test_one_experiment_as_a_table(tmp_path):
     record = played(design(design="zippered"))
-    nlfrf.io.save_record(record, tmp_path / "run.csv")
+    nlfrf.save(record, tmp_path / "run.csv")
     asked = {"u": ["Kraft, x [N]", "µ/2"], "y": ["x", 'a "b"', "z"], "n_samples": 256}
     back = nlfrf.load_record(tmp_path / "run.csv", **asked)
     np.testing.assert_array_equal(back.u, record.u)
     np.testing.assert_array_equal(back.y, record.y)
     with pytest.raises(ValueError, match=r"record must hold one experiment for a \.csv file, got 2; use \.npz"):
-        nlfrf.io.save_record(played(design()), tmp_path / "two.csv")
+        nlfrf.save(played(design()), tmp_path / "two.csv")
     assert not (tmp_path / "two.csv").exists()
 
 
 def test_sets_in_several_files_are_one_record(tmp_path):
     sets = [played(design(rng=seed), seed=seed, n_periods=2 + seed) for seed in (1, 2)]
     for k, one in enumerate(sets):
-        nlfrf.io.save_record(replace(one, lines=sets[0].lines), tmp_path / f"set{k}.npz")
+        nlfrf.save(replace(one, lines=sets[0].lines), tmp_path / f"set{k}.npz")
     paths = sorted(tmp_path.glob("set*.npz"))
     both = nlfrf.load_record(paths)
     assert both.u.shape == (2, 4, 3, 256)
     np.testing.assert_array_equal(both.y[:, 2:], sets[1].y[:, :, :3])
-    nlfrf.io.save_record(replace(sets[1], lines=sets[0].lines, inputs=("a", "b")), paths[1])
+    nlfrf.save(replace(sets[1], lines=sets[0].lines, inputs=("a", "b")), paths[1])
     with pytest.raises(ValueError, match="records must be of one experiment, with the same inputs, got"):
         nlfrf.load_record(paths)
 
 
 def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
     path = tmp_path / "run.npz"
-    nlfrf.io.save_record(played(design()), path)
+    nlfrf.save(played(design()), path)
 
     def refusal(load=nlfrf.load_record, **asked):
         with pytest.raises(ValueError) as error:  # noqa: PT011 - its message is what is looked at
@@ -110,7 +111,7 @@ def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
     assert "n_samples must be that of the record, 256, got 128" in refusal(n_samples=128)
     assert "n_discard must be less than the 2 periods" in refusal(n_discard=2)
     assert "path must be a record of one input" in refusal(load=nlfrf.load_record, u="µ/2")
-    assert "which is a record; go on with: nlfrf identify" in refusal(load=nlfrf.io.load_bla)
+    assert "which is a record; go on with: nlfrf identify" in refusal(load=load_design)
     whole = dict(np.load(path))
     for missing in ("u", "shape", "odd", "outputs"):
         write_arrays(path, {name: array for name, array in whole.items() if name != missing})
@@ -126,19 +127,19 @@ def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
 def test_a_design_comes_back_as_it_was(suffix, mixing, tmp_path):
     ms = design(mixing=mixing, hold="zoh", n_realizations=2)
     path = tmp_path / f"ms{suffix}"
-    nlfrf.io.save_multisine(ms, path)
+    nlfrf.save(ms, path)
     back = nlfrf.load(path)
     assert isinstance(back, nlfrf.signals.OrthogonalMultisine)
     np.testing.assert_array_equal(back.u, ms.u)
     assert (back.design, back.hold, back.kind, back.fs) == ("orthogonal", "zoh", "random-odd", 256.0)
     with pytest.raises(ValueError, match="path must be a design of one input, got one of 2"):
-        nlfrf.io.load_multisine(path)
+        load_multisine(path)
 
 
 def test_what_a_generator_plays(tmp_path):
     ms = design()
     for suffix in (".csv", ".mat", ".wav"):
-        nlfrf.io.save_multisine(ms, tmp_path / f"play{suffix}")
+        nlfrf.save(ms, tmp_path / f"play{suffix}")
         np.testing.assert_array_equal(nlfrf.load(tmp_path / "play.npz").u, ms.u)
         (tmp_path / "play.npz").unlink()
     table = np.loadtxt(tmp_path / "play.csv", delimiter=",", skiprows=1)
@@ -169,7 +170,7 @@ def test_the_design_tells_what_a_distorting_actuator_hides(by_file, tmp_path):
         alone = nlfrf.record_from_samples(u, y, fs=256)
     assert alone.lines.excited.size > ms.lines.excited.size
     if by_file:
-        nlfrf.io.save_multisine(ms, tmp_path / "ms.npz")
+        nlfrf.save(ms, tmp_path / "ms.npz")
         for m in range(2):
             np.savez(tmp_path / f"run{m}.npz", a=u[m][0], b=u[m][1], x=y[m][0], y=y[m][1], fs=256.0)
         paths = [tmp_path / f"run{m}.npz" for m in range(2)]
@@ -189,7 +190,7 @@ def test_a_zippered_record_takes_its_design(tmp_path):
     """Its lines and its hold, and no references: with those it was refused, measured or saved."""
     ms = design(design="zippered", hold="zoh")
     record = played(ms, n_periods=3)
-    nlfrf.io.save_record(record, tmp_path / "run.npz")
+    nlfrf.save(record, tmp_path / "run.npz")
     stored = nlfrf.load_record(tmp_path / "run.npz", design=ms)
     streams = [one[:, 0].reshape(len(one), -1) for one in (record.u, record.y)]
     measured = nlfrf.record_from_samples(*streams, fs=256, design=ms)
@@ -217,9 +218,9 @@ def test_a_design_that_was_not_played_is_refused():
 def test_damaged_files_are_refused_or_read(what, tmp_path):
     path, rng = tmp_path / "x.npz", np.random.default_rng(4)
     if what == "record":
-        nlfrf.io.save_record(played(design()), path)
+        nlfrf.save(played(design()), path)
     else:
-        nlfrf.io.save_multisine(design(), path)
+        nlfrf.save(design(), path)
     whole = path.read_bytes()
     refused = 0
     for _ in range(60):
@@ -235,9 +236,9 @@ def test_damaged_files_are_refused_or_read(what, tmp_path):
 
 def test_a_file_of_ours_is_read_once(tmp_path, monkeypatch):
     ms = design()
-    nlfrf.io.save_record(played(ms), tmp_path / "record.npz")
-    nlfrf.io.save_multisine(ms, tmp_path / "design.npz")
-    nlfrf.io.save_bla(nlfrf.identify(played(ms)), tmp_path / "frm.npz")
+    nlfrf.save(played(ms), tmp_path / "record.npz")
+    nlfrf.save(ms, tmp_path / "design.npz")
+    nlfrf.save(nlfrf.identify(played(ms)), tmp_path / "frm.npz")
     reader, reads = channels.READERS[".npz"], []
     counting = reader._replace(contents=lambda path: reads.append(path.stem) or reader.contents(path))
     monkeypatch.setitem(channels.READERS, ".npz", counting)

@@ -59,7 +59,7 @@ def played():
 @pytest.mark.filterwarnings("ignore:u must have random phases")  # clipped peaks: a linear plant does not mind
 def test_the_design_lies_under_what_was_measured(played, tmp_path):
     ms, plant, us, ys = played
-    nlfrf.io.save_multisine(ms, tmp_path / "ms.csv")
+    nlfrf.save(ms, tmp_path / "ms.csv")
     for m, (u, y) in enumerate(zip(us, ys, strict=True)):
         np.savez(tmp_path / f"run{m}.npz", u=u, y=y, fs=1024.0)
     files = [tmp_path / f"run{m}.npz" for m in range(3)]

@@ -1,5 +1,7 @@
 """Records: checked when made, cut from streams, their lines and period found in the input."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -249,3 +251,17 @@ def test_sound_records_pass_without_a_word():
     for seed in range(10):
         _, u = raw(2000, noise=0.1, seed=seed)
         record_from_samples(u, u, fs=1000, n_samples=2000)
+
+
+def test_a_period_found_from_one_repetition_of_lines_without_a_grid_is_said():
+    rng, fs, n = np.random.default_rng(3), 1000.0, 2000
+    lines = np.array([3, 7, 8, 14, 31, 50, 77, 78, 120, 151, 200, 263, 300, 317])
+    phases = rng.uniform(0, 2 * np.pi, (lines.size, 1))
+    u = np.cos(2 * np.pi * np.outer(lines, np.arange(n)) / n + phases).sum(axis=0)
+    for n_periods, options in ((2, {}), (3, {}), (2, {"n_samples": n})):
+        x = np.tile(u, n_periods)
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            record = record_from_samples(x, np.roll(x, 3), fs=fs, **options)
+        assert record.n_samples == n
+        assert any("found from one repetition" in str(w.message) for w in found) == (n_periods == 2 and not options)

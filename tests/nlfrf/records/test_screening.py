@@ -173,6 +173,13 @@ def test_a_spike_is_said_with_its_place_and_size(n_periods, size):
         nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
 
 
+def test_a_spike_of_the_input_is_said_too():
+    _, u, y, _ = played(0.1, 4, 4, settled=True)
+    u[333] = 20.0
+    with pytest.warns(nlfrf.DataWarning, match="u has a pulse of one sample .* outlier of 20 at sample 333"):
+        nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
+
+
 def test_marks_of_no_value_are_said():
     _, u, y, _ = played(0.1, 4, 4, settled=True)
     y[[334, 1500, 1501, 3000]] = 999

@@ -71,9 +71,9 @@ def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model, K = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2)), control.ss([], [], [], [[0.5]], 0.005)
-    robust.io.save_model(model, "m.json")
-    robust.io.save_controller(K, "K.json")
-    robust.io.save_controller(0.5, "continuous.json")
+    robust.save(model, "m.json")
+    robust.save(K, "K.json")
+    robust.save(0.5, "continuous.json")
 
     def told(command):
         monkeypatch.setattr(sys, "argv", ["robust", *command.split()])

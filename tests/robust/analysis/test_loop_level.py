@@ -274,8 +274,8 @@ def test_numbers_out_of_all_proportion_are_above():
 def test_what_is_not_known_is_said_so(tmp_path):
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
-    robust.io.save_model(model, tmp_path / "new.json")
-    new = robust.io.load_model(tmp_path / "new.json")
+    robust.save(model, tmp_path / "new.json")
+    new = robust.load(tmp_path / "new.json")
     old = replace(model, records=tuple(replace(one, rms_u=np.nan, rms_y=np.nan) for one in model.records))
     signals = {"disturbance": NoiseSignal(0.1, 2 * np.pi, 2 * np.pi * 60)}
     assert new.records[0].rms_u == model.records[0].rms_u

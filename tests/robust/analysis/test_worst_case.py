@@ -9,7 +9,7 @@ from robust.analysis import sample_loops
 from robust.lti import discretize
 from robust.lti.lti import response
 from robust.margins import nu_gap
-from robust.models import control_weight, delay_weight, scan_orders
+from robust.models import control_weight, delay_weight, makeweight, scan_orders
 from robust.models.sets import forms
 from robust.models.sets.perturbations import all_pass_of_poles, perturbed_plant, random_perturbation, with_phase
 from robust.shaping import loop_bounds
@@ -193,6 +193,30 @@ def test_control_weight():
         assert size == pytest.approx([0.25, 100.0], rel=1e-4)
 
 
+@pytest.mark.parametrize("dt", [0.0, 0.05])
+@pytest.mark.parametrize(("dc", "high"), [(1e3, 0.5), (1e-3, 40.0)])
+def test_makeweight_has_its_three_gains_and_no_other_in_between(dc, high, dt):
+    top = np.pi / dt if dt else 1e12
+    for order in (1, 2, 5):
+        W = makeweight(dc, (7.0, 0.8), high, order=order, dt=dt)
+        assert W.nstates == order
+        assert np.abs(response(W, np.array([1e-9, 7.0, top]))) == pytest.approx([dc, 0.8, high], rel=1e-6)
+        size = np.abs(response(W, np.geomspace(1e-3, min(top, 1e6), 500)))
+        assert np.all(np.diff(size) * np.sign(high - dc) > -1e-9 * size[1:])
+        assert np.all(np.abs(W.poles()) < 1) if dt else np.all(W.poles().real < 0)
+        assert np.all(np.abs(W.zeros()) < 1) if dt else np.all(W.zeros().real < 0)
+    steep, flat = (np.abs(response(makeweight(dc, 7.0, high, order=n, dt=dt), np.array([9.0])))[0] for n in (3, 1))
+    assert abs(np.log(steep)) > abs(np.log(flat))
+
+
+def test_makeweight_inverts_a_performance_weight():
+    """1/w_P of first order has A at zero, M_S far above and its own gain at omega_B."""
+    w_P, at = performance_weight(10.0, M_S=1.5, A=1e-3), np.array([10.0])
+    W = makeweight(1e3, (10.0, float(np.abs(response(w_P, at))[0])), 1 / 1.5)
+    omega = np.geomspace(1e-3, 1e4, 50)
+    assert response(W, omega) == pytest.approx(response(w_P, omega), rel=1e-9)
+
+
 def test_discretize():
     K = control.tf([1, 2], [0.05, 1])
     for prewarp in (0.0, 30.0):
@@ -228,6 +252,10 @@ def test_the_order_scan_finds_the_order():
     [
         (lambda: control_weight(-1.0), "omega_bc must be positive"),
         (lambda: control_weight(1.0, A=2.0), "A must be below M_u"),
+        (lambda: makeweight(1.0, 5.0, 0.1), "the gain at crossover must be between dc = 1 and high = 0.1, got 1"),
+        (lambda: makeweight(10.0, (5.0, 20.0), 0.1), "the gain at crossover must be between"),
+        (lambda: makeweight(10.0, 70.0, 0.1, dt=0.05), "crossover must lie below the Nyquist frequency 62.8319"),
+        (lambda: makeweight(0.0, 5.0, 0.1), "dc must be positive"),
         (lambda: delay_weight(0.0), "delay must be positive"),
         (lambda: delay_weight(1.0, gain=1.0), "gain must be below 1"),
         (lambda: delay_weight(1.0, order=2), "order must be 1 or 3"),

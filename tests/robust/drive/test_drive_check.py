@@ -71,9 +71,9 @@ def folder(tmp_path_factory):
     axis = nlfrf.servo_axis("linear motor")
     axis = replace(axis, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
     for name, rms, velocity in (("low", 0.7, 0), ("mid", 2.0, 0), ("slide", 60.0, 0), ("moving", 60.0, 0.1)):
-        nlfrf.io.save_record(trace(axis, rms, base_velocity=velocity), folder / f"{name}.npz")
+        nlfrf.save(trace(axis, rms, base_velocity=velocity), folder / f"{name}.npz")
     joint = frictionless("joint", kv=2.0, kp=4.0, tn=0.5)
-    nlfrf.io.save_record(trace(joint, 5.0, f_min=3, f_max=200, n_samples=8000), folder / "joint.npz")
+    nlfrf.save(trace(joint, 5.0, f_min=3, f_max=200, n_samples=8000), folder / "joint.npz")
     (folder / "gains.toml").write_text(LINEAR)
     (folder / "joint.toml").write_text(ROTARY)
     return folder
@@ -304,7 +304,7 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
     settings = load_gains(folder / "gains.toml")
     record = nlfrf.load_record(folder / "moving.npz")
     named = replace(record, u=record.u / 52.8, y=record.y * 1e3, input_units=("A",), output_units=("mm",))
-    nlfrf.io.save_record(named, folder / "amperes.npz")
+    nlfrf.save(named, folder / "amperes.npz")
     one, other = (read_trace(folder / name, settings) for name in ("moving.npz", "amperes.npz"))
     assert np.allclose(one.u, other.u, rtol=1e-12)
     assert np.allclose(one.y, other.y, rtol=1e-12)
@@ -404,17 +404,16 @@ def test_a_file_holds_what_the_settings_hold(tmp_path):
     assert np.allclose(found.filters[0].section(8000), robust.drive.low_pass(1000, zeta=0.6).section(8000))
 
 
-@pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3, 7e-3, 10e-3, 25e-3, 0.1, 0.4])
-def test_a_delay_that_is_too_long_is_refused(folder, delay):
-    settings = replace(load_gains(folder / "gains.toml"), delay_periods=4000 * delay)
-    with pytest.raises(ValueError, match=r"delay must be no longer than in the traces, got [\d.]+ ms.*leads"):
-        check_drive([read_trace(folder / "moving.npz", settings)], settings)
-
-
-def test_a_delay_of_whole_turns_from_line_to_line_is_refused(folder):
-    settings = replace(load_gains(folder / "gains.toml"), delay_periods=4000 * 2)
-    with pytest.raises(ValueError, match="delay must be below 500 ms, one over the distance of the lines, got 2000 ms"):
-        check_drive([read_trace(folder / "moving.npz", settings)], settings)
+@pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3, 7e-3, 10e-3, 25e-3, 0.1, 0.4, 2.0])
+def test_a_delay_that_is_too_long_gives_way_to_that_of_the_trace(folder, delay):
+    """The trace has 0.25 ms of delay and 0.3 ms of lag; at 2 s a turn from line to line is none."""
+    settings = load_gains(folder / "gains.toml")
+    record = read_trace(folder / "moving.npz", settings)
+    long, right = (check_drive([record], one) for one in (replace(settings, delay_periods=4000 * delay), settings))
+    assert long.settings.delay + long.settings.lag == pytest.approx(0.55e-3, abs=0.01e-3)
+    assert f"as the trace shows them, and not {1e3 * delay:g} ms and 0.3 ms as given" in one_line(str(long))
+    assert long.report.verdict is right.report.verdict
+    assert long.report.classical.phase_margin == pytest.approx(right.report.classical.phase_margin, abs=0.02)
 
 
 @pytest.mark.filterwarnings("ignore:G stands out of its neighbours")  # where it sticks, a narrow resonance
@@ -431,8 +430,6 @@ def test_a_delay_that_is_too_short_is_in_the_loop_all_the_same(folder):
         (delay,) = re.findall(r"sampled at 4 kHz with ([\d.]+) ms of delay", found.friction.proofs[0].claim)
         assert float(delay) == pytest.approx(0.25, abs=0.005)
     assert "the traces at rest show 0.5" in one_line(str(short))
-    with pytest.raises(ValueError, match=r"delay and lag must be those of the traces, which show 0.5\d+ \+- \S+ ms"):
-        check_drive(records[:3], late)
 
 
 @pytest.mark.filterwarnings("ignore:G stands out of its neighbours")

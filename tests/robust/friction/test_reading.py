@@ -132,11 +132,11 @@ def run(records, monkeypatch, capsys, tmp_path):
     """Run a command in a folder of records, traces as tables, BLAs and a controller."""
     monkeypatch.chdir(tmp_path)
     for name, record in zip(("low", "mid", "high"), records, strict=True):
-        nlfrf.io.save_record(record, f"{name}.npz")
-        nlfrf.io.save_bla(nlfrf.identify(record), f"{name}-known.npz")
+        nlfrf.save(record, f"{name}.npz")
+        nlfrf.save(nlfrf.identify(record), f"{name}-known.npz")
         columns = [record.u.ravel(), record.y.ravel()]
         np.savetxt(f"{name}.csv", np.transpose(columns), delimiter=",", header="force [N],place [m]", comments="")
-    robust.io.save_controller(pid(20e3, 3e5, 60.0), "K.json")
+    robust.save(pid(20e3, 3e5, 60.0), "K.json")
 
     def run(line):
         program = shlex.split(line)

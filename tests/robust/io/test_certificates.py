@@ -7,8 +7,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, performance_weight
-from robust.io import save_certificate, verify_certificate
+from robust import UncertaintyModel, check, performance_weight, save
+from robust.io import verify_certificate
 from robust.proofs.exact.claim import ALIASED, content_digest
 from tests.support.random_loops import random_case, tf_response
 
@@ -29,7 +29,7 @@ def handed(tmp_path_factory):
     path = tmp_path_factory.mktemp("proof") / "proof.json"
     report = check(make_model(), K, delay=0.013, w_P=performance_weight(0.02, M_S=6, A=0.9))
     assert [c.holds for c in report.certificates] == [True, True]
-    save_certificate(report, path)
+    save(report, path)
     return path
 
 
@@ -165,8 +165,10 @@ def test_numbers_that_are_none_are_refused(handed, tmp_path):
 
 def test_a_report_without_a_proof_is_refused(tmp_path):
     report = check(make_model(), 0.1, certify=False)
-    with pytest.raises(ValueError, match="report must hold a proof of a single loop, got the verdict 'not certified'"):
-        save_certificate(report, tmp_path / "none.json")
+    with pytest.raises(
+        ValueError, match="report must hold a proof that can be repeated, got the verdict 'not certified'"
+    ):
+        save(report, tmp_path / "none.json")
 
 
 @pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])

@@ -11,8 +11,9 @@ from scipy.io import loadmat
 from scipy.signal import sosfilt
 
 from nlfrf import DataWarning
-from robust import UncertaintyModel, fit_nominal, frd, uncertainty
-from robust.io import controller_sections, export_matlab, load_controller, load_model, save_controller, save_model
+from robust import UncertaintyModel, fit_nominal, frd, load, save, uncertainty
+from robust.io import controller_sections, export_matlab
+from robust.io.models import load_controller, load_model
 from robust.lti import discretize
 from robust.lti.lti import response
 from robust.shaping import pid
@@ -70,8 +71,8 @@ def assert_same_system(a, b):
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_comes_back_to_the_bit(name, tmp_path):
     model = MODELS[name]
-    save_model(model, tmp_path / "m.json")
-    back = load_model(tmp_path / "m.json")
+    save(model, tmp_path / "m.json")
+    back = load(tmp_path / "m.json")
     assert_same_system(back.nominal, model.nominal)
     assert_same_system(back.weight, model.weight)
     for field in (
@@ -83,12 +84,12 @@ def test_a_model_comes_back_to_the_bit(name, tmp_path):
         assert same(getattr(back, field), getattr(model, field)), field
     for field in ("form", "perturbation", "simultaneous", "delay", "extrapolation", "source"):
         assert getattr(back, field) == getattr(model, field), field
-    save_model(back, tmp_path / "again.json")
+    save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
 
 
 def test_the_file_says_what_it_is(tmp_path):
-    save_model(MODELS["FRF"], tmp_path / "m.json")
+    save(MODELS["FRF"], tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text())
     assert content["schema"] == "robust-model"
     assert content["version"] == 1
@@ -107,9 +108,9 @@ def test_the_file_says_what_it_is(tmp_path):
     ],
 )
 def test_a_controller_comes_back_to_the_bit(K, tmp_path):
-    save_controller(K, tmp_path / "K.json")
-    back = load_controller(tmp_path / "K.json")
-    save_controller(back, tmp_path / "again.json")
+    save(K, tmp_path / "K.json")
+    back = load(tmp_path / "K.json")
+    save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "K.json").read_bytes()
     omega = np.array([0.1, 1.0, 10.0])
     wanted = (
@@ -146,7 +147,7 @@ def damaged(text):
 
 @pytest.mark.parametrize("case", range(14))
 def test_damaged_files_are_refused_in_one_line(case, tmp_path):
-    save_model(MODELS["continuous"], tmp_path / "m.json")
+    save(MODELS["continuous"], tmp_path / "m.json")
     _, text, message = list(damaged((tmp_path / "m.json").read_text()))[case]
     (tmp_path / "bad.json").write_text(text)
     with pytest.raises(ValueError, match=message) as refusal:
@@ -159,17 +160,17 @@ def test_damaged_files_are_refused_in_one_line(case, tmp_path):
 def test_binary_rubbish_and_missing_files(tmp_path):
     (tmp_path / "x.json").write_bytes(bytes(range(256)) * 10)
     with pytest.raises(ValueError, match="must be a whole JSON file"):
-        load_model(tmp_path / "x.json")
+        load(tmp_path / "x.json")
     with pytest.raises(FileNotFoundError):
-        load_model(tmp_path / "nothing.json")
+        load(tmp_path / "nothing.json")
 
 
 def test_nothing_is_left_of_a_file_that_could_not_be_written(tmp_path, monkeypatch):
-    save_model(MODELS["continuous"], tmp_path / "m.json")
+    save(MODELS["continuous"], tmp_path / "m.json")
     before = (tmp_path / "m.json").read_bytes()
     monkeypatch.setattr("pathlib.Path.write_text", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        save_model(MODELS["FRF"], tmp_path / "m.json")
+        save(MODELS["FRF"], tmp_path / "m.json")
     assert (tmp_path / "m.json").read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
 
@@ -237,10 +238,10 @@ def test_a_controller_whose_sections_do_not_hold_is_kept_all_the_same(tmp_path):
     q = 1e-8
     K = control.ss([[1 - q, q], [-q, 1 - q]], [[0], [1]], [[1, 0]], [[0]], 1e-4)
     with pytest.warns(DataWarning, match="sections were left out of the file"):
-        save_controller(K, tmp_path / "K.json")
+        save(K, tmp_path / "K.json")
     with pytest.warns(DataWarning, match="sections were left out of the file"):
         export_matlab(K, tmp_path / "K.mat")
-    assert same(load_controller(tmp_path / "K.json").A, K.A)
+    assert same(load(tmp_path / "K.json").A, K.A)
     assert "sections" not in json.loads((tmp_path / "K.json").read_text())
 
 

@@ -94,9 +94,9 @@ def test_a_sound_record_leaves_no_word_of_it_on_any_page(tmp_path, monkeypatch):
     assert "95 % probability" in page
     assert report.warnings == model.warnings == ()
     assert not re.search("warning", f"{page.partition('</style>')[2]}{report}{model}", re.I)
-    robust.io.save_model(model, tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
     assert "warnings" not in json.loads((tmp_path / "m.json").read_text())
-    robust.io.save_certificate(report, tmp_path / "c.json")
+    robust.save(report, tmp_path / "c.json")
     assert "warnings" not in json.loads((tmp_path / "c.json").read_text())
 
 
@@ -143,18 +143,18 @@ def test_what_the_check_itself_warns_of_is_in_its_report():
 
 def test_files_of_models_keep_them(run, tmp_path):
     model = run[2]
-    robust.io.save_model(model, tmp_path / "m.json")
-    read, said = shown(robust.io.load_model, tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
+    read, said = shown(robust.load, tmp_path / "m.json")
     assert read.warnings == model.warnings
     assert said == []
     assert f"subject to {len(model.warnings)} warnings" in str(read)
     content = json.loads((tmp_path / "m.json").read_text())
     del content["warnings"]
     (tmp_path / "older.json").write_text(json.dumps(content))
-    assert robust.io.load_model(tmp_path / "older.json").warnings == ()
+    assert robust.load(tmp_path / "older.json").warnings == ()
     (tmp_path / "bad.json").write_text(json.dumps(content | {"warnings": "one"}))
     with pytest.raises(ValueError, match="warnings"):
-        robust.io.load_model(tmp_path / "bad.json")
+        robust.load(tmp_path / "bad.json")
 
 
 def test_of_several_channels_too(tmp_path, monkeypatch):
@@ -166,8 +166,8 @@ def test_of_several_channels_too(tmp_path, monkeypatch):
     assert said
     plant = control.ss([], [], [], [[2.3, 1.0], [0.0, 1.3]])
     model = uncertainty(frm, plant, form="auto", order=1, above="flat")
-    robust.io.save_model(model, tmp_path / "m.json")
-    read = robust.io.load_model(tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
+    read = robust.load(tmp_path / "m.json")
     assert read.warnings == frm.warnings == tuple(said)
     report = robust.reports.write_report(tmp_path / "r.html", read, control.ss([], [], [], 0.1 * np.eye(2)))
     assert report.warnings == read.warnings
@@ -177,7 +177,7 @@ def test_of_several_channels_too(tmp_path, monkeypatch):
 
 def test_a_certificate_keeps_them_and_verify_prints_them(run, tmp_path):
     _, _, model, K, report, _ = run
-    robust.io.save_certificate(report, tmp_path / "c.json")
+    robust.save(report, tmp_path / "c.json")
     found = robust.io.verify_certificate(tmp_path / "c.json", model=model, K=K)
     assert found.verified
     assert found.warnings == report.warnings
@@ -194,7 +194,7 @@ def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path):
     model = UncertaintyModel(
         MASS, 0.1, "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.05]), unit="m/N", warnings=(HOSTILE,)
     )
-    robust.io.save_model(model, tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
     basis, said = shown(class_from_files, [tmp_path / "m.json"], tmp_path / "K.json", stiffness=64e3)
     assert said == [HOSTILE]
     assert basis.warnings == (HOSTILE,)
@@ -209,7 +209,7 @@ def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path):
 
 
 def test_a_command_says_again_what_stands_in_the_files_that_it_reads(run, tmp_path):
-    nlfrf.io.save_bla(run[0], tmp_path / "bla.npz")
+    nlfrf.save(run[0], tmp_path / "bla.npz")
     read, said = shown(command.load_blas, [tmp_path / "bla.npz"])
     assert said == [*run[0].warnings]
     assert read.warnings == run[0].warnings

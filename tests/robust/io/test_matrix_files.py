@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 from scipy.io import loadmat
 
 import robust
+from robust.io.models import load_model
 from robust.lti.lti import response_by_channel
+from robust.proofs.exact.claim import content_digest
 
 OMEGA = np.array([1.0, 3.0, 10.0])
 G = control.ss([[-1.0, 0.3], [0.0, -2.0]], [[1.0, 0.1], [0.2, 1 / 3]], [[1.0, 0.0], [0.1, 2.0]], [[0.0, 0], [0.0, 0.1]])
@@ -38,8 +41,8 @@ K = control.ss([[0.5, 0.1], [0.0, 0.9]], np.eye(2), [[1 / 3, 0.0], [0.1, 1.0]], 
 @pytest.mark.parametrize("form", MODELS)
 def test_a_model_comes_back_to_the_bit(form, tmp_path):
     one = MODELS[form]
-    robust.io.save_model(one, tmp_path / "m.json")
-    back = robust.io.load_model(tmp_path / "m.json")
+    robust.save(one, tmp_path / "m.json")
+    back = robust.load(tmp_path / "m.json")
     for name in ("omega", "radius"):
         np.testing.assert_array_equal(getattr(back, name), getattr(one, name))
     for name in ("form", "confidence", "simultaneous", "perturbation", "inputs", "outputs", "extrapolation", "source"):
@@ -48,14 +51,14 @@ def test_a_model_comes_back_to_the_bit(form, tmp_path):
     for a, b in zip((back.nominal, *back.left, *back.right), (one.nominal, *one.left, *one.right), strict=True):
         assert a.dt == b.dt
         assert all(np.array_equal(getattr(a, part), getattr(b, part)) for part in "ABCD")
-    robust.io.save_model(back, tmp_path / "again.json")
+    robust.save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
     first, second = (robust.check(m, np.eye(2), certify=False) for m in (one, back))
     np.testing.assert_array_equal(first.mu, second.mu)
 
 
 def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
-    robust.io.save_model(MODELS["additive"], tmp_path / "m.json")
+    robust.save(MODELS["additive"], tmp_path / "m.json")
     whole = json.loads((tmp_path / "m.json").read_text())
     assert (whole["schema"], whole["version"], whole["units"]["omega"]) == ("robust-matrix-model", 1, "rad/s")
 
@@ -63,7 +66,7 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
         content = {name: part for name, part in (whole | changes).items() if part != "gone"}
         (tmp_path / "bad.json").write_text(json.dumps(content))
         with pytest.raises(ValueError) as error:  # noqa: PT011 - its message is what is looked at
-            robust.io.load_model(tmp_path / "bad.json")
+            robust.load(tmp_path / "bad.json")
         assert "\n" not in str(error.value)
         return str(error.value)
 
@@ -80,20 +83,20 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     for cut in (10, len(text) // 2, len(text) - 3):
         (tmp_path / "cut.json").write_text(text[:cut])
         with pytest.raises(ValueError, match="path must be a whole JSON file"):
-            robust.io.load_model(tmp_path / "cut.json")
-    robust.io.save_controller(K, tmp_path / "K.json")
+            robust.load(tmp_path / "cut.json")
+    robust.save(K, tmp_path / "K.json")
     with pytest.raises(ValueError, match=r"path must hold a model, got .* which is a controller"):
-        robust.io.load_model(tmp_path / "K.json")
-    with pytest.raises(ValueError, match="model must be an UncertaintyModel, got 1"):
-        robust.io.save_model(1, tmp_path / "n.json")
+        load_model(tmp_path / "K.json")
+    with pytest.raises(ValueError, match=r"thing must be a multisine, .* an uncertainty model, .* got '1'"):
+        robust.save("1", tmp_path / "n.json")
 
 
 @pytest.mark.parametrize("one", [K, control.ss([], [], [], np.ones((2, 3))), np.eye(2)])
 def test_a_controller_matrix_comes_back_to_the_bit(one, tmp_path):
-    robust.io.save_controller(one, tmp_path / "K.json")
-    back = robust.io.load_controller(tmp_path / "K.json")
+    robust.save(one, tmp_path / "K.json")
+    back = robust.load(tmp_path / "K.json")
     np.testing.assert_array_equal(back.D, one.D if hasattr(one, "D") else one)
-    robust.io.save_controller(back, tmp_path / "again.json")
+    robust.save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "K.json").read_bytes()
     assert "sections" not in json.loads((tmp_path / "K.json").read_text())
 
@@ -139,3 +142,38 @@ def test_the_loader_makes_the_same_plants(form, tmp_path):
     found = (numbers[:4] + 1j * numbers[4:]).reshape(2, 2).T
     Delta = 0.3 * (np.eye(4) if form == "elements" else np.ones((2, 2)))
     np.testing.assert_allclose(found, response_by_channel(one.perturbed(Delta), np.array([2.0]))[:, :, 0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("form", "dt"), [*((form, 0.0) for form in MODELS), ("input", 1e-3)])
+def test_a_proof_of_several_channels_is_verified_from_its_file(form, dt, tmp_path):
+    one, C = MODELS[form], control.ss([], [], [], 0.3 * np.eye(2))
+    if dt:  # a continuous set under a sampled controller, which only has a bound if it is filtered
+        one = replace(one, nominal=control.ss(G.A, G.B, G.C, 0 * G.D))
+        C = control.ss(0.5 * np.eye(2), np.eye(2), 0.05 * np.eye(2), 0.1 * np.eye(2), dt)
+    report = robust.check(one, C, w_P=control.tf([0.3], [1]))
+    assert [c.judged for c in report.certificates] == ["proved, rigorous"] * 2, str(report)
+    path = tmp_path / "proof.json"
+    robust.save(report, path)
+    found = robust.io.verify_certificate(path, model=one, K=C)
+    assert found.verified
+    assert found.proved == ("nominal stability", "robust stability", "robust performance")
+    other = robust.io.verify_certificate(path, model=one, K=1.01 * C)
+    assert "model and controller: NOT verified: their loop is not the one of the certificate" in str(other)
+    with pytest.raises(ValueError, match="model and K must be given together"):
+        robust.io.verify_certificate(path, K=C)
+    text = path.read_text()
+    path.write_text(text.replace('"level": 0.9', '"level": 0.8', 1))
+    with pytest.raises(ValueError, match="digest does not fit"):
+        robust.io.verify_certificate(path)
+
+
+def test_a_proof_whose_level_is_lowered_and_signed_anew_is_not_verified(tmp_path):
+    path = tmp_path / "proof.json"
+    robust.save(robust.check(MODELS["input"], 0.3 * np.eye(2)), path)
+    content = json.loads(path.read_text())
+    content["claims"][0]["level"] = 0.01
+    content["digest"] = content_digest({name: entry for name, entry in content.items() if name != "digest"})
+    path.write_text(json.dumps(content))
+    found = robust.io.verify_certificate(path)
+    assert found.proved == ("nominal stability",)
+    assert "robust stability: NOT verified: the inequality does not pass" in str(found)

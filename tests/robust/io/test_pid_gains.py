@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import dlsim
 
 import robust
-from robust import cli, design_frf, fit_nominal, uncertainty
-from robust.io import pid_gains, save_controller, save_model
+from robust import cli, design_frf, fit_nominal, save, uncertainty
+from robust.io import pid_gains
 from robust.shaping import pid
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
@@ -102,8 +102,8 @@ def test_a_design_is_a_pid_and_the_commands_print_it(tmp_path, monkeypatch, caps
     e = np.random.default_rng(1).standard_normal(200)
     _, u, _ = dlsim((K.A, K.B, K.C, K.D, 0.01), e)
     np.testing.assert_allclose(typed_in(seen.difference_equation(), e), u[:, 0], atol=1e-5 * np.abs(u).max())
-    save_model(uncertainty(bla, fit_nominal(bla, n_poles=2, n_zeros=0)), tmp_path / "m.json")
-    save_controller(K, tmp_path / "K.json")
+    save(uncertainty(bla, fit_nominal(bla, n_poles=2, n_zeros=0)), tmp_path / "m.json")
+    save(K, tmp_path / "K.json")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["robust", "check", "m.json", "K.json", "--no-certify"])
     with pytest.raises(SystemExit):

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import robust
-from nlfrf.io import save_bla
-from robust import cli
+from robust import cli, save
 from tests.support.bla import make_bla
 
 F = np.arange(1, 240) * 0.5
@@ -34,12 +33,12 @@ def prove(monkeypatch, capsys, tmp_path):
     for name, spring in (("low", 5.1e4), ("mid", 5e4), ("high", 0.0)):
         G = two_masses(spring)
         size = np.abs(G(2j * np.pi * F))
-        save_bla(make_bla(G, F, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
+        save(make_bla(G, F, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
     for name, spring in (("a", 5.1e4), ("b", 5e4), ("c", 0.0)):  # above their resonance: no mass on a spring is seen
         G, f = two_masses(spring), F[F > 75]
         size = np.abs(G(2j * np.pi * f))
-        save_bla(make_bla(G, f, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
-    robust.io.save_controller(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
+        save(make_bla(G, f, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
+    robust.save(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
 
     def run(line):
         monkeypatch.setattr(sys, "argv", shlex.split(line))

@@ -12,9 +12,18 @@ import numpy as np
 import pytest
 
 from nlfrf import Record, identify, multisine
-from nlfrf.io import save_record
-from robust import UncertaintyModel, check, cli, fit_nominal, frd, ncfsyn, performance_weight, sampled, uncertainty
-from robust.io import save_controller, save_model
+from robust import (
+    UncertaintyModel,
+    check,
+    cli,
+    fit_nominal,
+    frd,
+    ncfsyn,
+    performance_weight,
+    sampled,
+    save,
+    uncertainty,
+)
 from robust.reports import parts as report_parts
 from robust.reports import sections as report_sections
 from robust.reports import write_report
@@ -211,9 +220,9 @@ def test_refusals_leave_no_file(undrawn, tmp_path):
 
 def test_the_command(undrawn, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    save_model(MODEL, "m.json")
-    save_controller(K, "K.json")
-    save_record(RECORD, "record.npz")
+    save(MODEL, "m.json")
+    save(K, "K.json")
+    save(RECORD, "record.npz")
     command = "robust report m.json K.json --record record.npz --bandwidth 0.3 --peak 2.5 -o r.html --title Bench"
     monkeypatch.setattr(sys, "argv", command.split())
     with pytest.raises(SystemExit) as stop:
@@ -231,8 +240,8 @@ def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, c
     rig = control.ss(control.tf([1], [1, 0.4, 80e3]))
     lines = np.array([10.0, 1000.0])
     model = UncertaintyModel(rig, control.tf([0.02], [1]), "multiplicative", lines, np.array([0.01, 0.01]))
-    save_model(model, "m.json")
-    save_controller(control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3), "K.json")
+    save(model, "m.json")
+    save(control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3), "K.json")
     monkeypatch.setattr(
         sys, "argv", ["robust", "report", "m.json", "K.json", "--stiffness", "64e3", "--force", "1", "-o", "r.html"]
     )

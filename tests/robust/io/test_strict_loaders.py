@@ -12,12 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import robust
 from nlfrf._base.files import parse_json
 from robust import check, prove_friction
 from robust.friction import any_maxwell_slip
 from robust.friction.exact.claim import read_friction_claim
-from robust.io import load_controller, load_model, save_certificate, save_controller, save_model, verify_certificate
+from robust.io import verify_certificate
 from robust.proofs.exact.claim import content_digest, read_claim
+from robust.proofs.exact.scaled_kyp import read_scaled_claims
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model
 from tests.robust.io.test_export import MODELS
@@ -31,6 +33,7 @@ SCHEMAS = (
     "robust-controller",
     "robust-certificate",
     "robust-friction-certificate",
+    "robust-mu-certificate",
 )
 VALIDATORS = {}
 for name in SCHEMAS:
@@ -52,20 +55,21 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("files")
     made = Files()
 
-    def add(loader, save, thing):
+    def add(loader, thing):
         path = folder / f"{len(made)}.json"
-        save(thing, path)
+        robust.save(thing, path)
         content = json.loads(path.read_text())
         made.append((content["schema"], loader, content))
 
     for model in [*MODELS.values(), *MATRICES.values()]:
-        add(load_model, save_model, model)
+        add(robust.load, model)
     for K in (control.tf([1.0, 0.1], [1, 0.7, 0.1]), control.tf([0.5, -0.4], [1, -1], 0.01), 2.5, np.eye(2)):
-        add(load_controller, save_controller, K)
-    add(read_claim, save_certificate, check(make_model(), SAMPLED))
+        add(robust.load, K)
+    add(read_claim, check(make_model(), SAMPLED))
+    add(read_scaled_claims, check(MATRICES["elements"], 0.1 * np.eye(2)))
     kp, ki, kd, _ = ORACLES["P1"][0]
     proof = prove_friction(RIG, pid(kp, ki, kd), any_maxwell_slip(64e3, 1.05))
-    add(read_friction_claim, save_certificate, proof)
+    add(read_friction_claim, proof)
     return made
 
 
@@ -157,7 +161,7 @@ def test_every_file_as_it_is_written_is_accepted(written, tmp_path):
 )
 def test_what_is_no_strict_json_is_refused_in_one_line(text, why, tmp_path):
     (tmp_path / "x.json").write_text(text)
-    for load in (load_model, load_controller, verify_certificate, parse_json):
+    for load in (robust.load, verify_certificate, parse_json):
         with pytest.raises(ValueError, match=why) as refusal:
             load(tmp_path / "x.json")
         assert "\n" not in str(refusal.value)

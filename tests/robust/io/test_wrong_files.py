@@ -70,7 +70,7 @@ def folder(tmp_path_factory):
     robust.save(model, folder / "model.json")
     robust.save(2.0, folder / "K.json")
     report = robust.check(model, 2.0)
-    robust.io.save_certificate(report, folder / "proof.json")
+    robust.save(report, folder / "proof.json")
     (folder / "report.txt").write_text(f"{report}\n\n(written by 'robust check')\n")
     return folder
 
@@ -90,6 +90,9 @@ def test_a_file_in_the_wrong_place_is_named_with_the_command_that_takes_it(folde
 
 
 def test_a_table_of_someone_else_is_to_be_looked_at(tmp_path):
-    (tmp_path / "run.csv").write_text("t,u,y\n0,1,2\n")
-    with pytest.raises(ValueError, match=r"path must hold a model, got .*run.csv, which is of a kind .* nlfrf inspect"):
-        robust.io.load_model(tmp_path / "run.csv")
+    (tmp_path / "run.csv").write_text("t,u,y\n0,1,2\n1,2,3\n2,3,4\n")
+    with pytest.raises(
+        ValueError,
+        match=r"path must hold a multisine, .* a model, .*, got .*run.csv, which is of a kind .* nlfrf inspect",
+    ):
+        robust.load(tmp_path / "run.csv")

@@ -50,7 +50,7 @@ def values_of_nlfrf():
     yield from (two, several, frm, nlfrf.bla.singular_values(frm), nlfrf.bla.rga(frm))
     yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
     with tempfile.TemporaryDirectory() as folder:
-        nlfrf.io.save_record(record, Path(folder) / "record.mat")
+        nlfrf.save(record, Path(folder) / "record.mat")
         yield nlfrf.inspect_file(Path(folder) / "record.mat")
     yield hysteresis.MaxwellSlip(stiffness=[1.0, 2.0], strength=[0.3, 0.7])
 

@@ -38,6 +38,17 @@ def test_the_bandwidth_is_that_of_the_sensitivity():
     assert "|L| never crosses one" in unwrapped(classical_margins(OMEGA, 0.1 / (1j * OMEGA + 1)))
 
 
+def test_every_crossover_is_named():
+    """1/s times a resonance of gain 1/(2 zeta): |L| = 1 at one, and twice around the resonance at ten."""
+    L = 1 / (1j * OMEGA) * 100 / (100 - OMEGA**2 + 0.2j * OMEGA)
+    seen = classical_margins(OMEGA, L)
+    size = lambda omega: abs(100 / (1j * omega * (100 - omega**2 + 0.2j * omega)))  # noqa: E731
+    assert len(seen.crossovers) == 3
+    assert [size(omega) for omega in seen.crossovers] == pytest.approx([1, 1, 1], rel=1e-3)
+    assert str(seen).startswith("crossovers 0.1608 Hz, 1.507 Hz, 1.664 Hz, phase margin")
+    assert seen.crossover == max(seen.crossovers)
+
+
 def test_a_sampled_loop_has_its_gain_margin_at_nyquist():
     """k/(z - 1) is stable to k = 2, with the pole at z = -1."""
     T = 0.1

@@ -6,13 +6,13 @@ import control
 import numpy as np
 import pytest
 
-from robust import friction_plant, prove_friction
+from robust import friction_plant, prove_friction, save
 from robust.friction import any_bristle, any_maxwell_slip
 from robust.friction.exact.claim import claim_from_dict, claim_to_dict
 from robust.friction.exact.loops import equilibrium, exact_loop
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop
-from robust.io import save_certificate, verify_certificate
+from robust.io import verify_certificate
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
 
@@ -93,7 +93,7 @@ def test_a_block_that_is_negative_somewhere_fails():
 
 def test_files(proof, tmp_path):
     path = tmp_path / "proof.json"
-    save_certificate(proof, path)
+    save(proof, path)
     assert verify_certificate(path, model=RIG, K=pid(KP, KI, KD)).verified
     other = verify_certificate(path, model=friction_plant(1.0, 80e3), K=pid(KP, KI, 1.01 * KD))
     assert not other.verified
@@ -102,7 +102,7 @@ def test_files(proof, tmp_path):
     with pytest.raises(ValueError, match="whose digest does not fit"):
         verify_certificate(path)
     with pytest.raises(ValueError, match="report must hold a proof"):
-        save_certificate(prove_friction(RIG, pid(KP, KI, KD), any_maxwell_slip(64e5, 1.05)), path)
+        save(prove_friction(RIG, pid(KP, KI, KD), any_maxwell_slip(64e5, 1.05)), path)
     with pytest.raises(ValueError, match="claim must have the entries"):
         claim_from_dict({"K0": 1.0})
 

@@ -11,8 +11,7 @@ import pytest
 
 import nlfrf
 import robust
-from nlfrf.io import save_bla
-from robust import cli
+from robust import cli, save
 from robust.friction.levels import fit_level, one_mass_reaction, require_si
 from robust.friction.plant import friction_loop
 from robust.io.certificates import class_from_files, prove_all, save_proofs
@@ -194,8 +193,8 @@ def test_what_is_proved_from_levels_is_true(measured_levels):
 def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     for i, bla in enumerate(measured_levels):
-        save_bla(bla, f"{i}.npz")
-    robust.io.save_controller(pid(20e3, 3e5, 60.0), "K.json")
+        save(bla, f"{i}.npz")
+    robust.save(pid(20e3, 3e5, 60.0), "K.json")
 
     def run(words):
         monkeypatch.setattr(sys, "argv", ["robust", "prove", *words.split()])
@@ -212,7 +211,7 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     assert "Two standard deviations. Frequency test, not a proof" in unwrapped(out)
     assert robust.io.verify_certificate("proof.certificate.json").verified
     nominal = robust.fit_nominal(measured_levels[2], n_poles=2, n_zeros=0)
-    robust.io.save_model(robust.uncertainty(measured_levels[2], nominal), "m.json")
+    robust.save(robust.uncertainty(measured_levels[2], nominal), "m.json")
     code, out, _ = run("m.json K.json --stiffness 74e3 --stiction 1.2")
     assert code == 0
     assert "model of order 2" in unwrapped(out)
@@ -348,7 +347,7 @@ def test_levels_of_an_axis_that_turns_are_read_in_its_own_units(flexible_levels)
 def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(measured_levels, tmp_path):
     bla = turning(measured_levels[2])
     nominal = robust.fit_nominal(bla, n_poles=2, n_zeros=0)
-    robust.io.save_model(robust.uncertainty(bla, nominal), tmp_path / "m.json")
+    robust.save(robust.uncertainty(bla, nominal), tmp_path / "m.json")
     basis = class_from_files([tmp_path / "m.json"], tmp_path / "K.json", stiffness=74e3, stiction=1.2)
     proof = prove_all(basis.machines, pid(20e3, 3e5, 60.0), basis.friction)[0]
     assert "74 kNm/rad" in unwrapped(proof)

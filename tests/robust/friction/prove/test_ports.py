@@ -24,7 +24,7 @@ from robust.friction.plant import (
 )
 from robust.friction.prove import prove_friction
 from robust.friction.storage import certified_dissipation
-from robust.io.certificates import save_certificate, verify_certificate
+from robust.io.certificates import verify_certificate
 
 T = 1 / 4000
 #: The ball screw preset with twice its velocity gain, without the lag of its current.
@@ -91,7 +91,7 @@ def test_another_class_at_the_second_port_is_not_verified(proof, change):
 
 def test_files_keep_the_ports(proof, tmp_path):
     path = tmp_path / "proof.json"
-    save_certificate(proof, path)
+    robust.save(proof, path)
     found = verify_certificate(path, model=SCREW, K=cascade(DRIVE, output_unit="N"))
     assert found.verified
     other = two_mass_plant(232.9, 151.0, 80e6, 5e3)
@@ -250,7 +250,7 @@ def test_friction_with_stiction_at_both_settles_within_a_bound_that_is_verified(
     assert found.settling_error < 0.6 * found.error_bound
     assert found.certificate.verify().verified
     assert "of at most 100 N at the motor and 60 N at the load" in found.claim
-    save_certificate(found, tmp_path / "settles.json")
+    robust.save(found, tmp_path / "settles.json")
     assert verify_certificate(tmp_path / "settles.json", model=SCREW, K=cascade(soft, output_unit="N")).verified
     claim = found.certificate.claim
     own = claim.settling

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.settling import FS, Axis, attack, cascade, draw_axis, draw_law, hunting, settling_proof
-from robust import friction_plant, prove_friction
+from robust import friction_plant, prove_friction, save
 from robust._base.states import FrictionVerdict
 from robust.friction import any_maxwell_slip
 from robust.friction.exact.claim import Settling
@@ -15,7 +15,7 @@ from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop, steady_error_bound
 from robust.friction.prove import Finding, settling_verdict
 from robust.friction.settling import largest_rest
-from robust.io import save_certificate, verify_certificate
+from robust.io import verify_certificate
 
 T = 1 / 4000
 MACHINE = friction_plant(10.0, 0.0)
@@ -80,7 +80,7 @@ def test_friction_that_is_chosen_to_hunt_stays_inside():
 
 def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path):
     assert proof.certificate.verify().verified
-    save_certificate(proof, tmp_path / "settles.json")
+    save(proof, tmp_path / "settles.json")
     assert verify_certificate(tmp_path / "settles.json", K=AXIS.K).verified
     claim = proof.certificate.claim
     own = claim.settling

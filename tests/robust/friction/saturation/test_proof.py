@@ -11,7 +11,7 @@ import nlfrf
 from nlfrf.friction import Leuven, VaryingSliders
 from robust.friction import any_bristle, any_maxwell_slip, any_passive, prove_saturated
 from robust.friction.plant import friction_plant
-from robust.io import save_certificate, verify_certificate
+from robust.io import verify_certificate
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
 
@@ -108,7 +108,7 @@ def test_a_continuous_controller_too(tmp_path):
     PD = control.ss(control.tf([60.0, 20e3], [1e-4, 1]))
     proof = prove_saturated(RIG, PD, SLIP, Fs=FS, limit=LIMIT)
     assert proof.kick > proof.kick_linear > 0
-    save_certificate(proof, tmp_path / "proof.json")
+    nlfrf.save(proof, tmp_path / "proof.json")
     assert verify_certificate(tmp_path / "proof.json").verified
 
 

@@ -9,15 +9,17 @@ from robust import (
     check,
     fit_nominal,
     frd,
+    load,
     ncfsyn,
     performance_weight,
     sampled,
+    save,
     uncertainty,
     worst_case,
 )
 from robust.analysis import sample_loops
 from robust.analysis.curves import loop_curves
-from robust.io import export_matlab, load_model, save_model
+from robust.io import export_matlab
 from robust.lti import discretize
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
@@ -322,8 +324,8 @@ def test_on_measured_lines_hold_and_delay_stand_with_the_controller():
 def test_files_keep_the_scaling(tmp_path):
     fit = fit_nominal(measured(), n_poles=2, n_zeros=0)
     model = uncertainty(measured(), fit, form="coprime", order=2, W1=control.tf([1, 30], [1, 3.0]), W2=1e6)
-    save_model(model, tmp_path / "m.json")
-    again = load_model(tmp_path / "m.json")
+    save(model, tmp_path / "m.json")
+    again = load(tmp_path / "m.json")
     for name in ("W1", "W2"):
         for matrix in "ABCD":
             assert np.array_equal(getattr(getattr(again, name), matrix), getattr(getattr(model, name), matrix))

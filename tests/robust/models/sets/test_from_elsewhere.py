@@ -57,8 +57,8 @@ def test_orders_validation_and_files_take_it(tmp_path):
     assert robust.models.scan_orders(bla, n_poles=(1, 2, 3)).best == 2
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0))
     assert robust.validate(model, second).p_value > 1e-3
-    robust.io.save_model(model, tmp_path / "model.json")
-    assert robust.io.load_model(tmp_path / "model.json").radius == pytest.approx(model.radius)
+    robust.save(model, tmp_path / "model.json")
+    assert robust.load(tmp_path / "model.json").radius == pytest.approx(model.radius)
     with pytest.raises(
         ValueError, match=r"bla must be an nlfrf.Bla of one input and output, got .* nlfrf.bla_from_frf makes one"
     ):

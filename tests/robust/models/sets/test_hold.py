@@ -97,8 +97,8 @@ def test_an_unknown_hold_is_warned_of_where_it_matters(tmp_path):
     robust.check(
         model, control.ss([[0.5]], [[0.05]], [[0.5]], [[0.0]], 4 / FS), certify=False
     )  # far below its rate, it does not
-    robust.io.save_model(model, tmp_path / "m.json")
-    again = robust.io.load_model(tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
+    again = robust.load(tmp_path / "m.json")
     assert (again.hold, again.fs, again.unit) == ("unknown", FS, "mm/N")
 
 
@@ -129,8 +129,8 @@ def matrix_error(G):
 @pytest.mark.parametrize(("hold", "fs", "dt"), [("zoh", FS, 1 / FS), ("zoh", 4000, 0), ("band-limited", FS, 0)])
 def test_the_hold_of_several_inputs_counts_once(hold, fs, dt, tmp_path):
     frm = matrix_of(hold, fs)
-    nlfrf.io.save_bla(frm, tmp_path / "G.npz")
-    assert nlfrf.io.load_bla(tmp_path / "G.npz").hold == frm.entry(1, 0).hold == hold
+    nlfrf.save(frm, tmp_path / "G.npz")
+    assert nlfrf.load(tmp_path / "G.npz").hold == frm.entry(1, 0).hold == hold
     fit = robust.fit_nominal(frm, n_poles=2, rank=2, dt=dt)
     assert fit.hold == hold
     assert matrix_error(fit.G) < 1e-2

@@ -12,8 +12,7 @@ import nlfrf
 import robust
 from benchmarks import joint as harness
 from benchmarks.coverage_matrix import static_record
-from robust import UncertaintyModel, check, frd, uncertainty
-from robust.io import load_model, save_model
+from robust import UncertaintyModel, check, frd, load, save, uncertainty
 from robust.lti.lti import response
 from robust.models.sets import joint
 from robust.models.sets.joint import attach_records, probability_of_frf
@@ -138,8 +137,8 @@ def test_every_verdict_says_it(tmp_path):
 
 def test_files_keep_it_and_old_files_load(tmp_path):
     model = uncertainty(static(seed=5), control.ss([], [], [], [[1.0]]), order=1)
-    save_model(model, tmp_path / "model.json")
-    again = load_model(tmp_path / "model.json")
+    save(model, tmp_path / "model.json")
+    again = load(tmp_path / "model.json")
     assert (again.joint, again.joint_bla) == (model.joint, model.joint_bla)
     for part in ("omega", "G", "variance", "scatter", "confirmed"):
         np.testing.assert_array_equal(getattr(again.records[0], part), getattr(model.records[0], part))
@@ -147,7 +146,7 @@ def test_files_keep_it_and_old_files_load(tmp_path):
     for name in ("joint", "joint_bla", "records"):
         del content[name]
     (tmp_path / "old.json").write_text(json.dumps(content))
-    old = load_model(tmp_path / "old.json")
+    old = load(tmp_path / "old.json")
     assert np.isnan(old.joint)
     assert old.records == ()
 

@@ -95,8 +95,8 @@ def test_lines_that_only_one_level_has_are_in_the_set():
 
 @pytest.mark.parametrize("form", ["elements", "auto"])
 def test_it_comes_back_from_its_file(form, tmp_path):
-    robust.io.save_model(around(form), tmp_path / "m.json")
-    back = robust.io.load_model(tmp_path / "m.json")
+    robust.save(around(form), tmp_path / "m.json")
+    back = robust.load(tmp_path / "m.json")
     assert len(back.records) == 2
     frm = measured(HIGH, 12)
     one, other = robust.validate(around(form), frm), robust.validate(back, frm)

@@ -168,8 +168,8 @@ def test_two_forms_may_be_tried_for_their_price(tmp_path):
     model = robust.uncertainty(frm, fit, form="auto", **options)
     assert (model.form, model.alternative_form.form) == ("elements", "additive")
     assert (model.confidence, model.alternative_form.confidence) == (0.975, 0.975)
-    robust.io.save_model(model, tmp_path / "m.json")
-    again = robust.io.load_model(tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
+    again = robust.load(tmp_path / "m.json")
     np.testing.assert_array_equal(again.alternative_form.radius, model.alternative_form.radius)
     assert str(again) == str(model)
     alone = {form: robust.uncertainty(frm, fit, form=form, **options) for form in ("elements", "additive")}

@@ -54,11 +54,11 @@ def equal(one, other):
 
 
 def test_every_field_comes_back_from_a_file(model, tmp_path):
-    robust.io.save_model(model, tmp_path / "m.json")
-    back = robust.io.load_model(tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
+    back = robust.load(tmp_path / "m.json")
     different = [f.name for f in fields(model) if not equal(getattr(model, f.name), getattr(back, f.name))]
     assert not different
-    robust.io.save_model(back, tmp_path / "again.json")
+    robust.save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
 
 

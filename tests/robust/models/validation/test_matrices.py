@@ -87,13 +87,13 @@ def test_a_set_from_a_file_remembers_its_record(form, tmp_path):
     frm, other = matrix(1), matrix(2)
     nominal = control.append(*[control.ss(control.tf([1.0], [1 / (2 * np.pi * 50), 1.0]))] * 2)
     model = robust.uncertainty(frm, control.ss(nominal.A, nominal.B, G0 @ nominal.C, np.zeros((2, 2))), form=form)
-    robust.io.save_model(model, tmp_path / "m.json")
-    back = robust.io.load_model(tmp_path / "m.json")
+    robust.save(model, tmp_path / "m.json")
+    back = robust.load(tmp_path / "m.json")
     assert robust.validate(back, frm).p_value == 1.0
     kept, read = robust.validate(model, other), robust.validate(back, other)
     assert (read.p_value, read.n_outside) == (kept.p_value, kept.n_outside)
     np.testing.assert_array_equal(read.p_values, kept.p_values)
-    robust.io.save_model(back, tmp_path / "again.json")
+    robust.save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
 
 

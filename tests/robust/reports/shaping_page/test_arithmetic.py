@@ -11,8 +11,9 @@ import pytest
 import robust
 from robust.analysis.loop import assemble_loop
 from robust.lti.connections import closed_loop
+from robust.reports.shaping_page.elements import shaped_controller
 from robust.reports.shaping_page.generated_text import PartSources
-from robust.reports.shaping_page.page import page_content, shaped_controller
+from robust.reports.shaping_page.page import page_content
 from tests.support.browser import browser
 from tests.support.shaped_loops import random_loop
 
@@ -132,7 +133,7 @@ def test_a_shape_that_is_no_pid_has_no_gains(ask):
 def test_the_python_to_paste_makes_the_same_loop(seed, ask, tmp_path, monkeypatch, capsys):
     model, w_P, begin, dt, delay, state = random_loop([seed])
     monkeypatch.chdir(tmp_path)
-    robust.io.save_model(model, "model.json")
+    robust.save(model, "model.json")
     text = ask(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), state)["python"]
     names: dict = {}
     exec(compile(text, "pasted", "exec"), names)
@@ -141,4 +142,4 @@ def test_the_python_to_paste_makes_the_same_loop(seed, ask, tmp_path, monkeypatc
     at = np.array([0.5, 5.0, 20.0])
     z = np.exp(1j * at * dt) if dt else 1j * at
     assert names["K"](z) == pytest.approx(K(z), rel=1e-9)
-    assert robust.io.load_controller("controller.json").dt == pytest.approx(dt)
+    assert robust.load("controller.json").dt == pytest.approx(dt)

@@ -9,6 +9,7 @@ import pytest
 
 import robust
 from robust import cli
+from robust.reports.shaping_page.elements import shaped_controller
 from robust.reports.shaping_page.generated_text import PartSources
 from robust.reports.shaping_page.page import page_content
 from robust.reports.shaping_page.widget import widget_class
@@ -36,7 +37,9 @@ def chromium(tmp_path_factory):
 @pytest.fixture
 def page(chromium, tmp_path):
     """The page of two levels, sampled with a delay, as a desktop shows it."""
-    robust.shaping.write_shaping_page(tmp_path / "shape.html", [level(1), level(1.3)], w_P=W_P, dt=2e-3, delay=1e-3)
+    robust.shaping.write_shaping_page(
+        tmp_path / "shape.html", [level(1), level(1.3)], w_P=W_P, K=1.0, dt=2e-3, delay=1e-3
+    )
     screen(chromium, 1300, 1100)
     chromium.open(tmp_path / "shape.html")
     yield chromium
@@ -217,7 +220,7 @@ def test_the_controller_of_the_page_is_a_file_that_check_reads(page, tmp_path):
     page.run("globalThis.blobs = []; URL.createObjectURL = blob => { blobs.push(blob); return 'data:,'; }")
     page.run("[...document.querySelectorAll('button')].find(b => b.textContent === 'Save controller.json').click()")
     (tmp_path / "controller.json").write_text(page.run("blobs[0].text()"), encoding="utf-8")
-    K, at = robust.io.load_controller(tmp_path / "controller.json"), np.exp(2e-3j * np.array([1.0, 30.0, 300.0]))
+    K, at = robust.load(tmp_path / "controller.json"), np.exp(2e-3j * np.array([1.0, 30.0, 300.0]))
     lead = state(page)["elements"][0]
     assert K(at) == pytest.approx(
         robust.shaping.lead(2 * np.pi * lead["f"], np.radians(lead["phase"]), dt=2e-3)(at), rel=1e-9
@@ -226,8 +229,8 @@ def test_the_controller_of_the_page_is_a_file_that_check_reads(page, tmp_path):
 
 def test_the_command_writes_it_with_the_command_that_proves(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    robust.io.save_model(level(1), "low.json")
-    robust.io.save_model(level(1.3), "high.json")
+    robust.save(level(1), "low.json")
+    robust.save(level(1.3), "high.json")
     words = "robust shape low.json high.json --bandwidth 0.5 --sample-time 0.002 --delay 0.001 -o shape.html"
     monkeypatch.setattr(sys, "argv", words.split())
     with pytest.raises(SystemExit) as stop:
@@ -255,7 +258,7 @@ def test_the_widget_holds_the_page_and_gives_the_controller_back():
 def test_the_widget_runs_as_a_module(chromium, tmp_path):
     """As a notebook does it: the module is imported, `render` is given a model of traits and an element."""
     pytest.importorskip("anywidget")
-    made = robust.shaping.shape(level(1), w_P=W_P)
+    made = robust.shaping.shape(level(1), w_P=W_P, K=1.0)
     (tmp_path / "empty.html").write_text("<!DOCTYPE html><title>cell</title><body></body>", encoding="utf-8")
     chromium.open(tmp_path / "empty.html")
     chromium.run(
@@ -269,6 +272,65 @@ def test_the_widget_runs_as_a_module(chromium, tmp_path):
     add_lead = "[...document.querySelectorAll('button')].find(b => b.textContent === '+ Lead').click()"
     chromium.run(add_lead)
     assert chromium.run("traits.saved && traits.state.elements[0].kind") == "lead"
+
+
+def machine(stiffness=1e5, f_n=5.0):
+    """A mass on a spring: 1 / stiffness [m/N] up to its resonance."""
+    omega_n = 2 * np.pi * f_n
+    plant = control.tf([omega_n**2 / stiffness], [1, 0.2 * omega_n, omega_n**2])
+    w, omega = control.tf([1 / (120 * np.pi), 0.15], [1 / (480 * np.pi), 1]), 2 * np.pi * np.geomspace(0.5, 200, 120)
+    return robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+
+
+def test_it_opens_on_a_loop_and_not_on_an_empty_page(chromium, tmp_path):
+    """Of 1e-5 m/N: |w| = 1 at 61 Hz, so that |L| = 1 at 31 Hz; curves, verdict and legends are in sight."""
+    robust.shaping.write_shaping_page(tmp_path / "shape.html", machine())
+    screen(chromium, 1300, 1100)
+    chromium.open(tmp_path / "shape.html")
+    chromium.run(WAIT)
+    [crossover] = chromium.run("shaping.answer().models[0].crossovers")
+    assert crossover / 2 / np.pi == pytest.approx(30.6, abs=1.0)
+    assert chromium.run("document.querySelector('.shaping-card strong').textContent") == "holds on the grid"
+    assert chromium.run("document.querySelector('.shaping-margins').textContent").startswith("crossover 31.3 Hz · 50°")
+    low, high = chromium.run("[shaping.loop.plot.scales.y.min, shaping.loop.plot.scales.y.max]")
+    size = chromium.run(
+        "(() => { const a = shaping.answer(), m = a.models[0]; return Array.from(m.lr,"
+        " (r, i) => [a.omega[i] / 2 / Math.PI, 20 * Math.log10(Math.hypot(r, m.li[i]))])"
+        ".filter(([f]) => f >= shaping.band.low && f <= shaping.band.high).map(([, d]) => d); })()"
+    )
+    assert low <= min(size)
+    assert high >= max(size)
+    text = chromium.run("document.body.innerText")
+    assert "too high for the set" in text
+    assert "L over the set" in text
+    chromium.run("shaping.set({ gain: 1, elements: [] })")  # with a gain of one |L| is at -100 dB, and in sight too
+    chromium.run(WAIT)
+    assert chromium.run("shaping.loop.plot.scales.y.min") < -100
+    assert "|L| never crosses 1" in chromium.run("document.body.innerText")
+
+
+@pytest.mark.parametrize(
+    ("plant", "kinds", "sign"),
+    [
+        (control.tf([1], [20, 5, 0]), ["lead"], 1),
+        (control.tf([3e-4], [1 / 130, 1]), ["integrator"], 1),
+        (control.tf([-3.0], [1 / 130, 1]), ["integrator"], -1),
+        (control.tf([1], [0.5, 1]), ["integrator"], 1),
+    ],
+)
+@pytest.mark.parametrize("dt", [0.0, 1e-3])
+def test_the_controller_to_begin_with_is_what_the_plant_asks_for(plant, kinds, sign, dt):
+    """A mass with friction takes a lead, a lag and a flat plant an integrator; |L| = 1 at the bandwidth, and stable."""
+    w, omega = machine().weight, machine().omega
+    model = robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+    omega_c = 2 * np.pi * 4.0
+    begin = page_content(model, w_P=None, K=None, dt=dt, delay=0.0, sources=PartSources(), omega_c=omega_c)["begin"]
+    assert [element["kind"] for element in begin["elements"]] == kinds
+    assert np.sign(begin["gain"]) == sign
+    report = robust.check(model, shaped_controller(begin, 1.0, dt), certify=False)
+    assert report.nominally_stable
+    assert report.classical.crossover == pytest.approx(omega_c, rel=1e-3)
+    assert np.max(report.rs) < 1
 
 
 @pytest.mark.parametrize(

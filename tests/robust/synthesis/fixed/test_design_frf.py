@@ -152,6 +152,16 @@ def test_family():
     assert one.gamma >= alone.gamma
 
 
+@pytest.mark.parametrize("stiffness", [7.0e4, 7.6e4, 76402.55559780999, 8.3e4])
+def test_undamped_modes_are_stabilised_whichever_side_rounding_puts_them(stiffness):
+    dt = 1e-3
+    springs = [control.ss(control.tf([1], [1, 0, k])) for k in (stiffness, 2.2 * stiffness)]
+    K = design_frf(springs, "PID", M_S=2.0, dt=dt, n_starts=1).K
+    for spring in springs:
+        loop = control.feedback(sampled(spring, dt) * K)
+        assert np.abs(loop.poles()).max() < 1
+
+
 def test_unstable_plant():
     G = control.tf([1], [1, -1])
     for plant, more in ((G, {}), (frf(G, np.geomspace(0.05, 50, 150)), {"n_unstable": 1})):

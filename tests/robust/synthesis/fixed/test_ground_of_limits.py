@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nlfrf.io import save_bla
-from robust import cli
+from robust import cli, save
 from tests.support.bla import make_bla
 
 F = np.arange(2, 160) * 0.5
@@ -24,7 +23,7 @@ def command(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     size = np.abs(resonance(2j * np.pi * F))
     bla = make_bla(resonance, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.02 * size, rng=1, fs=1000)
-    save_bla(replace(bla, hold="band-limited"), "bla.npz")
+    save(replace(bla, hold="band-limited"), "bla.npz")
 
     def run(line):
         monkeypatch.setattr(sys, "argv", shlex.split(line))

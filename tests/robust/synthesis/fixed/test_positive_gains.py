@@ -126,7 +126,7 @@ def test_the_command_warns_and_positive_cures(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     omega = np.geomspace(1, 600, 20)
     model = robust.UncertaintyModel(PLANT, control.tf([0.01], [1]), "multiplicative", omega, np.full(20, 0.01))
-    robust.io.save_model(model, "m.json")
+    robust.save(model, "m.json")
 
     def run(line):
         monkeypatch.setattr(sys, "argv", line.split())

@@ -1,0 +1,269 @@
+"""Friction without a law: the force that a moving axis leaves of its command, less inertia and viscous force.
+
+    f(t) = u(t - delay) - m x'' - c x'
+
+Mass, viscous friction and delay come from records in motion, where friction slides and its shape does not count. Taken
+from records at rest, f grows with the level while friction sticks, and stops at the break-away force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+import nlfrf
+from nlfrf._base.values import value
+from robust.friction.balance import HALF_WIDTH, as_real, motion_of_record, unit_of
+from robust.friction.in_motion import SlidingFit, identify_sliding
+from robust.lti.sampling import hold_correction
+
+#: Share of its peak that the steps of the encoder may make of a force: where they make more, it is cut off in
+#: frequency.
+MOST_STEPS = 0.02
+#: Samples of a period that lie above its peak, for every sample at most.
+ABOVE_PEAK = 5e-4
+#: Share of its rms by which a position may change from period to period.
+MOST_CHANGE = 0.2
+#: Share of samples at a limit of the force above which a level is not read.
+CLIPPED = 2e-3
+#: Power of the level with which the peak force still rises where the axis breaks away. It is one while friction sticks.
+#: Here and below: set on 24 axes with six laws of friction, 13 of them with stiction two to four times Coulomb
+#: friction, and tried on others (benchmarks/bench_stranger.py).
+FLAT = 0.155
+#: What peaks leave open of the break-away force: they were 5 % low to 7 % high, as the crest of a filtered force is.
+SCATTER_LOW, SCATTER_HIGH = 0.08, 0.03
+#: Peaks that fall with the level, by more than a share, were taken at a speed at which stiction has fallen already. The
+#: excess over Coulomb friction is up to the second factor larger then, else up to the first.
+FALLEN, EXCESS, EXCESS_FALLEN = 0.07, 1.25, 2.2
+#: Share of Coulomb friction below which a peak that does not rise is one of the encoder's steps.
+BELOW_COULOMB = 0.7
+#: Steps of the encoder that may add up in a peak.
+STEPS_TOGETHER = 2.0
+#: Rms of a position over the step of the encoder from which stiffness and damping are read, and standard deviations of
+#: their ends.
+FEWEST_STEPS, FEWEST_STEPS_DAMPING, SIGMAS = 4.0, 10.0, 3.0
+#: Levels that stick have this share of the stiffness of the stiffest, those where no element slips the second. There
+#: Maxwell slip has no damping; of more than a share of the stiffness, at the middle of the lines, it creeps. The
+#: highest of them may have begun to slip.
+STICKS, NONE_SLIPS, CREEPS = 0.9, 0.985, 0.01
+
+
+@value
+class FrictionForce:
+    """What records in motion and at rest show of an axis and its friction, of whatever law.
+
+    Fields
+    ------
+    sliding : SlidingFit
+        Mass, viscous and Coulomb friction, delay with lag.
+    Fs : (2,) ndarray
+        Interval of the break-away force [N], of 95 % by trial; nan where the levels do not show it.
+    K0 : (2,) ndarray
+        Interval of the presliding stiffness [N/m]; nan where the encoder resolves no motion before break-away.
+    bristle_time : float
+        Damping over stiffness while friction sticks [s], at most: creep looks like damping, too. nan as K0.
+    creeps : bool
+        Whether friction has damping where it sticks, or creeps there: Maxwell slip does neither.
+    level_peaks : (L,) ndarray
+        Peak of the friction force at every level that was read [N], the lowest level first.
+    reason : str
+        Why the break-away force is not known; empty where it is.
+
+    References
+    ----------
+    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
+    """
+
+    sliding: SlidingFit
+    Fs: np.ndarray
+    K0: np.ndarray
+    bristle_time: float
+    creeps: bool
+    level_peaks: np.ndarray
+    reason: str = ""
+
+    def __str__(self) -> str:
+        units = self.sliding.units
+        kilo, late = unit_of("kF/L", units), f"bristles damped by at most {1e3 * self.bristle_time:.3g} ms of that"
+        rows = ["without a law of friction, from the force that the axis leaves of its command:"]
+        rows += str(self.sliding).splitlines()[:-1]
+        if np.isfinite(self.Fs).all():
+            rows.append(f"break-away force {self.Fs[0]:.4g} to {self.Fs[1]:.4g} {units[0]}")
+        if np.isfinite(self.K0[1]):
+            stiff = f"presliding stiffness {self.K0[0] / 1e3:.4g} to {self.K0[1] / 1e3:.4g} {kilo}"
+            rows.append(stiff + (f", {late}" if np.isfinite(self.bristle_time) else ""))
+        elif np.isfinite(self.K0[0]):
+            rows.append(f"presliding stiffness at least {self.K0[0] / 1e3:.4g} {kilo}: the encoder resolves no more")
+        if self.creeps:
+            rows.append("friction creeps below break-away, or is damped there: it is no Maxwell slip")
+        return "\n".join(rows)
+
+
+class LevelPeak(NamedTuple):
+    """Level of what was played, peak of the friction force [N], and how far that may be off."""
+
+    level: float
+    peak: float
+    error: float
+
+
+def read_friction_force(
+    moving: Sequence[nlfrf.Record], velocities: Sequence[float], levels: Sequence[nlfrf.Record]
+) -> FrictionForce:
+    """Read mass, delay and the force of the friction, without a law of friction.
+
+    Parameters
+    ----------
+    moving : sequence of Record
+        In motion, as for `identify_sliding`.
+    velocities : (R,) sequence of float
+        Base velocity of each [m/s].
+    levels : sequence of Record
+        At rest, the same signals and units, from sticking to sliding.
+
+    Raises
+    ------
+    ValueError
+        As `identify_sliding`.
+    """
+    sliding = identify_sliding(moving, velocities)
+    kept = [one for one in levels if repeats(one) and not is_limited(np.abs(np.asarray(one.u[0]).ravel()))]
+    peaks = sorted(peak_of_level(one, sliding) for one in kept)
+    Fs, reason = break_away(peaks, abs(sliding.coulomb))
+    K0, bristle_time, creeps = stiffness_at_rest(kept, sliding)
+    return FrictionForce(
+        sliding=sliding,
+        Fs=Fs,
+        K0=K0,
+        bristle_time=bristle_time,
+        creeps=creeps,
+        level_peaks=np.array([one.peak for one in peaks]),
+        reason=reason,
+    )
+
+
+def repeats(record: nlfrf.Record) -> bool:
+    """Whether a level does the same in each period: one that hunts by itself makes a jump of where a period ends."""
+    y = np.asarray(record.y)[0]
+    changes = np.std(y - y.mean(axis=0), axis=-1).max() + np.ptp(y.mean(axis=-1))
+    return bool(changes < max(MOST_CHANGE * np.std(y.mean(axis=0)), 2 * encoder_step(record)))
+
+
+def is_limited(size: np.ndarray) -> bool:
+    """Whether a force was at a limit, from its modulus (n,)."""
+    return bool(np.mean(size > (1 - 1e-9) * size.max()) > CLIPPED)
+
+
+def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
+    """Peak of the friction force of a period at one level, up to where the steps of the encoder are small."""
+    u, y = (np.asarray(one)[0].mean(axis=0) for one in (record.u, record.y))
+    n, omega = u.size, 2 * np.pi * record.f0 * np.arange(u.size // 2 + 1)
+    size = float(np.abs(u - u.mean()).max())
+    # below omega the acceleration of one step peaks at 0.139 omega^2 of it
+    steps = 0.139 * sliding.mass * encoder_step(record) * omega**2
+    small = omega[steps < MOST_STEPS * size]
+    lines, nyquist = record.lines.excited, np.pi * record.fs
+    edge = min(max(2 * np.pi * record.f0 * lines[-1], 0.8 * small[-1] if small.size else 0.0), 0.8 * nyquist)
+    roll = (1 + np.cos(np.pi * np.clip((omega - 0.8 * edge) / (0.2 * edge), 0, 1))) / 2
+    U, Y = np.fft.rfft(u) * roll, np.fft.rfft(y) * roll
+    U[0] = Y[0] = 0.0
+    inertia = -(omega**2) * Y
+    force = force_at_machine(U, omega, record=record, sliding=sliding) - sliding.mass * inertia
+    force -= max(sliding.damping, 0.0) * 1j * omega * Y
+    f, acceleration = np.fft.irfft(force, n=n), np.fft.irfft(inertia, n=n)
+    quiet = float(np.interp(edge, omega, steps))
+    return LevelPeak(
+        level=float(np.std(record.r if record.r is not None else record.u)),
+        peak=float(np.sort(np.abs(f))[-max(1, int(ABOVE_PEAK * n))]),
+        error=HALF_WIDTH * sliding.stds["mass"] * float(np.abs(acceleration).max()) / 2 + STEPS_TOGETHER * quiet,
+    )
+
+
+def force_at_machine(U: np.ndarray, omega: np.ndarray, *, record: nlfrf.Record, sliding: SlidingFit) -> np.ndarray:
+    """Spectrum of the force that arrives at the machine, behind hold and delay."""
+    held = hold_correction(omega, record.hold, fs=record.fs, dt=0.0)
+    return np.asarray(U * np.exp(-1j * omega * sliding.delay) / held)
+
+
+def encoder_step(record: nlfrf.Record) -> float:
+    """Step of the encoder, as the position shows it; zero where it does not move."""
+    steps = np.abs(np.diff(np.asarray(record.y).ravel()))
+    steps = steps[steps > 1e-9 * np.ptp(record.y)]
+    return float(steps.min()) if steps.size else 0.0
+
+
+def break_away(peaks: Sequence[LevelPeak], coulomb: float) -> tuple[np.ndarray, str]:
+    """Interval of the break-away force, where the peak of the force stops to rise with the level."""
+    unknown = np.full(2, np.nan)
+    if len(peaks) < 2:
+        return unknown, f"the force of friction shows at rest, at two levels or more, got {len(peaks)}"
+    level, peak, error = (np.array(one) for one in zip(*peaks, strict=True))
+    slope = np.diff(np.log(np.maximum(peak, 1e-300))) / np.maximum(np.diff(np.log(level)), 1e-9)
+    breaks = peak[:-1] > BELOW_COULOMB * coulomb
+    flat = np.flatnonzero((slope <= FLAT) & breaks)
+    if flat.size:
+        k = int(flat[0])
+        found = float(np.median(peak[k : k + 3]))
+    else:  # bristles with damping give a force above that of break-away at speed: the peak rises again
+        k = int(np.argmin(np.where(breaks, slope, np.inf)))
+        found = float(peak[k])
+        if k == slope.size - 1 or not breaks[k] or slope[k] > 2 * FLAT:
+            return unknown, (
+                f"the force of friction still rises with the level, to {peak[-1]:.3g} at the highest: the axis does "
+                "not break away there. Raise the level"
+            )
+    fell = peak[k:].min() < (1 - FALLEN) * found
+    high = (1 + SCATTER_HIGH) * found
+    factor = EXCESS_FALLEN if fell else EXCESS
+    high = max(high, min(coulomb, found) + factor * (high - min(coulomb, found)))
+    return np.array([max(0.0, (1 - SCATTER_LOW) * found - error[k]), high + error[k]]), ""
+
+
+def stiffness_at_rest(levels: Sequence[nlfrf.Record], sliding: SlidingFit) -> tuple[np.ndarray, float, bool]:
+    """Interval of the stiffness, largest damping over it, of friction that sticks, and whether it creeps."""
+    read = [one for record in levels if (one := spring_and_damper(record, sliding)) is not None]
+    unknown = np.full(2, np.nan), np.nan, False
+    if not read:
+        return unknown
+    k, k_std, c, c_std, steps, middle = (np.array(one) for one in zip(*read, strict=True))
+    sure = k - SIGMAS * k_std
+    if not sure.max() > 0:
+        return unknown
+    stiff = k > STICKS * k[np.argmax(sure)]
+    # of one level alone it is not known whether it sticks
+    K0 = np.array([sure.max(), (k + SIGMAS * k_std)[stiff].max() if stiff.sum() > 1 else np.inf])
+    clear = stiff & (steps > FEWEST_STEPS_DAMPING)
+    if not clear.any() or K0[1] == np.inf:
+        return K0, np.nan, False
+    none_slips = np.flatnonzero(clear & (k > NONE_SLIPS * k[clear].max()))
+    none_slips = none_slips[np.argsort(steps[none_slips])][:-1]
+    creeps = bool(np.any((c - SIGMAS * c_std)[none_slips] * middle[none_slips] > CREEPS * k[none_slips]))
+    # at every level damping and creep together, so that the least is nearest to the damping
+    return K0, max(0.0, float((c + SIGMAS * c_std)[clear].min())) / float(sure.max()), creeps
+
+
+def spring_and_damper(record: nlfrf.Record, sliding: SlidingFit) -> tuple[float, ...] | None:
+    """Spring [N/m] and damper [Ns/m] that come closest to the friction force of a level, each with its deviation.
+
+    Last the rms of the motion in steps of the encoder, and the middle of the lines [rad/s]. None where the motion is
+    too small, or friction is more of a damper than a spring, as where it slides.
+    """
+    motion = motion_of_record(record, 1)
+    kept = motion.excited
+    omega, U, Y = motion.omega[kept], motion.U[:, kept], motion.Y[:, kept]
+    motion_rms, step = np.sqrt((np.abs(Y) ** 2).sum(axis=1).mean() / 2), encoder_step(record)
+    if not motion_rms > FEWEST_STEPS * step:
+        return None
+    force = U * np.exp(-1j * omega * sliding.delay) + (sliding.mass * omega**2 - 1j * omega * sliding.damping) * Y
+    columns = np.stack([as_real([one]) for one in (Y, 1j * omega * Y)], axis=-1)
+    target, size = as_real([force]), np.linalg.norm(columns, axis=0)
+    found = np.linalg.lstsq(columns / size, target, rcond=None)[0]
+    left = float(((target - columns / size @ found) ** 2).sum() / max(1, target.size - 2))
+    std = np.sqrt(left * np.diag(np.linalg.inv((columns / size).T @ (columns / size)))) / size
+    k, c = found / size
+    if not k > c * omega[0]:
+        return None
+    tail = float(motion_rms / max(step, np.finfo(float).tiny)), float(np.exp(np.log(omega).mean()))
+    return float(k), float(std[0]), float(c), float(std[1]), *tail

@@ -1,0 +1,56 @@
+"""JSON files of every kind of this package, for `load` and `save`, which both packages share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import load as load
+from nlfrf import save as save
+from nlfrf._base.arguments import short_form
+from nlfrf._base.files import parse_json_of
+from robust.io.models import (
+    CERTIFICATE_SCHEMAS,
+    CONTROLLER_SCHEMA,
+    MATRIX_SCHEMA,
+    MODEL_SCHEMA,
+    PathLike,
+    load_system,
+    save_controller,
+    save_model,
+)
+from robust.models.sets.model import UncertaintyModel
+
+CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.ndarray, np.number)
+
+
+def save_json(thing: Any, path: PathLike, *, delay: float | None) -> None:
+    """Write a model, a controller, or the certificate of what was proved."""
+    if isinstance(thing, CONTROLLERS):
+        save_controller(thing, path, delay=delay)
+        return
+    if delay is not None:
+        raise ValueError(f"delay must be left out for anything but a controller, got {delay!r}")
+    if isinstance(thing, UncertaintyModel):
+        save_model(thing, path)
+    elif hasattr(thing, "verdict"):
+        from robust.io.certificates import save_certificate
+
+        save_certificate(thing, path)
+    else:
+        raise ValueError(
+            "thing must be a multisine, an experiment, a record, a BLA, an uncertainty model, a controller or a report "
+            f"of a proof, got {short_form(thing)}"
+        )
+
+
+def load_json(path: PathLike) -> Any:
+    """Read a model, a controller or the claim of a certificate, by the schema in the file."""
+    schema = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA, *CERTIFICATE_SCHEMAS)["schema"]
+    if schema not in CERTIFICATE_SCHEMAS:
+        return load_system(path)
+    from robust.io.certificates import load_claim
+
+    return load_claim(path)

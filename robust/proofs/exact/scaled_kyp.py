@@ -1,0 +1,250 @@
+"""A level of the structured singular value at every frequency, from one matrix P and one scaling for all of them.
+
+With X_L > 0 and X_R > 0 that commute with the perturbation (Delta X_L = X_R Delta), G skew on the repeated real blocks,
+and P > 0, the inequality
+
+    [A'P + PA, PB; B'P, 0] + [C D]' X_L [C D] - [0; I] G [C D] - [C D]' G' [0 I] - level^2 [0 0; 0 X_R] < 0
+
+(in discrete time its counterpart) says that the system is stable and no perturbation of the structure with gain up to
+1/level makes its loop unstable. All of it is put together over the rationals from the numbers as they are stored: how
+they were found does not matter.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from flint import fmpq, fmpq_mat
+
+from nlfrf._base.types import JsonObject
+from nlfrf._base.values import value
+from robust.proofs.exact.claim import Matrices, read_sealed, system_from_dict, system_to_dict, write_sealed
+from robust.proofs.exact.loops import Verification, summarise_claims
+from robust.proofs.exact.matrices import positive_definite
+from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
+
+KINDS = ("full", "repeated", "real")
+
+
+@value
+class ScaledClaim:
+    """What is claimed of a system, with the matrices that show it.
+
+    Fields
+    ------
+    system : Matrices
+        Stable; its structured singular value stays below the level at every frequency.
+    blocks : tuple of (rows, cols, kind)
+        Kinds as in `robust.mu`: "full" (any matrix), "repeated" (a number times the identity), "real" (a real one).
+    level : float
+        The level.
+    P : (n, n) ndarray
+        P in the coordinates z = T x: of the states x of the system it is T' P T.
+    T : (n, n) ndarray
+        Coordinates.
+    scalings : tuple of ndarray
+        Of each block X: (1, 1) of a full one, (rows, rows) symmetric of the others.
+    skews : tuple of ndarray
+        Of each block G: (rows, rows) with G' = -G of a real one, else zero.
+    """
+
+    system: Matrices
+    blocks: tuple[tuple[int, int, str], ...]
+    level: float
+    P: np.ndarray
+    T: np.ndarray
+    scalings: tuple[np.ndarray, ...]
+    skews: tuple[np.ndarray, ...]
+
+    def __post_init__(self) -> None:
+        n = self.system.order
+        outputs, inputs = sum(block[0] for block in self.blocks), sum(block[1] for block in self.blocks)
+        if self.system.D.shape != (outputs, inputs):
+            raise ValueError(f"blocks must add up to D, got {self.blocks} for shape {self.system.D.shape}")
+        for rows, cols, kind in self.blocks:
+            if kind not in KINDS or rows < 1 or cols < 1 or (kind != "full" and rows != cols):
+                raise ValueError(f"blocks must be (rows, cols, kind) of a known kind, got {(rows, cols, kind)}")
+        if not (np.isfinite(self.level) and self.level > 0):
+            raise ValueError(f"level must be positive, got {self.level}")
+        sizes = [1 if kind == "full" else rows for rows, _, kind in self.blocks]
+        wanted = {"P": [n], "T": [n], "scalings": sizes, "skews": sizes}
+        for name, sides in wanted.items():
+            given = (getattr(self, name),) if name in "PT" else getattr(self, name)
+            if [M.shape for M in given] != [(side, side) for side in sides]:
+                raise ValueError(f"{name} must fit system and blocks, got {[M.shape for M in given]}")
+            if not all(M.dtype == np.float64 and np.isfinite(M).all() for M in given):
+                raise ValueError(f"{name} must hold finite numbers")
+
+    @property
+    def storage(self) -> np.ndarray:
+        """P of the states of the system, symmetric, rounded to doubles."""
+        P = self.T.T @ self.P @ self.T
+        return np.asarray((P + P.T) / 2)
+
+
+def verify_scaled(claim: ScaledClaim, *, time_cap: float = 60.0) -> Verification:
+    """Prove the claim again over the rationals; it takes milliseconds, whatever `time_cap` is."""
+    del time_cap
+    return summarise_claims(decide_scaled(claim), 0)
+
+
+def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
+    """Decide stability and level.
+
+    >>> one = np.ones((1, 1))
+    >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                   # 1/(s + 1): mu of one block is one
+    >>> known = dict(system=lag, blocks=((1, 1, "full"),), P=one, T=one, scalings=(one,), skews=(0 * one,))
+    >>> def at(level): return ScaledClaim(level=level, **known)
+    >>> [decide_scaled(at(x))["structured singular value"].holds for x in (1.0, np.nextafter(1, 2))]
+    [False, True]
+    """
+    refused = {name: undecided(f"{part} does not pass") for name, part in ((STABLE, "P"), (LEVEL, "the inequality"))}
+    A, B, C, D, P, T = (
+        to_rational_matrix(M) for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.P, claim.T)
+    )
+    if not all(is_structured(*each) for each in zip(claim.blocks, claim.scalings, claim.skews, strict=True)):
+        return refused | {LEVEL: undecided("the scaling does not commute with the perturbation")}
+    P = T.transpose() * P * T
+    P = (P + P.transpose()) / fmpq(2)
+    if claim.system.dt:
+        top, side, corner = A.transpose() * P * A - P, A.transpose() * P * B, B.transpose() * P * B
+    else:
+        top, side, corner = A.transpose() * P + P * A, P * B, B.transpose() * B * fmpq(0)
+    if claim.system.order and not (positive_definite(P) and positive_definite(-top)):
+        return refused
+    X_L, X_R, G = map(to_rational_matrix, scaling_matrices(claim))
+    top += C.transpose() * X_L * C
+    side += C.transpose() * (X_L * D - G.transpose())
+    across = G * D
+    corner += D.transpose() * X_L * D - across - across.transpose() - X_R * to_rational(claim.level) ** 2
+    M = stack(top, side, corner)
+    return {STABLE: proved(), LEVEL: proved() if positive_definite(-M) else refused[LEVEL]}
+
+
+STABLE, LEVEL = "stability", "structured singular value"
+
+
+def is_structured(block: tuple[int, int, str], X: np.ndarray, G: np.ndarray) -> bool:
+    """Return whether X is symmetric and positive definite, and G skew on a real block, zero on any other."""
+    if not np.array_equal(X, X.T) or not np.array_equal(G, -G.T) or (block[2] != "real" and G.any()):
+        return False
+    return positive_definite(to_rational_matrix(X))
+
+
+def scaling_matrices(claim: ScaledClaim) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return X_L on the outputs of the system, X_R on its inputs, G from outputs to inputs."""
+    outputs, inputs = claim.system.D.shape
+    left, right, skew = np.zeros((outputs, outputs)), np.zeros((inputs, inputs)), np.zeros((inputs, outputs))
+    r = c = 0
+    for (rows, cols, kind), X, G in zip(claim.blocks, claim.scalings, claim.skews, strict=True):
+        at, into = slice(r, r + rows), slice(c, c + cols)
+        left[at, at], right[into, into] = (X[0, 0] * np.eye(rows), X[0, 0] * np.eye(cols)) if kind == "full" else (X, X)
+        if kind == "real":
+            skew[into, at] = G
+        r, c = r + rows, c + cols
+    return left, right, skew
+
+
+def stack(top: fmpq_mat, side: fmpq_mat, corner: fmpq_mat) -> fmpq_mat:
+    """Return the symmetric matrix [top, side; side', corner]."""
+    upper = [a + b for a, b in zip(top.tolist(), side.tolist(), strict=True)] if top.nrows() else []
+    lower = [a + b for a, b in zip(side.transpose().tolist(), corner.tolist(), strict=True)]
+    n = top.nrows() + corner.nrows()
+    return fmpq_mat(n, n, [x for row in [*upper, *lower] for x in row])
+
+
+def scaled_claim_to_dict(claim: ScaledClaim) -> JsonObject:
+    """Return the claim as plain numbers and strings; floats are written with the digits that restore them exactly."""
+    return {
+        "system": system_to_dict(claim.system),
+        "blocks": [list(block) for block in claim.blocks],
+        "level": float(claim.level),
+        "P": claim.P.tolist(),
+        "T": claim.T.tolist(),
+        "scalings": [X.tolist() for X in claim.scalings],
+        "skews": [G.tolist() for G in claim.skews],
+    }
+
+
+def scaled_claim_from_dict(given: object) -> ScaledClaim:
+    """Return the claim that `scaled_claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
+    wanted = {"system", "blocks", "level", "P", "T", "scalings", "skews"}
+    if not isinstance(given, dict) or set(given) - {"subject"} != wanted:
+        raise ValueError(f"claim must have the entries {', '.join(sorted(wanted))}, got something else")
+    try:
+        system = system_from_dict(given["system"])
+        if system is None:
+            raise ValueError("system must be a system, got none")
+        n = system.order
+        return ScaledClaim(
+            system=system,
+            blocks=tuple((int(rows), int(cols), str(kind)) for rows, cols, kind in given["blocks"]),
+            level=float(given["level"]),
+            P=np.array(given["P"], dtype=float).reshape(n, n),
+            T=np.array(given["T"], dtype=float).reshape(n, n),
+            scalings=tuple(np.array(X, dtype=float, ndmin=2) for X in given["scalings"]),
+            skews=tuple(np.array(G, dtype=float, ndmin=2) for G in given["skews"]),
+        )
+    except (TypeError, KeyError, IndexError) as error:
+        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
+
+
+# ---- Certificates as files that someone else can check: JSON with every number as given, and a digest over it all.
+
+SCHEMA = "robust-mu-certificate"
+VERSION = 1
+
+
+def write_scaled_claims(
+    path: str | os.PathLike[str],
+    claims: Mapping[str, ScaledClaim],
+    *,
+    form: str,
+    delay: float,
+    found: Sequence[Mapping[str, object]] = (),
+    warnings: Sequence[str] = (),
+) -> None:
+    """Write claims by their subjects, the form and the delay of the set they are about, and how they were found."""
+    write_sealed(
+        path,
+        {
+            "schema": SCHEMA,
+            "version": VERSION,
+            "units": {"dt": "s", "delay": "s"},
+            "loop": "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point",
+            "form": form,
+            "delay": float(delay),
+            "claims": [{"subject": name} | scaled_claim_to_dict(claim) for name, claim in claims.items()],
+            "found": list(found),
+            **({"warnings": list(warnings)} if warnings else {}),
+        },
+    )
+
+
+@value
+class ScaledFile:
+    """Claims of a file by their subjects, with the form and the delay [s] of the set they are about."""
+
+    claims: dict[str, ScaledClaim]
+    form: str
+    delay: float
+
+
+def read_scaled_claims(path: str | os.PathLike[str]) -> ScaledFile | None:
+    """Return the claims of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
+    entries = read_sealed(path, SCHEMA, VERSION)
+    if entries is None:
+        return None
+    claims = {str(one["subject"]): scaled_claim_from_dict(one) for one in entries["claims"]}
+    return ScaledFile(claims=claims, form=str(entries["form"]), delay=float(entries["delay"]))
+
+
+def verify_scaled_file(given: ScaledFile) -> Verification:
+    """Prove every claim of a file again over the rationals."""
+    decided: dict[str, Decision] = {}
+    for subject, claim in given.claims.items():
+        found = decide_scaled(claim)
+        decided |= {"nominal stability": found[STABLE], subject: found[LEVEL]}
+    return summarise_claims(decided, 0)

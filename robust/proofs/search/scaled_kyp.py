@@ -1,0 +1,283 @@
+"""Search for one matrix P and one scaling that prove a level of the structured singular value at every frequency.
+
+cvxpy proposes both. P is also computed from a Riccati equation for the scaling that was proposed, as that P passes
+nearer to the level. No status of a solver is looked at: `robust.proofs.exact.scaled_kyp` decides over the rationals.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust._base.states import Outcome
+from robust.lti.grids import structure_grid
+from robust.lti.lti import Matrices, response_by_channel, timebase
+from robust.lti.norms import continuous_image, stabilising_riccati, well_conditioned_with
+from robust.proofs.exact import claim as exact
+from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim, decide_scaled, verify_scaled
+from robust.proofs.search.certificate import SCALED_KYP, SOLVERS, Certificate, solve_program
+
+MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
+MIN_SCALING = 1e-7  # least eigenvalue of a scaling of trace one a row, against solvers that leave none
+HOPELESS = -1e-3  # a margin under which no other solver is tried: there is no scaling for all frequencies
+MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # of the output energy asked for of every state
+Block = tuple[int, int, str]
+
+
+def certify_scaled(
+    system: control.StateSpace,
+    blocks: Sequence[Block],
+    level: float,
+    *,
+    solver: str | None = None,
+    time_cap: float = 10.0,
+    subject: str = LEVEL,
+) -> Certificate | None:
+    """Return a certificate of a level with one scaling for all frequencies; None where none was found.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Stable, continuous or discrete.
+    blocks : list of (rows, cols, kind)
+        As `ScaledClaim` has them.
+    level : float
+        Level that is to be proved.
+    solver : str, optional
+        "CLARABEL" or "SCS" of cvxpy. When not given, a scaling that needs none is tried first, then both.
+    time_cap : float
+        Seconds.
+    subject : str
+        What to call it.
+
+    Examples
+    --------
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> proof = certify_scaled(control.append(lag, 2 * lag), [(1, 1, "full"), (1, 1, "full")], 2.001)
+    >>> print(proof.method, proof.verify(), sep=chr(10))
+    scaled KYP
+    stability: proved, rigorous
+    structured singular value: proved, rigorous
+    """
+    deadline = time.monotonic() + time_cap
+    matrices, search = to_matrices(system), ScalingSearch.of(system, tuple(blocks), level)
+    for scaling in search.scalings(solver, deadline):
+        for P in search.storages(scaling):
+            claim = search.claim(matrices, level, scaling, P)
+            if all(found.holds for found in decide_scaled(claim).values()):
+                return Certificate(
+                    subject=subject,
+                    outcome=Outcome.HOLDS,
+                    level=level,
+                    method=SCALED_KYP,
+                    intervals=np.array([[0.0, np.pi / timebase(system) if timebase(system) else np.inf]]),
+                    reason="",
+                    claim=claim,
+                    again=verify_scaled,
+                )
+        if time.monotonic() > deadline:
+            break
+    return None
+
+
+@value(copy=False)
+class Scaling:
+    """X of every block and G of the real ones, for channels that are balanced; P and margin as the solver has them."""
+
+    X: tuple[np.ndarray, ...]
+    G: tuple[np.ndarray, ...]
+    P: np.ndarray | None = None
+    margin: float = 0.0
+
+
+@value(copy=False)
+class ScalingSearch:
+    """A system at level one in continuous time, with balanced channels and states.
+
+    Fields
+    ------
+    matrices : A, B, C, D
+        In coordinates T x, its channels times `balance`.
+    blocks : tuple of (rows, cols, kind)
+        The structure.
+    T : ndarray
+        Coordinates.
+    balance : (K,) ndarray
+        Of each block a number d: outputs times d, inputs divided by it.
+    """
+
+    matrices: Matrices
+    blocks: tuple[Block, ...]
+    T: np.ndarray
+    balance: np.ndarray
+
+    @classmethod
+    def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> ScalingSearch:
+        """Return the search of a system."""
+        d = balance_channels(system, blocks)
+        left, right = (np.repeat(d, sizes) for sizes in channel_sizes(blocks))
+        A, B, C, D = continuous_image(system)  # that of a discrete loop has the same P
+        scaled = A, B / right, left[:, None] * C / level, left[:, None] * D / right / level
+        conditioned, first = well_conditioned_with(scaled)
+        T = riccati_coordinates(conditioned)
+        return cls(matrices=change_coordinates(conditioned, T), blocks=blocks, T=T @ first, balance=d)
+
+    def claim(self, system: exact.Matrices, level: float, scaling: Scaling, P: np.ndarray) -> ScaledClaim:
+        """Return the claim in the units of the system."""
+        d = self.balance
+        return ScaledClaim(
+            system=system,
+            blocks=self.blocks,
+            level=level,
+            P=P,
+            T=self.T * level,
+            scalings=tuple(d[k] ** 2 * X for k, X in enumerate(scaling.X)),
+            skews=tuple(d[k] ** 2 * level * G for k, G in enumerate(scaling.G)),
+        )
+
+    def scalings(self, solver: str | None, deadline: float) -> Iterator[Scaling]:
+        """Yield scalings to try: what the solver finds; without one the balance itself, then what each finds."""
+        sizes = [1 if kind == "full" else rows for rows, _, kind in self.blocks]
+        if solver is None:
+            yield Scaling(X=tuple(np.eye(n) for n in sizes), G=tuple(np.zeros((n, n)) for n in sizes))
+        if self.T.shape[0] > MAX_STATES:
+            return
+        for one in SOLVERS if solver is None else (solver,):
+            left = deadline - time.monotonic()
+            found = self.solve(one, left) if left > 0 else None
+            if found is not None:
+                yield found
+                if found.margin < HOPELESS:
+                    break
+
+    def solve(self, solver: str, time_cap: float) -> Scaling | None:
+        """Return the P, X and G with the largest margin that cvxpy finds."""
+        import cvxpy as cp
+
+        A, B, C, D = self.matrices
+        n, m = B.shape
+        P, t = cp.Variable((n, n), symmetric=True), cp.Variable()
+        X, G, constraints = [], [], []
+        for rows, _, kind in self.blocks:
+            size = 1 if kind == "full" else rows
+            X.append(cp.Variable((1, 1)) if size == 1 else cp.Variable((size, size), symmetric=True))
+            constraints.append(X[-1] >> MIN_SCALING * np.eye(size))
+            G.append(np.zeros((size, size)))
+            if kind == "real" and size > 1:
+                half = cp.Variable((size, size))
+                G[-1] = half - half.T
+                constraints.append(cp.norm_inf(cp.vec(half, order="F")) <= 1e3)
+        X_L, X_R, skew = self.place(X, G, expression=True)
+        constraints.append(cp.trace(X_L) == C.shape[0])
+        CD = np.hstack([C, D])
+        lower = np.vstack([np.zeros((n, m)), np.eye(m)])
+        cross = lower @ skew @ CD
+        energy = cp.bmat([[A.T @ P + P @ A, P @ B], [B.T @ P, -X_R]]) if n else -X_R
+        M = energy + CD.T @ X_L @ CD - cross - cross.T
+        units = np.diag(1 / np.sqrt(np.concatenate([np.maximum(np.linalg.norm(A, axis=0), 1e-6), np.ones(m)])))
+        constraints += [units @ M @ units << -t * np.eye(n + m), t <= 1]
+        if n:
+            constraints.append(P >> 1e-7 * np.eye(n))
+        problem = cp.Problem(cp.Maximize(t), constraints)
+        if solve_program(problem, solver, time_cap):
+            return None
+        values = [np.asarray(V.value if hasattr(V, "value") else V, dtype=float) for V in (*X, *G, P)]
+        if any(V.ndim != 2 or not np.isfinite(V).all() for V in values):
+            return None
+        found = [(V + V.T) / 2 for V in values[: len(X)]], [(V - V.T) / 2 for V in values[len(X) : -1]]
+        return Scaling(X=tuple(found[0]), G=tuple(found[1]), P=(values[-1] + values[-1].T) / 2, margin=float(t.value))
+
+    def place(self, X: Sequence, G: Sequence, *, expression: bool = False) -> tuple:
+        """Return X_L, X_R and G on the channels, of numbers or of expressions of cvxpy."""
+        outputs, inputs = map(sum, channel_sizes(self.blocks))
+        left, right, skew = 0, 0, np.zeros((inputs, outputs))
+        r = c = 0
+        for (rows, cols, kind), X_k, G_k in zip(self.blocks, X, G, strict=True):
+            E_L, E_R = np.eye(outputs)[:, r : r + rows], np.eye(inputs)[:, c : c + cols]
+            if kind == "full":
+                left, right = left + X_k[0, 0] * (E_L @ E_L.T), right + X_k[0, 0] * (E_R @ E_R.T)
+            else:
+                left, right = left + E_L @ X_k @ E_L.T, right + E_R @ X_k @ E_R.T
+                skew = skew + E_R @ G_k @ E_L.T
+            r, c = r + rows, c + cols
+        return left, right, skew
+
+    def storages(self, scaling: Scaling) -> Iterator[np.ndarray]:
+        """Yield P for a scaling: that of the solver, then solutions of the Riccati equation with ever less margin."""
+        if scaling.P is not None:
+            yield scaling.P
+        A, B, C, D = self.matrices
+        n = A.shape[0]
+        X_L, X_R, skew = self.place(scaling.X, scaling.G)
+        if not n:
+            yield np.zeros((0, 0))
+            return
+        Q, S = C.T @ X_L @ C, C.T @ (X_L @ D - skew.T)
+        R = D.T @ X_L @ D - X_R - skew @ D - (skew @ D).T
+        if not np.linalg.eigvalsh(R)[-1] < 0:
+            return
+        size = np.linalg.norm(Q) / n
+        for margin in MARGINS:
+            P = stabilising_riccati(A, B, Q=Q + margin * size * np.eye(n), R=R, S=S)
+            if P is not None:
+                yield P
+
+
+def channel_sizes(blocks: Sequence[Block]) -> tuple[list[int], list[int]]:
+    """Return the outputs each block reads, and the inputs it drives."""
+    return [rows for rows, _, _ in blocks], [cols for _, cols, _ in blocks]
+
+
+def change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
+    """Return the system in the coordinates T x."""
+    A, B, C, D = matrices
+    back = np.linalg.inv(T)
+    return T @ A @ back, T @ B, C @ back, D
+
+
+def riccati_coordinates(matrices: Matrices) -> np.ndarray:
+    """Return coordinates in which the identity is nearly a solution at a level above the norm: T'T solves it there."""
+    A, B, C, D = matrices
+    n, m = B.shape
+    size = np.linalg.norm(C) ** 2 / max(n, 1) + 1e-12
+    for level in (1.0, 1.1, 2.0, 10.0, 100.0):
+        for margin in (1e-2, 1e-4, 1e-6, 1e-9):
+            R = D.T @ D - level**2 * np.eye(m)
+            if not n or np.linalg.eigvalsh(R)[-1] >= 0:
+                break
+            P = stabilising_riccati(A, B, Q=C.T @ C + margin * size * np.eye(n), R=R, S=C.T @ D)
+            try:
+                T = np.linalg.cholesky(np.zeros((n, n)) if P is None else P).T
+            except np.linalg.LinAlgError:
+                continue
+            if np.isfinite(T).all() and np.linalg.cond(T) < 1e12:
+                return np.asarray(T)
+    return np.eye(n)
+
+
+def balance_channels(system: control.StateSpace, blocks: Sequence[Block], n_steps: int = 30) -> np.ndarray:
+    """Return a number for each block, a power of two, that balances the largest gains between them (Osborne 1960)."""
+    response = response_by_channel(system, structure_grid(system))
+    rows, cols = (np.cumsum([0, *sizes]) for sizes in channel_sizes(blocks))
+    K = len(blocks)
+    gains = np.array(
+        [
+            [
+                np.linalg.norm(response[rows[i] : rows[i + 1], cols[k] : cols[k + 1]], axis=(0, 1)).max() ** 2
+                for k in range(K)
+            ]
+            for i in range(K)
+        ]
+    )
+    gains = gains * (1 - np.eye(K)) + 1e-40 * (gains.sum() + 1e-200)
+    d2 = np.ones(K)
+    for _ in range(n_steps):
+        for i in range(K):
+            d2[i] = np.sqrt((gains[:, i] * d2).sum() / (gains[i] / d2).sum())
+    d2 /= np.exp(np.log(d2).mean())
+    return np.asarray(2.0 ** np.round(np.log2(d2) / 2))

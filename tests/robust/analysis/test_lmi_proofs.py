@@ -1,0 +1,112 @@
+"""One loop proved by a matrix from cvxpy: it agrees with exact arithmetic, and says where it has no say."""
+
+import shutil
+import subprocess
+
+import control
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import robust
+from robust import UncertaintyModel, check
+from robust.models.sets.forms import FORMS
+from robust.proofs.search.certificate import EXACT, SCALED_KYP
+from tests.support.printed import unwrapped
+
+LAG = control.tf([1], [1, 1])
+
+
+def model(form="multiplicative", *, weight=0.5, plant=LAG, perturbation="LTI"):
+    lines = np.array([1.0, 2.0])
+    w = control.tf([weight, 0.2 * weight], [0.5, 1])
+    return UncertaintyModel(plant, w, form, lines, np.full(2, 1e-3), perturbation=perturbation)
+
+
+@pytest.mark.parametrize("form", [name for name, form in FORMS.items() if not form.depends_on_units])
+@pytest.mark.parametrize("solver", [None, "SCS"])
+def test_it_holds_just_under_the_limit_and_fails_just_above(form, solver):
+    """rs is in proportion to the weight: at 0.99 of the limit it is proved, at 1.01 by nothing."""
+    rs = max(check(model(form, weight=0.1), 0.5).rs) / 0.1
+    for factor, holds in ((0.99, True), (1.01, False)):
+        report = check(model(form, weight=factor / rs), 0.5, proof="lmi", solver=solver)
+        assert report.robustly_stable == holds, str(report)
+        assert report.verdict == ("robust" if holds else "not robust")
+
+
+def test_both_say_which_proved_what():
+    report = check(model(), 0.5, w_P=control.tf([0.3], [1]), proof="both")
+    found = [(c.subject, c.method, c.P is None) for c in report.certificates]
+    subjects = ("robust stability", "robust performance")
+    assert found == [(s, method, method == EXACT) for method in (EXACT, SCALED_KYP) for s in subjects]
+    assert "robust performance at all frequencies: yes, scaled KYP, proved, rigorous" in unwrapped(str(report))
+    assert all(c.verify().verified for c in report.certificates)
+
+
+def test_P_is_a_storage_function_of_the_loop():
+    """The lag and the gain 0.5 with |w| <= 0.2 constant: b = 0.1/(s + 1.5), and P solves its scalar inequality."""
+    one = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0]), np.array([0.1]))
+    proof = check(one, 0.5, proof="lmi").certificates[0]
+    (P,) = proof.P
+    assert proof.P.shape == (1, 1)
+    assert proof.claim.system.A[0, 0] == pytest.approx(-1.5)
+    b, c, x = proof.claim.system.B[0, 0], proof.claim.system.C[0, 0], proof.claim.scalings[0][0, 0]
+    assert -3 * P[0] + x * c**2 + (P[0] * b) ** 2 / x < 0
+
+
+@pytest.mark.parametrize(
+    ("given", "K", "options", "reason"),
+    [
+        (model(), 0.5, {"delay": 0.1}, "the delay of a continuous loop is no state space"),
+        (model(), control.tf([0.5], [1], 0.01), {}, "every alias of a continuous plant counts"),
+        (model("coprime", weight=0.1), 0.5, {}, "an inequality is not set up for the coprime form"),
+    ],
+)
+def test_where_no_inequality_covers_the_loop_it_says_so(given, K, options, reason):
+    alone = check(given, K, proof="lmi", **options)
+    assert alone.verdict == "not certified"
+    assert reason in alone.reason
+    assert check(given, K, proof="both", **options).robustly_stable
+
+
+def test_an_operator_needs_one_scaling_and_gets_it():
+    report = check(model(perturbation="operator"), 0.5, w_P=control.tf([0.3], [1]), proof="lmi")
+    assert (report.verdict, report.robust_performance) == ("robust", True)
+
+
+def test_a_sampled_loop_goes_to_a_file_and_back(tmp_path):
+    plant, K = control.tf([0.1], [1, -0.9], 0.1), control.tf([0.5], [1], 0.1)
+    one = UncertaintyModel(
+        plant, control.tf([0.3], [1], 0.1), "additive", np.array([1.0]), np.array([0.1]), perturbation="LTI"
+    )
+    report = check(one, K, proof="lmi", delay=0.2)
+    robust.save(report, tmp_path / "proof.json")
+    found = robust.io.verify_certificate(tmp_path / "proof.json", model=one, K=K)
+    assert found.proved == ("nominal stability", "robust stability")
+    assert not robust.io.verify_certificate(tmp_path / "proof.json", model=one, K=1.001 * K).verified
+
+
+def test_a_proof_for_matlab_holds_there(tmp_path):
+    report = check(model(), 0.5, w_P=control.tf([0.3], [1]), proof="lmi")
+    robust.io.export_matlab(report, tmp_path / "proof.mat")
+    proofs = loadmat(tmp_path / "proof.mat", simplify_cells=True)["content"]["proofs"]
+    assert [p["subject"] for p in proofs] == ["robust stability", "robust performance"]
+    np.testing.assert_array_equal(proofs[1]["P"], report.certificates[1].P)
+    with pytest.raises(ValueError, match="content must hold a proof by scaled KYP"):
+        robust.io.export_matlab(check(model(), 0.5), tmp_path / "none.mat")
+    if shutil.which("octave") is not None:
+        command = ["octave", "-q", "--eval", "disp(load_proof() < 0)"]
+        said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert said.stdout.split() == ["1", "1"], said.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"proof": "none"}, "proof must be one of 'exact', 'lmi', 'both', got 'none'"),
+        ({"solver": "MOSEK"}, "solver must be one of"),
+    ],
+)
+def test_refusals(options, message):
+    with pytest.raises(ValueError, match=message):
+        check(model(), 0.5, **options)

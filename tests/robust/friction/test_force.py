@@ -1,0 +1,111 @@
+"""Friction without a law: what is read of it against its making, and the bound for bristles with damping."""
+
+import warnings
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+import nlfrf
+from robust import friction_plant, prove_friction
+from robust.friction import any_bounded
+from robust.friction.force import LevelPeak, break_away, read_friction_force
+
+GRID = {"fs": 4000, "n_samples": 4000}
+LUGRE = {"sigma0": 2e6, "sigma2": 0.0, "Fc": 15.4, "Fs": 20.0, "vs": 0.01}
+LAWS = {
+    "Maxwell slip": None,
+    "LuGre": nlfrf.friction.LuGre(sigma1=2000.0, **LUGRE),
+    "Dahl": nlfrf.friction.Dahl(sigma0=2e6, Fc=20.0),
+}
+
+
+def played(law, levels=(0.5, 60), count=9):
+    """Records of the linear motor, 12 kg and 0.55 ms, with a law: in motion at 0.1 m/s both ways, and at rest."""
+    axis = nlfrf.servo_axis("linear motor")
+    axis = replace(axis, motor_friction=LAWS[law] or axis.motor_friction)
+    fast, slow = ({"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, 100)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ms = nlfrf.multisine(rms=15.0, rng=1, **fast)
+        moving = [nlfrf.rig.simulate_servo(axis, ms, base_velocity=v, n_periods=2) for v in (0.1, -0.1)]
+        at_rest = [
+            nlfrf.rig.simulate_servo(axis, nlfrf.multisine(rms=rms, rng=2, **slow), n_periods=2)
+            for rms in np.geomspace(*levels, count)
+        ]
+    return moving, at_rest
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_machine_and_force_are_read_whatever_the_law(law):
+    moving, at_rest = played(law, levels=(0.5, 100 if law == "Dahl" else 60), count=10)
+    found = read_friction_force(moving, (0.1, -0.1), at_rest)
+    assert found.sliding.mass == pytest.approx(12.0, rel=0.005)
+    assert found.sliding.delay == pytest.approx(0.55e-3, abs=2e-6)
+    assert found.Fs[0] < 20.0 < found.Fs[1] < 1.5 * 20.0
+    assert found.reason == ""
+    assert 0.93 * 2e6 < found.K0[0] < 2e6 < 1.02 * found.K0[1] < 1.1 * 2e6
+    if law == "LuGre":  # 2000 Ns/m of 2 N/um, and what creeps besides
+        assert 1e-3 < found.bristle_time < 2.5e-3
+    assert "break-away force" in str(found)
+
+
+def test_levels_that_stick_show_no_break_away():
+    moving, at_rest = played("LuGre", levels=(0.5, 4), count=4)
+    found = read_friction_force(moving, (0.1, -0.1), at_rest)
+    assert np.isnan(found.Fs).all()
+    assert "still rises with the level" in found.reason
+    assert "break-away" not in str(found)
+    found = read_friction_force(moving, (0.1, -0.1), at_rest[:1])
+    assert "at two levels or more, got 1" in found.reason
+
+
+def test_a_force_that_stops_to_rise_below_coulomb_friction_is_no_break_away():
+    """Where the axis moves by a step of its encoder now and then, the force is that of the step at any level."""
+    forces = (0.4, 0.4, 0.4, 1.8, 8.0, 10.0, 10.1, 10.2)
+    peaks = [LevelPeak(level=2.0**k, peak=peak, error=0.1) for k, peak in enumerate(forces)]
+    low, high = break_away(peaks, 8.0)[0]
+    assert 9 < low < 10 < high < 11.5
+    # peaks that fall with the level were taken where stiction has fallen
+    fallen = [one._replace(peak=min(one.peak, 0.8 * 10)) if one.level > 64 else one for one in peaks]
+    assert break_away(fallen, 4.0)[0][1] > 14
+
+
+def test_the_bound_for_bristles_with_damping_is_the_integral_of_the_kernel():
+    """In continuous time it is int |h + tau h'|, from the impulse response by python-control."""
+    plant, controller = friction_plant(1.0, 0.0, 0.4), control.tf([100.0, 2000.0], [1.0, 200.0])
+    closed = control.feedback(control.ss(control.tf([1], [1, 0.4, 0])), control.ss(controller))
+    t, h = control.impulse_response(closed, np.linspace(0, 20, 200001))
+    for tau in (0.0, 0.01, 0.1, 0.3):
+        proof = prove_friction(plant, controller, any_bounded(2.0, tau))
+        ends = (np.trapezoid(np.abs(h + end * np.gradient(h, t)), t) for end in (0.0, tau))
+        assert proof.error_bound == pytest.approx(2 * max(ends), rel=2e-3)
+        assert ("on bristles damped by up to" in proof.claim) == (tau > 0)
+
+
+@pytest.mark.parametrize("tau", [0.002, 0.05])
+def test_no_bristles_of_a_sampled_loop_pass_the_bound(tau):
+    """The worst s of a sampled loop, found through its impulse responses, comes near the bound and not above it."""
+    T, mass, steps = 0.01, 1.0, 40
+    plant, controller = friction_plant(mass, 0.0, 0.4), control.ss(control.tf([300.0, -270.0], [1.0, -0.4], T))
+    bound = prove_friction(plant, controller, any_bounded(1.0, tau)).error_bound
+    h, periods = T / steps, 400
+    flow = np.array([[1.0, (1 - np.exp(-0.4 * h)) / 0.4], [0.0, np.exp(-0.4 * h)]])
+    push = np.array([(h - flow[0, 1]) / 0.4, flow[0, 1]]) / mass
+
+    # the kernel of a force that lasts one step, by time invariance from period to period: one run for each offset
+    kernel = np.zeros(periods * steps)
+    for offset in range(steps):
+        x, k, u = np.zeros(2), np.zeros(controller.nstates), 0.0
+        for n in range(periods * steps):
+            if n % steps == 0:
+                u = float(-(controller.C @ k + controller.D[0] * x[0])[0])
+                k = controller.A @ k + controller.B[:, 0] * x[0]
+            x = flow @ x + push * (u - (n == offset))
+            if n % steps == steps - 1:
+                kernel[n - offset] = x[0]  # at the end of a period, of a force n - offset steps before
+    derivative = np.gradient(kernel / h, h)
+    worst = h * np.abs(kernel / h + tau * derivative).sum()
+    assert worst < 1.01 * bound
+    assert worst > 0.85 * bound
