@@ -16,9 +16,11 @@ import importlib.util
 import io
 import json
 import math
+import re
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,6 +29,7 @@ import numpy as np
 
 RIG = Path(__file__).parents[2] / "shared" / "axis_rig" / "axis_rig.py"
 SMALL = 1e-7  # m: a swing below it is rest
+NEVER = 1e9  # s: a reset time of no integral part
 FAR = 20.0  # times T4 of the true numbers: a bound above it says nothing
 
 
@@ -212,6 +215,25 @@ def check(folder: Path, *options: object) -> tuple[int, dict[str, Any], str, flo
         return code, {}, err or out, taken
 
 
+def play_advice(axis: Any, advice: str) -> Any | None:
+    """The axis with the gain that is advised; None without advice."""
+    found = re.match(r"(tn|kv|kp) \S+(?: \S+)? -> (none|[\d.e+-]+)", advice)
+    if found is None:
+        return None
+    name, number = found.groups()
+    number = NEVER if number == "none" else float(number) * (1e-3 if name == "tn" else 1.0)
+    return replace(axis, **{name: number})
+
+
+def swing_of(rig: ModuleType, axis: Any) -> float:
+    """Swing in the end, over the histories of the rig; one move alone without an integral part, which nothing winds."""
+    if axis.tn < NEVER:
+        return float(rig.rests(axis)[1])
+    axis = replace(axis, resolution=1e-13)
+    set_point = np.repeat([0.0, 1e-4, -3e-4], (np.array([0.2, 0.5, 5.0]) * axis.fs).astype(int))
+    return float(np.ptp(rig.play(axis, set_point)[1][-int(axis.fs) :]))
+
+
 class Counts(Counter[str]):
     """Counts with what they are out of."""
 
@@ -254,6 +276,10 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
             amplitude = friction.get("simulated_amplitude") or math.nan
             right = simulated == "hunts" and 0.5 < amplitude / (swing / 2) < 2
             counts.of("simulated: hunters named, amplitude within 2", right)
+            if (advised := play_advice(axis, friction.get("advice") or "")) is not None:
+                counts.of("advice played: rests, or half the swing", swing_of(rig, advised) < swing / 2)
+            else:
+                counts.of("advice played: rests, or half the swing", False)
         elif swing < SMALL:
             counts.of("simulated: axes at rest named", simulated == "rests")
     mass = friction.get("mass")

@@ -39,6 +39,7 @@ from robust.analysis.robustness import check
 from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
 from robust.drive.settings import DriveSettings
+from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice
 from robust.friction.balance import motion_of_record
 from robust.friction.classes import any_bounded
 from robust.friction.force import FrictionForce, read_friction_force
@@ -221,12 +222,14 @@ class DriveCheck:
         """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
 
         friction.outcome : "rests", "settles" (within `within` [m]), "refuted" or "open": what is proved.
+        friction.simulated : "rests" or "hunts", with amplitude [m], advice and the laws that the records leave.
         """
         found, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
         assert isinstance(found, dict)
         assert isinstance(found["friction"], dict)
         found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.S_worst}
         known = fit if force is None and fit is not None else None if force is None else force.sliding
+        simulated = self.friction.simulated
         mass = None if known is None or not np.isfinite(known.stds["mass"]) else known.mass
         interval = [None, None] if force is None else force.Fs.tolist()
         if force is None and fit is not None and np.isfinite(fit.stds["Fs"]):
@@ -234,6 +237,10 @@ class DriveCheck:
         found["friction"] |= to_plain(
             {
                 "outcome": self.friction.outcome,
+                "laws": None if simulated is None else simulated.laws,
+                "simulated": None if simulated is None else "hunts" if simulated.hunts else "rests",
+                "simulated_amplitude": None if simulated is None else simulated.amplitude * simulated.hunts,
+                "advice": None if simulated is None else simulated.advice,
                 "within": self.friction.within,
                 "reason": self.friction.note,
                 "mass": mass,
@@ -623,6 +630,7 @@ def check_drive(
             friction = replace(
                 friction, note=f"{friction.note}. No bound with the given force: no linear model is known"
             )
+    friction = simulate_drive(friction, settings, model=model, report=report, masses=masses)
     if report.verdict is Verdict.NOT_ROBUST and misled:
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
         report = replace(
@@ -645,6 +653,28 @@ def check_drive(
         doubts=tuple(filter(None, doubts)),
         given=given,
     )
+
+
+def simulate_drive(
+    friction: DriveFriction, settings: DriveSettings, *, model: UncertaintyModel, report: RobustnessReport, masses: int
+) -> DriveFriction:
+    """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
+    force = friction.force
+    reason = (
+        reason_against_simulation(force, settings, masses)
+        if report.nominally_stable
+        else ("the linear loop is unstable")
+    )
+    if reason or force is None:
+        return replace(friction, unsimulated=reason)
+    S_most = max(report.peak, report.S_worst)
+
+    def keeps(other: DriveSettings) -> bool:
+        found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
+        return found.robustly_stable >= report.robustly_stable and found.S_worst <= S_most
+
+    found = with_advice(simulate_rest(force, settings), force, settings, keeps)
+    return replace(friction, simulated=found)
 
 
 def read_force(

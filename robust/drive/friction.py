@@ -18,6 +18,7 @@ from robust._base.states import FrictionVerdict
 from robust.drive.cures import FrictionCure, friction_cures
 from robust.drive.p_pi import cascade
 from robust.drive.settings import DriveSettings
+from robust.drive.simulation import SimulatedRest
 from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.force import FrictionForce
@@ -81,6 +82,10 @@ class DriveFriction:
         Whether the velocity loop has an integral part, so that the axis can rest at its set point only.
     force : FrictionForce or None
         The friction without a law, from traces in motion and at rest.
+    simulated : SimulatedRest or None
+        What the axis as read does in the end, by simulation.
+    unsimulated : str
+        Why it was not simulated.
     """
 
     fit: FrictionFit | None = None
@@ -94,6 +99,8 @@ class DriveFriction:
     known_delay: float = 0.0
     has_integral: bool = False
     force: FrictionForce | None = None
+    simulated: SimulatedRest | None = None
+    unsimulated: str = ""
 
     @property
     def proved(self) -> bool:
@@ -143,6 +150,15 @@ class DriveFriction:
         """Whether the axis comes to rest with its friction, and within which distance it may move for ever if not."""
         if self.proved:
             return "passed"
+        proof_alone = self.describe_bound()
+        if self.simulated is None:
+            return proof_alone
+        amplitude = format_length(self.simulated.amplitude, self.simulated.unit)
+        does = f"hunts by +-{amplitude}" if self.simulated.hunts else "comes to rest"
+        return f"{proof_alone}; simulated, it {does}"
+
+    def describe_bound(self) -> str:
+        """Say within which distance a loop that is not proved to rest may move."""
         proof = (self.proofs or (self.bounded,))[0]
         if proof is None:
             return "not judged: the axis may hunt with these gains"
@@ -156,6 +172,12 @@ class DriveFriction:
         return f"{judged} axis may move {within if np.isfinite(bound) else 'without a known bound'}"
 
     def __str__(self) -> str:
+        not_run = f"not simulated: {self.unsimulated}" if self.unsimulated else ""
+        first = [one for one in (str(self.simulated or ""), not_run) if one]
+        return "\n".join([*first, self.describe_proof()])
+
+    def describe_proof(self) -> str:
+        """Say what was read and what is proved."""
         without_law = [] if self.force is None else [str(self.force)]
         bounded = []
         if self.bounded is not None:

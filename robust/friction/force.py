@@ -22,6 +22,8 @@ from robust.lti.sampling import hold_correction
 #: Share of its peak that the steps of the encoder may make of a force: where they make more, it is cut off in
 #: frequency.
 MOST_STEPS = 0.02
+#: Peak of the acceleration of one step of the encoder below a frequency omega, over omega^2 of the step.
+STEP_ACCELERATION = 0.139
 #: Samples of a period that lie above its peak, for every sample at most.
 ABOVE_PEAK = 5e-4
 #: Share of its rms by which a position may change from period to period.
@@ -48,6 +50,19 @@ FEWEST_STEPS, FEWEST_STEPS_DAMPING, SIGMAS = 4.0, 10.0, 3.0
 #: Maxwell slip has no damping; of more than a share of the stiffness, at the middle of the lines, it creeps. The
 #: highest of them may have begun to slip.
 STICKS, NONE_SLIPS, CREEPS = 0.9, 0.985, 0.01
+#: Levels, the highest, from which the fall of the friction with speed is read, and the share of their peak that the
+#: steps of the encoder may make there.
+LEVELS_STRIBECK, STEPS_STRIBECK = 4, 0.1
+#: Stribeck velocities that are tried [m/s] or [rad/s]; the last ones are told from viscous friction no more.
+STRIBECK_VELOCITIES, FASTEST_STRIBECK = np.geomspace(2e-4, 0.1, 40), 0.06
+#: Share by which a Stribeck curve lowers the variance at least, share of that which all of the interval reach, and
+#: factor by which a filtered force shows the velocity too high. Set on the same axes as `FLAT`: it then held the
+#: velocity of 17 axes of 18 that show one.
+SHOWN, REACHED, TOO_HIGH = 0.01, 0.75, 1.5
+#: Way since a reversal, over that of the largest friction force on its stiffness, from which friction slides.
+SLIDES_AFTER = 6.0
+#: Samples of sliding friction from which its fall is read.
+FEWEST_SAMPLES = 300
 
 
 @value
@@ -68,6 +83,8 @@ class FrictionForce:
         Whether friction has damping where it sticks, or creeps there: Maxwell slip does neither.
     level_peaks : (L,) ndarray
         Peak of the friction force at every level that was read [N], the lowest level first.
+    stribeck : (2,) ndarray
+        Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan where the levels do not show it.
     reason : str
         Why the break-away force is not known; empty where it is.
 
@@ -82,6 +99,7 @@ class FrictionForce:
     bristle_time: float
     creeps: bool
     level_peaks: np.ndarray
+    stribeck: np.ndarray
     reason: str = ""
 
     def __str__(self) -> str:
@@ -96,6 +114,9 @@ class FrictionForce:
             rows.append(stiff + (f", {late}" if np.isfinite(self.bristle_time) else ""))
         elif np.isfinite(self.K0[0]):
             rows.append(f"presliding stiffness at least {self.K0[0] / 1e3:.4g} {kilo}: the encoder resolves no more")
+        if np.isfinite(self.stribeck).all():
+            speeds = " to ".join(f"{1e3 * one:.2g}" for one in self.stribeck)
+            rows.append(f"it falls with speed over {speeds} m{unit_of('L/s', units)}")
         if self.creeps:
             rows.append("friction creeps below break-away, or is damped there: it is no Maxwell slip")
         return "\n".join(rows)
@@ -140,6 +161,7 @@ def read_friction_force(
         bristle_time=bristle_time,
         creeps=creeps,
         level_peaks=np.array([one.peak for one in peaks]),
+        stribeck=stribeck_velocity(kept, sliding, float(Fs[1] / K0[0]) if np.isfinite(K0[0]) else 0.0),
         reason=reason,
     )
 
@@ -158,27 +180,77 @@ def is_limited(size: np.ndarray) -> bool:
 
 def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
     """Peak of the friction force of a period at one level, up to where the steps of the encoder are small."""
-    u, y = (np.asarray(one)[0].mean(axis=0) for one in (record.u, record.y))
-    n, omega = u.size, 2 * np.pi * record.f0 * np.arange(u.size // 2 + 1)
-    size = float(np.abs(u - u.mean()).max())
-    # below omega the acceleration of one step peaks at 0.139 omega^2 of it
-    steps = 0.139 * sliding.mass * encoder_step(record) * omega**2
-    small = omega[steps < MOST_STEPS * size]
-    lines, nyquist = record.lines.excited, np.pi * record.fs
-    edge = min(max(2 * np.pi * record.f0 * lines[-1], 0.8 * small[-1] if small.size else 0.0), 0.8 * nyquist)
-    roll = (1 + np.cos(np.pi * np.clip((omega - 0.8 * edge) / (0.2 * edge), 0, 1))) / 2
-    U, Y = np.fft.rfft(u) * roll, np.fft.rfft(y) * roll
-    U[0] = Y[0] = 0.0
-    inertia = -(omega**2) * Y
-    force = force_at_machine(U, omega, record=record, sliding=sliding) - sliding.mass * inertia
-    force -= max(sliding.damping, 0.0) * 1j * omega * Y
-    f, acceleration = np.fft.irfft(force, n=n), np.fft.irfft(inertia, n=n)
-    quiet = float(np.interp(edge, omega, steps))
+    n, omega = record.u.shape[-1], 2 * np.pi * record.f0 * np.arange(record.u.shape[-1] // 2 + 1)
+    u = np.asarray(record.u)[0].mean(axis=0)
+    edge = quiet_edge(record, sliding, MOST_STEPS * float(np.abs(u - u.mean()).max()))
+    f, Y = friction_of_period(record, sliding, max(2 * np.pi * record.f0 * record.lines.excited[-1], 0.8 * edge))
+    acceleration = np.fft.irfft(-(omega**2) * Y, n=n)
+    used = 2 * np.pi * record.f0 * float(np.flatnonzero(Y)[-1])
+    quiet = STEP_ACCELERATION * sliding.mass * encoder_step(record) * used**2
     return LevelPeak(
         level=float(np.std(record.r if record.r is not None else record.u)),
         peak=float(np.sort(np.abs(f))[-max(1, int(ABOVE_PEAK * n))]),
         error=HALF_WIDTH * sliding.stds["mass"] * float(np.abs(acceleration).max()) / 2 + STEPS_TOGETHER * quiet,
     )
+
+
+def quiet_edge(record: nlfrf.Record, sliding: SlidingFit, most: float) -> float:
+    """Return the frequency [rad/s] up to which a step of the encoder makes less force than `most` [N]."""
+    step = STEP_ACCELERATION * sliding.mass * encoder_step(record)
+    return float(np.sqrt(most / step)) if step else np.inf
+
+
+def friction_of_period(record: nlfrf.Record, sliding: SlidingFit, edge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the friction force of a period (n,) up to a frequency [rad/s], and the spectrum of its motion."""
+    u, y = (np.asarray(one)[0].mean(axis=0) for one in (record.u, record.y))
+    n, omega = u.size, 2 * np.pi * record.f0 * np.arange(u.size // 2 + 1)
+    edge = min(edge, 0.8 * np.pi * record.fs)
+    roll = (1 + np.cos(np.pi * np.clip((omega - 0.8 * edge) / (0.2 * edge), 0, 1))) / 2
+    U, Y = np.fft.rfft(u) * roll, np.fft.rfft(y) * roll
+    U[0] = Y[0] = 0.0
+    force = force_at_machine(U, omega, record=record, sliding=sliding) + sliding.mass * omega**2 * Y
+    force -= max(sliding.damping, 0.0) * 1j * omega * Y
+    return np.fft.irfft(force, n=n), Y
+
+
+def stribeck_velocity(levels: Sequence[nlfrf.Record], sliding: SlidingFit, deflection: float) -> np.ndarray:
+    """Return the interval of the velocity over which the force of friction that slides falls.
+
+    f sgn v = Fc + (Fs - Fc) exp(-(v / vs)^2) + c |v|, where the way since the last reversal is long.
+
+    deflection : of friction that sticks, at its largest force [m].
+    """
+    forces, speeds = [], []
+    for record in levels[-LEVELS_STRIBECK:]:
+        n = record.u.shape[-1]
+        most = STEPS_STRIBECK * float(np.abs(np.asarray(record.u)).max())
+        f, Y = friction_of_period(record, sliding, quiet_edge(record, sliding, most))
+        x, v = (np.fft.irfft(one, n=n) for one in (Y, 2j * np.pi * record.f0 * np.arange(Y.size) * Y))
+        turns = np.flatnonzero(np.diff(np.sign(v)))
+        if not turns.size:
+            continue
+        last = np.searchsorted(turns, np.arange(n)) - 1  # before the first, the last one of the period before
+        slides = (np.abs(x - x[turns[last]]) > SLIDES_AFTER * deflection) & (np.abs(v) > STRIBECK_VELOCITIES[0])
+        forces.append((f * np.sign(v))[slides])
+        speeds.append(np.abs(v)[slides])
+    unknown = np.full(2, np.nan)
+    if sum(map(len, speeds)) < FEWEST_SAMPLES:
+        return unknown
+    f, v = np.concatenate(forces), np.concatenate(speeds)
+    without, costs = fit_stribeck(f, v, None), np.array([fit_stribeck(f, v, vs) for vs in STRIBECK_VELOCITIES])
+    gains, best = without - costs, int(np.argmin(costs))
+    if not (gains[best] > SHOWN * costs[best] and STRIBECK_VELOCITIES[best] < FASTEST_STRIBECK):
+        return unknown
+    near = STRIBECK_VELOCITIES[gains > REACHED * gains[best]]
+    return np.array([near[0] / TOO_HIGH, near[-1]])
+
+
+def fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
+    """Return the sum of squares that Coulomb and viscous friction leave, with a fall over vs; a rise is none."""
+    columns = [np.ones(v.size), v] + ([] if vs is None else [np.exp(-((v / vs) ** 2))])
+    X = np.column_stack(columns)
+    found = np.linalg.solve(X.T @ X + 1e-12 * np.diag((X**2).sum(axis=0)), X.T @ f)
+    return float(((f - X @ found) ** 2).sum()) if vs is None or found[2] > 0 else np.inf
 
 
 def force_at_machine(U: np.ndarray, omega: np.ndarray, *, record: nlfrf.Record, sliding: SlidingFit) -> np.ndarray:

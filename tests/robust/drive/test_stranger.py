@@ -29,3 +29,16 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     low, high = friction["Fs_interval"]
     assert low < (axis.Fc if law == "dahl" else axis.Fs) < high
     assert friction["reason"]
+
+
+def test_an_axis_that_hunts_is_named_with_its_amplitude_and_the_advice_helps(tmp_path):
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    axis = rig.hunting_axis(14)
+    bench_stranger.play(rig, axis, tmp_path)
+    friction = bench_stranger.check(tmp_path)[1]["friction"]
+    swing = rig.rests(axis)[1]
+    assert friction["simulated"] == "hunts"
+    assert 0.5 < friction["simulated_amplitude"] / (swing / 2) < 2
+    assert "rigid" in friction["laws"]
+    advised = bench_stranger.play_advice(axis, friction["advice"])
+    assert bench_stranger.swing_of(rig, advised) < swing / 2

@@ -51,6 +51,17 @@ def test_machine_and_force_are_read_whatever_the_law(law):
     assert "break-away force" in str(found)
 
 
+def test_the_speed_over_which_friction_falls_is_read_where_the_axis_slides(monkeypatch):
+    monkeypatch.setitem(LAWS, "steep", replace(LAWS["LuGre"], Fs=40.0, vs=0.01))
+    for law, highest, shown in (("steep", 150, True), ("steep", 10, False), ("Dahl", 150, False)):
+        moving, at_rest = played(law, levels=(2, highest), count=6)
+        found = read_friction_force(moving, (0.1, -0.1), at_rest)
+        assert np.isfinite(found.stribeck).all() == shown
+        assert ("falls with speed over" in str(found)) == shown
+        if shown:
+            assert found.stribeck[0] < 0.01 < found.stribeck[1] < 10 * found.stribeck[0]
+
+
 def test_levels_that_stick_show_no_break_away():
     moving, at_rest = played("LuGre", levels=(0.5, 4), count=4)
     found = read_friction_force(moving, (0.1, -0.1), at_rest)

@@ -1,0 +1,280 @@
+"""An axis as it was read, run under its drive with the laws of friction that its records leave: it rests, or it hunts.
+
+What is simulated is not proved: another history, or friction of another law, may do otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import nlfrf
+from nlfrf._base.values import value
+from robust.drive.settings import DriveSettings
+from robust.friction.force import FrictionForce
+from robust.friction.units import format_length
+
+#: Laws of friction that are tried; Leuven with an exponential virgin curve.
+LAWS = ("rigid", "Maxwell slip", "Dahl", "LuGre", "Leuven")
+#: Those that take no shorter steps where friction is stiff.
+STIFF = ("rigid", "Maxwell slip")
+#: Runs, the laws in turn. With the same forces and Stribeck velocity they hunt alike: by +- 10 % in amplitude.
+RUNS = 12
+#: Velocity over which stiction falls [m/s] or [rad/s] where records do not show it: what Armstrong-Hélouvry reports.
+STRIBECK_VELOCITY = (5e-4, 5e-2)
+#: Deflections at which elements of Maxwell slip begin to slip, over their mean.
+DEFLECTIONS = np.array([0.25, 0.5, 1.0, 2.0])
+#: A mass that would swing on its friction above this share of the sampling frequency swings there: for the drive
+#: stiffer friction is the same, and where the encoder leaves the stiffness open it is at most that.
+STIFFEST = 0.25
+#: Moves of the set point, each for a time, then a hold: in reset times of the velocity loop. The last share counts.
+MOVES, MOVE, HOLD, LAST = 3, 15.0, 250.0, 0.25
+#: Swing in the end above which the axis hunts, over the way on which the position loop asks for Coulomb friction. One
+#: of that size takes about 1/0.02 reset times to wind up.
+SWINGS = 0.02
+#: Runs that hunt from which the axis is said to: one alone is at an end of several intervals at once.
+FEWEST = 2
+#: Changes of a drive that are tried against hunting, the mildest first: gain, and factor on it.
+CHANGES = (
+    ("tn", 1.5),
+    ("kv", 2 / 3),
+    ("kp", 1.5),
+    ("tn", 2.0),
+    ("kv", 0.5),
+    ("tn", 3.0),
+    ("kv", 1 / 3),
+    ("tn", np.inf),
+)
+
+KEPT = "the linear loop keeps its verdict"
+
+
+@value
+class SimulatedRest:
+    """What an axis does in the end, in simulations of it.
+
+    Fields
+    ------
+    laws : tuple of str
+        Of the friction, none of which the records refute. Bristles too stiff for the encoder are run as rigid friction.
+    amplitudes : (runs,) ndarray
+        Half the swing in the end [m] or [rad]; zero where the axis rests.
+    periods : (runs,) ndarray
+        Of the swing [s]; nan where it rests.
+    unit : str
+        Of the position.
+    advice : str
+        The mildest change of the drive that was found to help; empty of an axis that rests, and where none was found.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (hunting, Stribeck velocities).
+    """
+
+    laws: tuple[str, ...]
+    amplitudes: np.ndarray
+    periods: np.ndarray
+    unit: str = "m"
+    advice: str = ""
+
+    @property
+    def hunts(self) -> bool:
+        """Whether the axis moves for ever in several runs."""
+        return bool(np.count_nonzero(self.amplitudes) >= FEWEST)
+
+    @property
+    def amplitude(self) -> float:
+        """The median amplitude of the runs that hunt [m] or [rad]; zero where none does."""
+        return float(np.median(self.amplitudes[self.amplitudes > 0])) if self.amplitudes.any() else 0.0
+
+    def __str__(self) -> str:
+        n, laws = self.amplitudes.size, ", ".join(self.laws)
+        of = f"{n} runs from random moves, with friction as read ({laws}); nothing is proved by that"
+        count = np.count_nonzero(self.amplitudes)
+        if not self.hunts:
+            return f"simulated: rests in {n - count if count else 'all'} of {of}"
+        period = float(np.nanmedian(self.periods))
+        by = f"by +-{format_length(self.amplitude, self.unit)}, once in {period:.2g} s"
+        advice = self.advice or "none of the changes that were tried helps"
+        return f"simulated: hunts {by}, in {count} of {of}\nadvice: {advice}"
+
+
+def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
+    """Return the laws of friction that the records leave.
+
+    Rigid friction has no stiffness that an encoder could resolve, and neither it nor Maxwell slip creeps; Dahl's has no
+    stiction.
+    """
+    refuted = {
+        "rigid": force.creeps or bool(np.isfinite(force.K0[1])),
+        "Maxwell slip": force.creeps,
+        "Dahl": bool(force.Fs[0] > force.sliding.interval("coulomb")[1]),
+    }
+    return tuple(law for law in LAWS if not refuted.get(law))
+
+
+def reason_against_simulation(force: FrictionForce | None, settings: DriveSettings, masses: int = 1) -> str:
+    """Why an axis is not simulated; empty where it is."""
+    if masses > 1:
+        return "motor and load are not told apart in the trace in motion"
+    if force is None or not np.isfinite(force.Fs).all():
+        return "the break-away force is not known"
+    if settings.velocity_from == "observer" or settings.encoder != "motor":
+        return "only a drive with the encoder on the motor and a velocity from differences is simulated"
+    if not settings.kv:
+        return "without a position loop the axis has no set point to rest at"
+    return ""
+
+
+def simulate_rest(
+    force: FrictionForce, settings: DriveSettings, *, order: Sequence[int] = range(RUNS), most: float = np.inf
+) -> SimulatedRest:
+    """Run an axis from random moves into a hold, with numbers drawn from their intervals.
+
+    Parameters
+    ----------
+    force : FrictionForce
+        Machine and friction as read, in N and m or in Nm and rad.
+    settings : DriveSettings
+        The drive, in the same units.
+    order : sequence of int
+        The runs, below `RUNS`. Their draws are the same for every drive: two drives differ by their gains alone.
+    most : float
+        Amplitude [m] or [rad] above which no more is run.
+
+    Returns
+    -------
+    SimulatedRest
+    """
+    from scipy.stats import qmc
+
+    laws = laws_not_refuted(force)
+    run = tuple(law for law in laws if law in STIFF) if "rigid" in laws else laws
+    draws = qmc.Sobol(4 + MOVES, seed=1).random_base2(int(np.ceil(np.log2(RUNS))))
+    found: list[tuple[float, float]] = []
+    for k in order:
+        found.append(swing_in_the_end(run[k % len(run)], force, settings, draws[k]))
+        if found[-1][0] > most:
+            break
+    amplitudes, periods = np.array(found).T
+    return SimulatedRest(laws=laws, amplitudes=amplitudes, periods=periods, unit=settings.base_unit)
+
+
+def swing_in_the_end(law: str, force: FrictionForce, settings: DriveSettings, draws: np.ndarray) -> tuple[float, float]:
+    """Return amplitude [m] and period [s] of one run, by (4 + MOVES,) draws between zero and one."""
+    drive, (friction, oversampling) = drive_in_force(settings), draw_friction(law, force, settings, draws[:4])
+    axis = nlfrf.rig.ServoAxis(
+        motor_inertia=force.sliding.mass,
+        force_constant=1.0,
+        drive=drive,
+        motor_friction=friction,
+        motor_damping=max(0.0, force.sliding.damping),
+        motion="linear" if settings.base_unit == "m" else "rotary",
+    )
+    way, reset = coulomb_of(force) / (drive.kp * drive.kv), drive.tn if np.isfinite(drive.tn) else 1 / drive.kv
+    move, hold = (int(count * reset * drive.fs) + 1 for count in (MOVE, HOLD))
+    ends = way * np.cumsum(10 ** (1.5 * draws[4:] - 1) * np.resize([1.0, -1.0], MOVES))
+    position = np.concatenate([np.repeat(ends, move), np.full(hold, ends[-1])])
+    trace = nlfrf.rig.run_servo(axis, position=position, oversampling=oversampling)
+    if trace.diverged:
+        return np.inf, np.nan
+    last = trace.x[0][-int(LAST * hold) :]
+    swing = float(np.ptp(last))
+    if swing < SWINGS * way:
+        return 0.0, np.nan
+    away = last - (last.max() + last.min()) / 2
+    turns = np.count_nonzero(np.diff(np.sign(away[np.abs(away) > swing / 4])))
+    return swing / 2, 2 * last.size / drive.fs / turns if turns else np.nan
+
+
+def coulomb_of(force: FrictionForce) -> float:
+    """Coulomb friction [N], at most the break-away force."""
+    return float(min(abs(force.sliding.coulomb), force.Fs[1]))
+
+
+def draw_friction(law: str, force: FrictionForce, settings: DriveSettings, draws: np.ndarray) -> tuple[Any, int]:
+    """Return friction of a law with numbers from their intervals by (4,) draws, and the steps a period it takes."""
+    Fs = force.Fs[0] + draws[0] * (force.Fs[1] - force.Fs[0])
+    stiffest = force.sliding.mass * (2 * np.pi * STIFFEST * settings.fs) ** 2
+    low, high = np.fmin(force.K0, stiffest)  # nan: any stiffness
+    K0 = low * (high / low) ** draws[1]
+    slowest, fastest = force.stribeck if np.isfinite(force.stribeck).all() else STRIBECK_VELOCITY
+    vs = slowest * (fastest / slowest) ** draws[2]
+    Fc = min(coulomb_of(force), Fs)
+    damped = force.bristle_time if np.isfinite(force.bristle_time) else np.sqrt(force.sliding.mass / K0)
+    damping = draws[3] * damped * K0
+    if law == "rigid":
+        return nlfrf.friction.Coulomb(Fc=Fc, Fs=Fs, vs=vs), 1
+    if law == "Maxwell slip":
+        k = np.full(DEFLECTIONS.size, K0 / DEFLECTIONS.size)
+        strength = Fs * DEFLECTIONS / DEFLECTIONS.sum()
+        return nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=Fs / Fc, vs=vs), 1
+    # bristles relax with K0 |v| / Fc while they slip; the fastest move has this v
+    speed = 3 * Fc / (settings.gain * settings.output_factor(settings.force_unit))
+    steps = int(np.ceil(K0 * speed / Fc / settings.fs))
+    if law == "Dahl":
+        return nlfrf.friction.Dahl(sigma0=K0, Fc=Fs), steps
+    if law == "LuGre":
+        return nlfrf.friction.LuGre(sigma0=K0, sigma1=damping, sigma2=0.0, Fc=Fc, Fs=Fs, vs=vs), steps
+    curve = nlfrf.hysteresis.Exponential(K0=K0, Fy=1.02 * Fs)  # reaches Fs
+    return nlfrf.friction.Leuven(Fs=Fs, Fc=Fc, vs=vs, sigma1=damping, sigma2=0.0, curve=curve), steps
+
+
+def drive_in_force(settings: DriveSettings) -> nlfrf.rig.ServoDrive:
+    """Return the drive with a force in the place of its current."""
+    factor = settings.output_factor(settings.force_unit)
+    return nlfrf.rig.ServoDrive(
+        fs=settings.fs,
+        kv=settings.kv,
+        kp=settings.gain * factor,
+        tn=settings.tn,
+        max_current=settings.limit * factor,
+        lag=settings.lag,
+        delay_periods=settings.delay_periods,
+        velocity_lag=settings.velocity_lag,
+        position_every=settings.position_every,
+        filters=np.array([one.section(settings.fs) for one in settings.filters]).reshape(-1, 6),
+    )
+
+
+def with_advice(
+    found: SimulatedRest, force: FrictionForce, settings: DriveSettings, keeps: Callable[[DriveSettings], bool]
+) -> SimulatedRest:
+    """Return the result with the mildest change of the drive that brings rest, or else halves the amplitude.
+
+    keeps : whether the verdict of the linear loop is as good with a drive.
+    """
+    halved = ""
+    order = np.argsort(-found.amplitudes, kind="stable").tolist()
+    for name, factor in CHANGES if found.hunts else ():
+        old = getattr(settings, name)
+        other = replace(settings, **{name: factor * old})
+        if not np.isfinite(old):
+            continue
+        after = simulate_rest(force, other, order=order, most=0.0 if halved else found.amplitude / 2)
+        if after.amplitudes.max() > (0.0 if halved else found.amplitude / 2) or not keeps(other):
+            continue
+        change = f"{name} {format_gain(name, old, settings)} -> {format_gain(name, factor * old, settings)}"
+        if not after.amplitudes.any():
+            rests = f"{change}: rests in all runs{describe_offset(force, other)}, {KEPT}"
+            return replace(found, advice=f"{halved}; or {rests}" if halved else rests)
+        halved = f"{change}: hunts by +-{format_length(after.amplitude, found.unit)}, {KEPT}"
+    return replace(found, advice=halved)
+
+
+def describe_offset(force: FrictionForce, settings: DriveSettings) -> str:
+    """Say how far from its set point an axis may rest without an integral part."""
+    if np.isfinite(settings.tn):
+        return ""
+    drive = drive_in_force(settings)
+    return f" within {format_length(float(force.Fs[1]) / (drive.kp * drive.kv), settings.base_unit)} of the set point"
+
+
+def format_gain(name: str, number: float, settings: DriveSettings) -> str:
+    """Return a gain with its unit."""
+    if name == "tn":
+        return f"{1e3 * number:.4g} ms" if np.isfinite(number) else "none (no integral action)"
+    return f"{number:.4g} {settings.kp_unit if name == 'kp' else '1/s'}"

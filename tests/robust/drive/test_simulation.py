@@ -1,0 +1,117 @@
+"""An axis as it was read, run under its drive: what it does in the end, and which change of the drive is advised."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robust.drive import DriveSettings
+from robust.drive.simulation import (
+    FEWEST,
+    RUNS,
+    SimulatedRest,
+    laws_not_refuted,
+    reason_against_simulation,
+    simulate_rest,
+    with_advice,
+)
+from robust.friction.force import FrictionForce
+from robust.friction.in_motion import SlidingFit
+
+#: A kilogram with 1 N of Coulomb friction, and gains that hunt where stiction is twice that.
+SETTINGS = DriveSettings(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)
+
+
+def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=False):
+    """The force of friction as read, known to 5 %."""
+    sliding = SlidingFit(
+        mass=1.0,
+        damping=0.5,
+        coulomb=1.0,
+        offset=np.nan,
+        delay=5e-4,
+        stds={"mass": 0.005, "damping": 0.05, "coulomb": 0.02, "delay": 1e-6},
+        slopes=np.array([0.5]),
+        slope_stds=np.array([0.05]),
+        forces=np.array([1.05]),
+        velocities=np.array([0.1]),
+        misfit=1.0,
+    )
+    return FrictionForce(
+        sliding=sliding,
+        Fs=stiction * np.array([0.98, 1.03]),
+        K0=np.array(K0),
+        bristle_time=np.nan,
+        creeps=creeps,
+        level_peaks=np.zeros(0),
+        stribeck=np.array(stribeck),
+    )
+
+
+def test_stiction_makes_an_axis_hunt_and_no_stiction_lets_it_rest():
+    """A loop with integral part hunts under much stiction, and comes to rest where the force does not fall with speed.
+
+    Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, 4.2: hunting takes a static friction above Coulomb friction.
+    """
+    hunting = simulate_rest(force(3.0), SETTINGS)
+    assert hunting.hunts
+    assert np.count_nonzero(hunting.amplitudes) > RUNS / 2
+    assert 1e-5 < hunting.amplitude < 3.0 / (SETTINGS.kp * SETTINGS.kv)  # below what holds the largest friction
+    assert np.nanmin(hunting.periods) > 4 * SETTINGS.tn
+    resting = simulate_rest(force(1.0), SETTINGS)
+    assert not resting.amplitudes.any()
+    assert "rests in all of 12 runs" in str(resting)
+    assert not simulate_rest(force(3.0), replace(SETTINGS, tn=np.inf)).amplitudes.any()
+    assert not simulate_rest(force(3.0, stribeck=(0.5, 1.0)), SETTINGS).amplitudes.any()
+
+
+@pytest.mark.parametrize("K0", [(5e6, 6e6), (2e6, np.inf)])
+def test_laws_of_friction_hunt_alike(K0):
+    found = simulate_rest(force(3.0, K0=K0), SETTINGS)
+    several = found.amplitudes[found.amplitudes > 0]
+    assert several.size > RUNS / 2
+    assert np.ptp(several) < np.median(several)
+
+
+def test_the_records_refute_laws():
+    assert laws_not_refuted(force()) == ("rigid", "Maxwell slip", "LuGre", "Leuven")
+    assert laws_not_refuted(force(1.0)) == ("rigid", "Maxwell slip", "Dahl", "LuGre", "Leuven")
+    assert laws_not_refuted(force(K0=(1e5, 2e5))) == ("Maxwell slip", "LuGre", "Leuven")
+    assert laws_not_refuted(force(1.0, K0=(1e5, 2e5), creeps=True)) == ("Dahl", "LuGre", "Leuven")
+
+
+def test_what_is_not_simulated_has_its_reason():
+    assert reason_against_simulation(force(), SETTINGS) == ""
+    assert "break-away force" in reason_against_simulation(None, SETTINGS)
+    assert "break-away force" in reason_against_simulation(replace(force(), Fs=np.full(2, np.nan)), SETTINGS)
+    assert "velocity from differences" in reason_against_simulation(force(), replace(SETTINGS, encoder="load"))
+    assert "position loop" in reason_against_simulation(force(), replace(SETTINGS, kv=0.0))
+    assert "motor and load" in reason_against_simulation(force(), SETTINGS, masses=2)
+
+
+def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
+    found = simulate_rest(force(3.0), SETTINGS)
+    asked = []
+
+    def keeps(other):
+        asked.append(other)
+        return True
+
+    advised = with_advice(found, force(3.0), SETTINGS, keeps)
+    assert advised.advice
+    assert " ".join(str(advised).split()).endswith(advised.advice)
+    last = simulate_rest(force(3.0), asked[-1])  # played again
+    assert last.amplitude <= found.amplitude / 2
+    refused = with_advice(found, force(3.0), SETTINGS, lambda other: False)
+    assert "none of the changes that were tried helps" in " ".join(str(refused).split())
+    assert with_advice(simulate_rest(force(1.0), SETTINGS), force(1.0), SETTINGS, keeps).advice == ""
+
+
+def test_one_run_alone_is_no_hunting():
+    one = np.zeros(RUNS)
+    one[3] = 1e-5
+    found = SimulatedRest(laws=("rigid",), amplitudes=one, periods=np.full(RUNS, np.nan))
+    assert not found.hunts
+    assert f"rests in {RUNS - 1} of {RUNS} runs" in str(found)
+    one[: FEWEST - 1] = 1e-5
+    assert SimulatedRest(laws=("rigid",), amplitudes=one, periods=np.full(RUNS, 0.1)).hunts
