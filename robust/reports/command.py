@@ -22,6 +22,8 @@ from robust.analysis.report import RobustnessReport
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
 from robust.io.models import load_bla, load_controller, load_controller_delay, load_model
 from robust.lti.sampling import discretize
+from robust.models.fit.nominal import NominalFit, fit_nominal
+from robust.models.fit.orders import UNLIKELY_COST, OrderScan, describe_order, scan_orders
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 
@@ -53,6 +55,37 @@ def load_blas(
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)
     return found[0] if len(found) == 1 else found
+
+
+def fit_nominal_model(
+    blas: nlfrf.Bla | list[nlfrf.Bla],
+    *,
+    n_poles: int | None,
+    n_zeros: int | None,
+    delay: float | str | None,
+    dt: float,
+    stable: bool,
+) -> tuple[NominalFit, str]:
+    """Return the nominal model of a given order, or of that which the data ask for, and what is to say of the order."""
+    if n_poles is None and n_zeros is not None:
+        raise ValueError(f"poles must be given with zeros, got {n_zeros} zeros alone")
+
+    def scan(delay: float | str) -> OrderScan:
+        return scan_orders(blas, delay=delay, dt=dt, stable=stable)
+
+    if n_poles is None:
+        fit = scan("auto" if delay is None else delay).fit
+        order = f"order: the data ask for {describe_order(fit)}; robust orders lists the others"
+        return fit, order + (", and none explains all that was measured" if fit.p_value < UNLIKELY_COST else "")
+    fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable)
+    if isinstance(blas, list) or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
+        return fit, ""
+    best = scan("auto").fit
+    left = (
+        f"order: {describe_order(fit)} leave {fit.cost / fit.expected_cost:.3g} times what noise and distortion "
+        f"explain, and this widens the set; the data ask for {describe_order(best)}"
+    )
+    return fit, left
 
 
 def load_loops(paths: Sequence[Path], given: float | None) -> list[tuple[control.StateSpace, float]]:

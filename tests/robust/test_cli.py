@@ -79,6 +79,34 @@ def test_the_whole_way(robust_command, tmp_path):
     assert (tmp_path / "load_m.m").exists()
 
 
+def test_the_order_that_the_data_ask_for(robust_command, tmp_path):
+    code, out, err = robust_command("model bla.npz -o m.json")
+    assert code == 0, err
+    assert "the data ask for 2 poles and 1 zero" in unwrapped(out)
+    model = load(tmp_path / "m.json")
+    assert model.nominal.nstates == 2
+    assert 0 < model.weight.nstates <= 8
+    excess = 20 * np.log10(np.abs(model.weight(1j * model.omega)) / model.radius)
+    assert excess.min() >= 0
+    assert excess.mean() <= 3.0 or model.weight.nstates == 8
+    assert "order:" not in robust_command("model bla.npz --poles 2 --zeros 0 -o m.json")[1]
+    code, out, _ = robust_command("model bla.npz --poles 3 --zeros 0 --order 4 -o m.json")
+    assert code == 0
+    assert "poles must be given with zeros" in robust_command("model bla.npz --zeros 1 -o m.json")[2]
+
+
+def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
+    def softer(s):
+        return plant(s) + 0.08 * 4e4 / (s * s + 4 * s + 4e4)
+
+    size = np.abs(softer(2j * np.pi * F))
+    save(make_bla(softer, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=3, fs=1000), "two.npz")
+    code, out, _ = robust_command("model two.npz --poles 2 -o m.json")
+    assert code == 0
+    assert "2 poles and 1 zero leave" in unwrapped(out)
+    assert "the data ask for 4 poles" in unwrapped(out)
+
+
 def told_as_json(robust_command):
     """Verdicts for programs: JSON alone on standard output, long arrays by shape, and exit codes."""
     code, out, err = robust_command("check m.json K.json Km.json --delay 0.001 --json -o all.txt")
