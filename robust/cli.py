@@ -477,9 +477,11 @@ def report(
     ] = None,
     record: Annotated[list[Path] | None, typer.Option("--record", help="Measured record; may be repeated.")] = None,
     input: Annotated[
-        str, typer.Option("--input", help="Name of the input in the record; the names of a model of several.")
-    ] = "u",
-    output: Annotated[str, typer.Option("--output", help="Name of the output in the record.")] = "y",
+        str | None, typer.Option("--input", help="Name of the input in the record; that of the model when not given.")
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option("--output", help="Name of the output in the record; that of the model when not given.")
+    ] = None,
     fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
@@ -505,9 +507,12 @@ def report(
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
     plant, [(K, late)] = models.load_model(model), from_options.load_loops([controller], delay)
-    load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
-    if not plant.is_single:
+    load: Any = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
+    if plant.is_single:
+        load |= {"u": input or (*plant.inputs, "u")[0], "y": output or (*plant.outputs, "y")[0]}
+    else:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
+    blas = [models.load_bla(path) for path in bla or []]
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
@@ -518,8 +523,8 @@ def report(
             out,
             plant,
             K,
-            bla=[models.load_bla(path) for path in bla or []],
-            record=[nlfrf.load_record(path, **load) for path in record or []],
+            bla=blas,
+            record=[from_options.with_units_of(nlfrf.load_record(path, **load), blas) for path in record or []],
             w_P=w_P,
             delay=late,
             friction=proof,

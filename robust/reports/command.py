@@ -57,6 +57,14 @@ def load_blas(
     return found[0] if len(found) == 1 else found
 
 
+def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
+    """Return a record whose file says no units with those of the first BLA of the same channels."""
+    same = [bla for bla in blas if (bla.inputs, bla.outputs) == (record.inputs, record.outputs)]
+    if not same or any(record.input_units + record.output_units):
+        return record
+    return replace(record, input_units=same[0].input_units, output_units=same[0].output_units)
+
+
 def fit_nominal_model(
     blas: nlfrf.Bla | list[nlfrf.Bla],
     *,
@@ -93,6 +101,10 @@ def load_loops(paths: Sequence[Path], given: float | None) -> list[tuple[control
     loops = []
     for path in paths:
         K, stored = load_controller(path), load_controller_delay(path)
+        if path.suffix.lower() == ".mat" and K.dt and given is None:
+            warnings.warn(
+                f"{path} says no computation delay: none is taken. --delay gives one [s]", DesignWarning, stacklevel=2
+            )
         delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
         if stored is not None and abs(delay - stored) > 1e-9:
             warnings.warn(
