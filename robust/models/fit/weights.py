@@ -13,7 +13,13 @@ from functools import cache
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive, require_real_array
+from nlfrf._base.arguments import (
+    require_integer,
+    require_nonnegative,
+    require_positive,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
@@ -507,8 +513,9 @@ def fit_weight(
     [0, 1, 2]
     """
     omega, radius = checked_radius(omega, radius, dt)
+    inside = lines_in_band(omega, band)
     if order is None:
-        fit = fit_lowest_order(omega, radius, float(dt), band)
+        fit = fit_lowest_order(omega, radius, float(dt), inside)
         order = fit.W.nstates
     else:
         order = require_integer("order", order, least=0)
@@ -529,9 +536,17 @@ def fit_weight(
     )
 
 
-def fit_lowest_order(omega: np.ndarray, radius: np.ndarray, dt: float, band: tuple[float, float]) -> WeightFit:
-    """Fit the weight of the lowest order that is close to the radius in a band; else of the highest."""
-    inside = (omega >= band[0]) & (omega <= band[1])
+def lines_in_band(omega: np.ndarray, band: tuple[float, float]) -> np.ndarray:
+    """Return which frequencies lie in a band, at least one."""
+    limits = np.asarray(band, dtype=float) if isinstance(band, tuple) else np.empty(0)
+    inside = np.logical_and(omega >= limits.min(initial=np.inf), omega <= limits.max(initial=-np.inf))
+    if limits.shape != (2,) or not inside.any():
+        raise ValueError(f"band must be two frequencies [rad/s] around some of omega, got {short_form(band)}")
+    return inside
+
+
+def fit_lowest_order(omega: np.ndarray, radius: np.ndarray, dt: float, inside: np.ndarray) -> WeightFit:
+    """Fit the weight of the lowest order that is close to the radius at some frequencies; else of the highest."""
     fit = cache(lambda order: best_weight(omega, radius, order=order, dt=dt))
 
     def is_close(order: int) -> bool:

@@ -163,6 +163,12 @@ def test_the_choice_of_the_order_looks_at_the_band():
         assert np.mean(20 * np.log10(np.abs(response(fit.W, OMEGA)) / flat_outside)[inside]) <= CLOSE_DB
 
 
+@pytest.mark.parametrize("band", [None, (1.0,), (1e5, 1e6), (1.0, np.nan), "all"])
+def test_a_band_without_a_frequency_is_refused(band):
+    with pytest.raises(ValueError, match="band must be two frequencies"):
+        fit_weight(OMEGA, spiky(OMEGA), band=band)
+
+
 def test_no_order_up_to_eight_is_close_to_scatter():
     omega = np.linspace(1, 500, 300)
     assert fit_weight(omega, spiky(omega)).W.nstates == MAX_CHOSEN_ORDER
