@@ -23,6 +23,7 @@ from nlfrf._base.values import to_json
 from nlfrf.axis.axis_file import load_axis
 from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
+from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.records import holds_multirecord
 from nlfrf.io.results import load_own
@@ -494,7 +495,7 @@ def reproduce(
 @app.command()
 def doctor() -> None:
     """Say what is installed here, and what is wrong with it (exit code 1)."""
-    rows, faults = examine()
+    rows, faults = examine(extra_of_file)
     for name, version, requirement in rows:
         print(f"{name:14} {version or 'not installed':16} {requirement}")
     for fault in faults:
