@@ -532,11 +532,11 @@ def report(
             title=title,
             notes=notes,
         )
-    held = f" ({result.probability})" if result.probability else ""
-    print(
-        f"verdict: {result.verdict}{result.missed_performance}{held}"
-        + ("" if proof is None else f"; friction: {proof.verdict}")
-    )
+    print(f"verdict: {result.verdict}{result.missed_performance}: {result.meaning}")
+    for condition in result.conditions:
+        print(f"condition: {condition}")
+    if proof is not None:
+        print(f"friction: {proof.verdict}")
 
 
 @app.command()

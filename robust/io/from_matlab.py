@@ -14,6 +14,7 @@ from robust.lti.realisation import from_polynomials, from_roots, multivariable, 
 #: Fields of a system, by the letters that they are known by whatever their case; the first set that is whole counts.
 STATE_SPACE, POLYNOMIALS, ROOTS = ("a", "b", "c", "d"), ("num", "den"), ("z", "p", "k")
 LONG_NAMES = {"numerator": "num", "denominator": "den"}
+INVERSE_VARIABLES = ("z^-1", "q^-1")
 DELAYS = ("inputdelay", "outputdelay", "iodelay", "internaldelay")
 CURE = "in MATLAB: [A, B, C, D, Ts] = ssdata(ss(K)); save('K.mat', 'A', 'B', 'C', 'D', 'Ts', '-v7')"
 
@@ -73,7 +74,7 @@ def system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.S
         return multivariable("K", control.StateSpace(*with_all_axes([fields[key] for key in STATE_SPACE], name), dt))
     if all(is_numeric(fields.get(key)) for key in POLYNOMIALS):
         num, den = (np.atleast_1d(fields[key]).astype(float) for key in POLYNOMIALS)
-        if "^-1" in str(fields.get("variable", "")):  # powers of 1/z, from the constant on
+        if fields.get("variable", np.empty(0)).tolist() in INVERSE_VARIABLES:  # powers of 1/z, from the constant on
             n = max(num.size, den.size)
             num, den = (np.append(one, np.zeros(n - one.size)) for one in (num, den))
         return from_polynomials("K", num, den=den, dt=dt)
