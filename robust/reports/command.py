@@ -23,7 +23,7 @@ from robust.io.certificates import certificate_path, save_certificate, verify_ce
 from robust.io.models import load_bla, load_controller, load_controller_delay, load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.nominal import NominalFit, fit_nominal
-from robust.models.fit.orders import UNLIKELY_COST, OrderScan, describe_order, scan_orders
+from robust.models.fit.orders import UNLIKELY_COST, describe_order, scan_orders
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 
@@ -78,17 +78,25 @@ def fit_nominal_model(
     if n_poles is None and n_zeros is not None:
         raise ValueError(f"poles must be given with zeros, got {n_zeros} zeros alone")
 
-    def scan(delay: float | str) -> OrderScan:
-        return scan_orders(blas, delay=delay, dt=dt, stable=stable)
+    levels = blas if isinstance(blas, list) else [blas]
+
+    def scan(delay: float | str) -> NominalFit:
+        """Return the fit of the order that one level asks for at most: what one model leaves of several is no order."""
+        fits = [scan_orders(level, delay=delay, dt=dt, stable=stable).fit for level in levels]
+        return max(fits, key=lambda fit: fit.G.nstates)
 
     if n_poles is None:
-        fit = scan("auto" if delay is None else delay).fit
-        order = f"order: the data ask for {describe_order(fit)}; robust orders lists the others"
-        return fit, order + (", and none explains all that was measured" if fit.p_value < UNLIKELY_COST else "")
+        best = scan("auto" if delay is None else delay)
+        order = f"order: the data ask for {describe_order(best)}; robust orders lists the others"
+        if len(levels) == 1:
+            return best, order + (", and none explains all that was measured" if best.p_value < UNLIKELY_COST else "")
+        tau = delay if delay is not None else "estimate" if best.delay else 0.0
+        fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
+        return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"
     fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable)
-    if isinstance(blas, list) or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
+    if len(levels) > 1 or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
         return fit, ""
-    best = scan("auto").fit
+    best = scan("auto")
     left = (
         f"order: {describe_order(fit)} leave {fit.cost / fit.expected_cost:.3g} times what noise and distortion "
         f"explain, and this widens the set; the data ask for {describe_order(best)}"

@@ -97,6 +97,26 @@ def test_the_order_that_the_data_ask_for(robust_command, tmp_path):
     assert "poles must be given with zeros" in robust_command("model bla.npz --zeros 1 -o m.json")[2]
 
 
+def test_of_several_levels_each_is_asked_for_its_order(robust_command, tmp_path):
+    """No model explains two plants: what one leaves of both would ask for ever more poles."""
+    size = np.abs(plant(2j * np.pi * F))
+    for k, gain in enumerate((1.0, 1.5)):
+        bla = make_bla(
+            lambda s, g=gain: g * plant(s),
+            F,
+            f0=0.5,
+            sigma_noise=0.01 * size,
+            sigma_distortion=0.02 * size,
+            rng=k,
+            fs=1e3,
+        )
+        save(bla, f"level{k}.npz")
+    code, out, err = robust_command("model level0.npz level1.npz -o m.json")
+    assert code == 0, err
+    assert "of 2 records one asks for 2 poles and 1 zero, none for more poles" in unwrapped(out)
+    assert load(tmp_path / "m.json").nominal.nstates == 2
+
+
 def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
     def softer(s):
         return plant(s) + 0.08 * 4e4 / (s * s + 4 * s + 4e4)
