@@ -18,6 +18,9 @@ Each public name stands in one place.
 
 import lazy_loader
 
+if not hasattr(lazy_loader, "attach_stub"):
+    raise ImportError(f"{lazy_loader.__file__} hides the package 'lazy_loader': rename that file")
+
 __version__ = "0.1.0"
 
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)

@@ -23,6 +23,7 @@ from nlfrf._base.values import to_json
 from nlfrf.axis.axis_file import load_axis
 from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
+from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.records import holds_multirecord
 from nlfrf.io.results import load_own
@@ -202,6 +203,10 @@ def identify(
         list[str] | None,
         typer.Option(help="Name of the reference, for closed loop or noisy input; as many as inputs, given like them."),
     ] = None,
+    units: Annotated[
+        list[str] | None,
+        typer.Option(help="Units of the inputs, then of the outputs, where the file says none: N,m. Given like them."),
+    ] = None,
     design: Annotated[
         Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it (.npz, .h5).")
     ] = None,
@@ -246,7 +251,7 @@ def identify(
             of = ", ".join(inputs) if input else file[0].name
             raise ValueError(f"opinion must be left out for several inputs, got it with {of}")
         u, y = inputs if input else None, outputs if input or output else None
-        record = nlfrf.load_record(file, u=u, y=y, r=references, **cut)
+        record = with_units(nlfrf.load_record(file, u=u, y=y, r=references, **cut), split_names(units or []))
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
@@ -256,6 +261,7 @@ def identify(
             "resample": resample,
             "reference": references,
             "opinion": opinion,
+            "units": units,
         }
         if extra := [name for name, one in given.items() if one]:
             raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
@@ -265,6 +271,13 @@ def identify(
     say, targets = printer(json), output_paths(out, outputs)
     require_writable(*targets, *map(table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
+    if units is not None:
+        unit, *others = split_names(units)
+        if len(others) != len(outputs):
+            raise ValueError(
+                f"units must be one for the input and one for each output, got {', '.join([unit, *others])}"
+            )
+        records = [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
     blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
         nlfrf.save(bla, target)
@@ -482,7 +495,7 @@ def reproduce(
 @app.command()
 def doctor() -> None:
     """Say what is installed here, and what is wrong with it (exit code 1)."""
-    rows, faults = examine()
+    rows, faults = examine(extra_of_file)
     for name, version, requirement in rows:
         print(f"{name:14} {version or 'not installed':16} {requirement}")
     for fault in faults:
@@ -544,6 +557,20 @@ def identify_matrix(
 def table_path(out: Path) -> Path:
     """Return the path of the table of a result: mid-bla.csv for mid.npz, as mid.csv is likely to be the measurement."""
     return out.with_name(f"{out.stem}.csv" if out.stem == "bla" or out.stem.endswith("-bla") else f"{out.stem}-bla.csv")
+
+
+def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
+    """Return a record whose channels, inputs first, have these units; a file that says another one is right."""
+    names, stated = record.inputs + record.outputs, record.input_units + record.output_units
+    if not units:
+        return record
+    if len(units) != len(names):
+        raise ValueError(f"units must be one for each of {', '.join(names)}, got {', '.join(units)}")
+    for name, known, unit in zip(names, stated, units, strict=True):
+        if known not in ("", unit):
+            raise ValueError(f"units must be those of the file, which has {known} for {name}, got {unit}")
+    n = record.n_inputs
+    return replace(record, input_units=tuple(units[:n]), output_units=tuple(units[n:]))
 
 
 def output_paths(out: Path, outputs: list[str]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Check the installation: versions against requirements, and whether the names of the packages import the packages.
+"""Check the installation: versions, names that import something else, linear algebra, compiled code, readers of files.
 
 A user's file with the name of a module hides it from every program that is run in its folder: `robust.py` hides our
 package, `control.py` one that we need, `random.py` one of Python's own. Only the standard library is imported at the
@@ -30,8 +30,13 @@ OWN_PACKAGES = ("nlfrf", "robust")
 IMPORT_NAMES = {"python-flint": "flint", "lazy-loader": "lazy_loader"}
 
 
-def examine() -> tuple[list[tuple[str, str, str]], list[str]]:
+def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[list[tuple[str, str, str]], list[str]]:
     """List what is installed, and what is wrong with it.
+
+    Parameters
+    ----------
+    extra_of_file : callable, optional
+        The extra that a file needs to be read: files of the working folder are asked about.
 
     Returns
     -------
@@ -62,7 +67,10 @@ def examine() -> tuple[list[tuple[str, str, str]], list[str]]:
     folders = [Path.cwd(), *map(Path, sys.path)] if not sys.flags.safe_path else list(map(Path, sys.path))
     faults += find_hiding_files(folders)
     other = None if faults and any("'robust'" in fault for fault in faults) else find_name_conflict()
-    return rows, faults + ([other] if other else [])
+    faults += [other] if other else []
+    if not faults:  # what follows imports the packages
+        faults = [*find_wrong_algebra(), *find_cache_fault(), *find_missing_readers(Path.cwd(), extra_of_file)]
+    return rows, faults
 
 
 def find_hiding_files(folders: Iterable[Path]) -> list[str]:
@@ -148,6 +156,66 @@ def installed_version(name: str) -> str:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return ""
+
+
+def find_wrong_algebra(n: int = 256) -> list[str]:
+    """Return a line where NumPy's linear algebra computes wrong, as a library made for another processor does.
+
+    Products of small whole numbers are exact in any order of the sums. Factorisations are held to their residual.
+
+    Parameters
+    ----------
+    n : int
+        Rows of the matrices: enough for blocks and threads.
+
+    Examples
+    --------
+    >>> find_wrong_algebra()
+    []
+    """
+    import numpy as np
+
+    whole = np.random.default_rng(1).integers(-8, 9, (4, n, n))
+    A, B, C, D = whole.astype(float)
+    exact = whole[0] @ whole[1] - whole[2] @ whole[3], whole[0] @ whole[3] + whole[2] @ whole[1]  # without the library
+    H, M = A + A.T, A + 16 * n * np.eye(n)  # a symmetric matrix, and one that is regular
+    found = {"products": (A + 1j * C) @ (B + 1j * D) - (exact[0] + 1j * exact[1])}
+    try:
+        left, sv, right = np.linalg.svd(B)
+        eigenvalues, vectors = np.linalg.eigh(H)
+        residuals = (M @ np.linalg.solve(M, B) - B, (left * sv) @ right - B, (vectors * eigenvalues) @ vectors.T - H)
+        found |= {"factorisations": np.array(residuals) / (n**2 * 64 * np.finfo(float).eps)}
+    except np.linalg.LinAlgError as error:
+        found |= {f"factorisations ({error})": np.array([np.inf])}
+    wrong = [what for what, error in found.items() if not np.abs(error).max() < 1]
+    cure = "install NumPy and SciPy anew from one source, or set OPENBLAS_CORETYPE=Haswell to try another kernel"
+    return [f"NumPy's linear algebra must be right, got wrong {' and '.join(wrong)}: {cure}"] if wrong else []
+
+
+def find_cache_fault() -> list[str]:
+    """Return a line where numba may keep its compiled code nowhere, without which it refuses to compile."""
+    try:
+        import_module("nlfrf.rig.kernels.leuven")
+    except ModuleNotFoundError:  # numba is an extra
+        return []
+    except RuntimeError as error:
+        return [f"numba must have a folder for its compiled code, got '{error}': set NUMBA_CACHE_DIR to one"]
+    return []
+
+
+def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> list[str]:
+    """Return a line for each extra that the measurement files in a folder need and that is not installed."""
+    extras: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if extra := extra_of_file(path):
+            extras.setdefault(extra, path)
+    absent = [(extra, need.name) for extra, need in iterate_requirements() if not installed_version(need.name)]
+    return [
+        f"{path.name} needs {name}, which is not installed: pip install 'nlfrf[{extra}]'"
+        for extra, path in extras.items()
+        for needed_by, name in absent
+        if needed_by == extra
+    ]
 
 
 def find_name_conflict() -> str | None:

@@ -24,6 +24,9 @@ Each public name stands in one place.
 
 import lazy_loader
 
+if not hasattr(lazy_loader, "attach_stub"):
+    raise ImportError(f"{lazy_loader.__file__} hides the package 'lazy_loader': rename that file")
+
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 _submodules = (
     *("analysis", "drive", "friction", "io", "lti", "margins", "models", "mu", "plot", "proofs", "reports", "shaping"),

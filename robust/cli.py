@@ -104,9 +104,16 @@ def model(
         ),
     ],
     out: Out,
-    poles: Annotated[int, typer.Option(help="Poles of the nominal model.")],
+    poles: Annotated[
+        int | None, typer.Option(help="Poles of the nominal model; as many as the data ask for when not given.")
+    ] = None,
     zeros: Annotated[int | None, typer.Option(help="Its zeros; one fewer than poles when not given.")] = None,
-    delay: Annotated[str, typer.Option(help="Its delay [s], or 'estimate'.")] = "0",
+    delay: Annotated[
+        str | None,
+        typer.Option(
+            help="Its delay [s], or 'estimate'. When not given: none with --poles, else where the phase asks for one."
+        ),
+    ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
@@ -115,7 +122,10 @@ def model(
             help="multiplicative (default), additive, inverse-..., coprime; of a matrix elements, additive, input."
         ),
     ] = None,
-    order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
+    order: Annotated[
+        int | None,
+        typer.Option(help="Order of the weight; the lowest within 3 dB of the radius, up to 8, when not given."),
+    ] = None,
     confidence: Annotated[
         float, typer.Option(help="Probability that a line of another realisation is covered.")
     ] = 0.95,
@@ -136,16 +146,14 @@ def model(
 ) -> None:
     """Fit a nominal model to a measured BLA or FRF and put a weight over what it leaves open."""
     blas = from_options.load_blas(bla, relative_std=relative_std, n_averages=averages, channel=channel)
+    tau = delay if delay in (None, "estimate") else parse_number("delay", delay)
     with spinner("fitting the nominal model"):
-        nominal = robust.fit_nominal(
-            blas,
-            n_poles=poles,
-            n_zeros=zeros,
-            delay=delay if delay == "estimate" else parse_number("delay", delay),
-            dt=sample_time,
-            stable=not unstable,
+        nominal, words = from_options.fit_nominal_model(
+            blas, n_poles=poles, n_zeros=zeros, delay=tau, dt=sample_time, stable=not unstable
         )
     print(nominal)
+    if words:
+        print(words)
     with spinner("fitting the weight"):
         result = robust.uncertainty(
             blas,
@@ -469,9 +477,11 @@ def report(
     ] = None,
     record: Annotated[list[Path] | None, typer.Option("--record", help="Measured record; may be repeated.")] = None,
     input: Annotated[
-        str, typer.Option("--input", help="Name of the input in the record; the names of a model of several.")
-    ] = "u",
-    output: Annotated[str, typer.Option("--output", help="Name of the output in the record.")] = "y",
+        str | None, typer.Option("--input", help="Name of the input in the record; that of the model when not given.")
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option("--output", help="Name of the output in the record; that of the model when not given.")
+    ] = None,
     fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
@@ -497,9 +507,12 @@ def report(
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
     plant, [(K, late)] = models.load_model(model), from_options.load_loops([controller], delay)
-    load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
-    if not plant.is_single:
+    load: Any = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
+    if plant.is_single:
+        load |= {"u": input or (*plant.inputs, "u")[0], "y": output or (*plant.outputs, "y")[0]}
+    else:
         load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
+    blas = [models.load_bla(path) for path in bla or []]
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
@@ -510,8 +523,8 @@ def report(
             out,
             plant,
             K,
-            bla=[models.load_bla(path) for path in bla or []],
-            record=[nlfrf.load_record(path, **load) for path in record or []],
+            bla=blas,
+            record=[from_options.with_units_of(nlfrf.load_record(path, **load), blas) for path in record or []],
             w_P=w_P,
             delay=late,
             friction=proof,
@@ -519,11 +532,11 @@ def report(
             title=title,
             notes=notes,
         )
-    held = f" ({result.probability})" if result.probability else ""
-    print(
-        f"verdict: {result.verdict}{result.missed_performance}{held}"
-        + ("" if proof is None else f"; friction: {proof.verdict}")
-    )
+    print(f"verdict: {result.verdict}{result.missed_performance}: {result.meaning}")
+    for condition in result.conditions:
+        print(f"condition: {condition}")
+    if proof is not None:
+        print(f"friction: {proof.verdict}")
 
 
 @app.command()
@@ -671,7 +684,7 @@ def describe_limit_checks(plant: nlfrf.Bla | robust.UncertaintyModel, model: Pat
         return (
             f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model has a weight over "
             "these bounds, which is no smaller, and may fail where the lines pass\n"
-            f"prove it:    robust orders {model_file}; robust model {model_file} --poles N -o {made}; "
+            f"prove it:    robust model {model_file} -o {made}; "
             f"robust check {made} {controller}"
         )
     return (

@@ -65,7 +65,7 @@ MULTISINE_FILE = FileKind(
     "a multisine", "nlfrf simulate {0} -o record.npz, or play it and: nlfrf identify RECORD --design {0} -o bla.npz"
 )
 RECORD_FILE = FileKind("a record", "nlfrf identify {} -o bla.npz")
-BLA_FILE = FileKind("a BLA", "robust model {} --poles N -o model.json")
+BLA_FILE = FileKind("a BLA", "robust model {} -o model.json")
 MODEL_FILE = FileKind(
     "a model",
     "robust design {0} --bandwidth HERTZ --sample-time SECONDS -o controller.json; "
@@ -280,7 +280,7 @@ def describe_wrong_file(path: str | os.PathLike[str], kind: str | None, *schemas
     """The refusal of a file of a kind, None where it says none: what is wanted, what it is, the command that takes it.
 
     >>> describe_wrong_file("G.npz", "nlfrf-bla", "robust-model", "robust-matrix-model")
-    'path must hold a model, got G.npz, which is a BLA; go on with: robust model G.npz --poles N -o model.json'
+    'path must hold a model, got G.npz, which is a BLA; go on with: robust model G.npz -o model.json'
     """
     *most, last = dict.fromkeys(FILE_KINDS[schema].name for schema in schemas)
     wanted = f"{', '.join(most)} or {last}" if most else last

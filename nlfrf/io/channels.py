@@ -429,13 +429,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
         raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
     try:
-        if reader is TEXT_READER:
-            with path.open("rb") as stream:
-                start = stream.read(1024)
-            if start.startswith(b"MDF "):  # its older versions are called .dat
-                reader = MDF_READER
-            elif twincat.is_export(start):
-                reader = TWINCAT
+        reader = reader_by_start(path, reader)
         arrays, units, clocks, notes = (
             read_in_own_process(str(reader.contents.__file__), path)
             if isinstance(reader.contents, ModuleType)
@@ -473,6 +467,29 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     return Channels(
         path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
     )
+
+
+def reader_by_start(path: Path, reader: Reader) -> Reader:
+    """Return who reads a file with the reader of its suffix: of texts its first bytes may name another."""
+    if reader is TEXT_READER:
+        with path.open("rb") as stream:
+            start = stream.read(1024)
+        if start.startswith(b"MDF "):  # its older versions are called .dat
+            return MDF_READER
+        if twincat.is_export(start):
+            return TWINCAT
+    return reader
+
+
+def extra_of_file(path: Path) -> str:
+    """Return the extra of this package that a file needs to be read; empty where it needs none, or is none of ours."""
+    reader = READERS.get(path.suffix.lower())
+    try:
+        if reader is None or not path.is_file() or (path.suffix.lower() == ".mat" and not matlab.is_version_73(path)):
+            return ""
+        return reader_by_start(path, reader).extra
+    except OSError:  # of a file that may not be read at all
+        return ""
 
 
 def read_compressed(path: Path) -> Channels:

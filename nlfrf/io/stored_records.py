@@ -106,7 +106,8 @@ def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None,
     """Return a record as `save_record` wrote it, already cut into periods, with its grid."""
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
-    signals = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
+    known = {file.text("u_name"): "u", file.text("y_name"): "y", "u": "u", "y": "y"}  # or by what they were called
+    signals = {parameter: file.signal(parameter, known.get(name, name)) for parameter, name in names.items()}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
     periods, lines, hold = stored_periods(file, signals, options)
     found = {name: signal[0] for name, signal in periods.items()}

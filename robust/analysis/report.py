@@ -45,6 +45,7 @@ REMEDIES = {
 SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
 #: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
 USUAL_PEAK = 2.0
+USUAL_JOINT = "94 to 99 %"  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
 NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
 #: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
 MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
@@ -138,35 +139,23 @@ def describe_set(model: UncertaintyModel) -> str:
     return f"every linear plant inside the {model.form} weight"
 
 
-def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyResponseData) -> str:
-    """Describe the confidence of a set and its joint probability; empty where none is claimed."""
+def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyResponseData) -> tuple[str, ...]:
+    """Describe the confidence of a set, then its joint probability; nothing where none is claimed."""
     if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
-        return ""
+        return ()
     confidence, joint = model.confidence, model.joint
     if model.alternative_form is not None:  # both sets hold the truth: what may go wrong adds up
         confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
     estimated = "" if np.isnan(joint) else format_probability(joint)
+    whole: tuple[str, ...] = ()
     if model.simultaneous:
         text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
         text += f" ({estimated} by estimate)" if estimated else ""
     else:
         text = f"each line of another realisation lies within the radius with {percent} probability"
-        text += f"; all of them lie under the weight, which is larger, with {estimated}" if estimated else ""
-    return f"subject to the warnings, {text}" if model.warnings else text
-
-
-def format_verdict(verdict: Verdict, probability: str, missed: str = "") -> str:
-    """Format the verdict in capitals, its meaning, and the probability that the set contains another realisation."""
-    meaning = verdict_meaning(verdict, probability)
-    return f"{verdict.upper()}{missed.upper()} ({meaning}{'; ' if probability else ''}{probability})"
-
-
-def verdict_meaning(verdict: Verdict, probability: str) -> str:
-    """Return the meaning of a verdict; without a confidence where a statistical set has no probability."""
-    return (
-        WITHOUT_CONFIDENCE if verdict is Verdict.STATISTICALLY_ROBUST and not probability else VERDICT_MEANINGS[verdict]
-    )
+        whole = (f"a whole FRF lies under the weight with {estimated} (usual: {USUAL_JOINT})",) if estimated else ()
+    return (f"subject to the warnings, {text}" if model.warnings else text), *whole
 
 
 def proof_sentences(model: UncertaintyModel, loop: Loop, *, stable: bool, performance: bool) -> tuple[str, str]:
@@ -187,7 +176,7 @@ def proof_sentences(model: UncertaintyModel, loop: Loop, *, stable: bool, perfor
             "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
         )
         if describe_confidence(model):
-            missing.append(f"more than the confidence of the set ({describe_confidence(model)})")
+            missing.append("more than the confidence of the set")
     if loop.w_P is not None and not performance:
         missing.append("the performance demand for the whole set")
     if loop.dt and loop.aliases is None:
@@ -372,20 +361,20 @@ def decide_verdict(
     return Verdict.NOT_CERTIFIED, f"{below}, but no proof was found: {proofs.certificates[0].reason}"
 
 
-#: Every verdict, and what it means.
+#: Every verdict, and what it means for the machine, in at most 20 words.
 VERDICT_MEANINGS = {
-    Verdict.ROBUST: "proved for every perturbation of the set",
+    Verdict.ROBUST: "this controller keeps every plant of the set stable, which is proved",
     Verdict.STATISTICALLY_ROBUST: (
-        "holds for the whole set at its confidence; no stability proof for the nonlinear plant"
+        "this controller keeps every linear plant of the set stable; for the nonlinear machine itself there is no proof"
     ),
-    Verdict.NOT_ROBUST: "fails for a plant of the set, or for the nominal one",
-    Verdict.NOT_CERTIFIED: "neither proved nor disproved",
+    Verdict.NOT_ROBUST: "with this controller a plant of the set, or the nominal one, is unstable: do not use it",
+    Verdict.NOT_CERTIFIED: "whether this controller keeps the machine stable is open: neither proved nor disproved",
 }
 #: The same of a set from a radius or from plants of the user's own, where no class of perturbation was named.
 WITHOUT_CONFIDENCE = (
-    "holds for every linear plant of the set, of which no confidence is known; no stability proof for the nonlinear "
-    'plant. A claim about the perturbation is made by perturbation="LTI" or "operator"'
+    "this controller keeps every linear plant of the set stable; how surely the machine is one of them is unknown"
 )
+CLAIM_HINT = 'no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
 
 
 def format_margin_factor(margin: float) -> str:
@@ -505,7 +494,7 @@ class RobustnessReport:
         First and last measured frequency [rad/s]: outside, the radius is assumed.
     unit : str
         Unit of the plant, y over u, where it is known.
-    probability : str
+    confidence : tuple of str
         With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
     folding : str
         Of a set of continuous plants under a sampled controller: what rs is made of where it is largest.
@@ -578,7 +567,7 @@ class RobustnessReport:
     delay: float = 0.0
     band: np.ndarray | None = None
     unit: str = ""
-    probability: str = ""
+    confidence: tuple[str, ...] = ()
     folding: str = ""
     level: LoopLevel | None = None
     warnings: tuple[str, ...] = ()
@@ -646,12 +635,30 @@ class RobustnessReport:
         """Return verdict, margins and what was proved, in a few lines."""
         return "\n".join(self.findings())
 
+    @property
+    def meaning(self) -> str:
+        """Return what the verdict means for the machine."""
+        without = self.verdict is Verdict.STATISTICALLY_ROBUST and not self.confidence
+        return WITHOUT_CONFIDENCE if without else VERDICT_MEANINGS[self.verdict]
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Return what the verdict is subject to, a line each: mostly the confidence of the set."""
+        if self.verdict is Verdict.STATISTICALLY_ROBUST and not self.confidence:
+            return (CLAIM_HINT,)
+        return self.confidence if self.nominally_stable else ()
+
+    @property
+    def probability(self) -> str:
+        """Return the confidence in one line; empty where none is claimed."""
+        return "; ".join(self.confidence)
+
     def findings(self) -> list[str]:
         """Return the rows of the summary."""
-        lines = format_paragraph(
-            "verdict",
-            format_verdict(self.verdict, self.probability if self.nominally_stable else "", self.missed_performance),
-        )
+        verdict = f"{self.verdict}{self.missed_performance}".upper()
+        lines = format_paragraph("verdict", f"{verdict}: {self.meaning}")
+        for text in self.conditions:
+            lines += format_paragraph("condition", text)
         for text in self.warnings:
             lines += format_paragraph("warning", text)
         lines += format_paragraph("because", self.reason)
@@ -753,7 +760,7 @@ class KnownOfLoop(TypedDict, total=False):
     delay: float
     band: np.ndarray
     unit: str
-    probability: str
+    confidence: tuple[str, ...]
     level: LoopLevel
 
 

@@ -100,7 +100,7 @@ def check_lines(
         "delay": delay,
         "band": omega[[0, -1]],
         "unit": getattr(model, "unit", ""),
-        "probability": describe_confidence(model),
+        "confidence": describe_confidence(model),
     }
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
@@ -208,7 +208,7 @@ def check(
         "delay": float(delay),
         "band": model.omega[[0, -1]],
         "unit": model.unit,
-        "probability": describe_confidence(model),
+        "confidence": describe_confidence(model),
     }
     claim = stability_claim(model, K, w_P=loop.w_P, delay=delay)
     nominal = decide_nominal_stability(loop)
@@ -281,7 +281,7 @@ def check_matrix(
         reason=reason,
         margins=disk_margins(forms[0][0], K),
         perturbation=model.perturbation,
-        probability=describe_confidence(model),
+        confidence=describe_confidence(model),
         band=model.omega[[0, -1]],
         form=taken,
         demand=w_P,

@@ -204,19 +204,28 @@ class DriveCheck:
         return self.verdict is DriveVerdict.PASSED
 
     @property
-    def conclusion(self) -> str:
-        """What the verdict is on, linear loop and friction, and why."""
-        stable = f"stable with every linear plant of the set at its confidence, |S| at most {self.report.peak:g}"
+    def findings(self) -> tuple[str, ...]:
+        """What the verdict means for the axis, then why and on which conditions, a sentence each."""
+        stable = f"The linear loop is stable with every linear plant of the set, |S| at most {self.report.peak:g}"
         friction = self.friction.conclusion
         if self.safe:
-            return f"PASSED, linear loop and friction: {stable}; comes to rest with every friction of the class below"
+            rests = "The axis comes to rest with every friction of the class below"
+            return "PASSED, linear loop and friction: the axis may run with these gains", stable, rests
         if self.linear_passed:
             failed = "NOT PASSED: " * bool(self.friction.proofs)
-            return f"{failed}linear loop passed; friction {friction}. The linear loop is {stable}"
+            return f"{failed}linear loop passed; friction {friction}", stable
         why: str = self.doubts[0].kind if self.doubts else self.report.reason
-        if self.report.robustly_stable:
-            why += "; the verdict below only says that no linear plant of the set is unstable"
-        return f"NOT PASSED: linear loop: {why}; friction {friction}"
+        more = ("The verdict below only says that no linear plant of the set is unstable",)
+        return (
+            f"NOT PASSED: linear loop: {why}",
+            *(more if self.report.robustly_stable else ()),
+            f"Friction was {friction}",
+        )
+
+    @property
+    def conclusion(self) -> str:
+        """What the verdict is on, linear loop and friction, and why."""
+        return ". ".join(self.findings)
 
     def to_values(self) -> dict[str, Any]:
         """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
@@ -287,7 +296,7 @@ class DriveCheck:
         warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
         ratio, linear = ratio_unit(self.settings.base_unit, self.unit), replace(self.report, peak=np.inf)
         parts = {
-            "gains": "\n".join([*wrap(self.conclusion, SCREEN_WIDTH), *warned]),
+            "gains": "\n".join([*(row for one in self.findings for row in wrap(f"{one}.", SCREEN_WIDTH)), *warned]),
             "drive": f"{self.settings}\n{describe_parameters(self.settings)}",
             "traces": "\n".join([*self.traces, self.assumption]),
             f"linear loop, from {self.base} ({ratio})": str(linear),  # its thin margins are among the warnings

@@ -3,6 +3,7 @@
 biquads       second-order sections of a discrete controller, as it runs on its target
 certificates  what was proved, for someone else to prove again
 matlab        MATLAB structs, and a loader beside them
+from_matlab   systems that MATLAB saved
 models        models and controllers as JSON with a schema, exact to the bit
 stored        files of any kind, by their schema: what `nlfrf.load` and `nlfrf.save` do with those of this package
 pid           a PID controller as its gains, and as the lines to type into a programmable controller

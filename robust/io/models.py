@@ -13,11 +13,12 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import one_line, require_nonnegative, short_form
-from nlfrf._base.files import parse_json_of, require_file_of, require_schema, write_text
+from nlfrf._base.files import parse_json_of, require_file_of, require_schema, to_path, write_text
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import field_names
 from robust._base.types import Controller
 from robust.io.biquads import sections_by_name
+from robust.io.from_matlab import load_matlab_system
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
@@ -220,7 +221,11 @@ def save_controller(K: Controller, path: PathLike, *, delay: float | None = None
 
 
 def load_controller(path: PathLike) -> control.StateSpace:
-    """Read a controller back from a ``.json`` file, with the sampling time that was saved."""
+    """Read a controller back from a ``.json`` file, with its sampling time; or one that MATLAB saved (``.mat``)."""
+    path = to_path(path)
+    if path.suffix.lower() == ".mat":
+        require_file_of(path, CONTROLLER_SCHEMA)
+        return load_matlab_system(path)
     _, content = read_json(path, (CONTROLLER_SCHEMA,))
     return as_controller("K", decode_system(content["K"]))
 
@@ -233,6 +238,8 @@ def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
 
 def load_controller_delay(path: PathLike) -> float | None:
     """Return the computation delay [s] that the controller in a file was designed for; None where it does not say."""
+    if to_path(path).suffix.lower() == ".mat":
+        return None
     found = read_json(path, (CONTROLLER_SCHEMA,))[1].get("delay")
     return None if found is None else float(found)
 

@@ -22,6 +22,8 @@ from robust.analysis.report import RobustnessReport
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
 from robust.io.models import load_bla, load_controller, load_controller_delay, load_model
 from robust.lti.sampling import discretize
+from robust.models.fit.nominal import NominalFit, fit_nominal
+from robust.models.fit.orders import UNLIKELY_COST, describe_order, scan_orders
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 
@@ -55,11 +57,62 @@ def load_blas(
     return found[0] if len(found) == 1 else found
 
 
+def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
+    """Return a record whose file says no units with those of the first BLA of the same channels."""
+    same = [bla for bla in blas if (bla.inputs, bla.outputs) == (record.inputs, record.outputs)]
+    if not same or any(record.input_units + record.output_units):
+        return record
+    return replace(record, input_units=same[0].input_units, output_units=same[0].output_units)
+
+
+def fit_nominal_model(
+    blas: nlfrf.Bla | list[nlfrf.Bla],
+    *,
+    n_poles: int | None,
+    n_zeros: int | None,
+    delay: float | str | None,
+    dt: float,
+    stable: bool,
+) -> tuple[NominalFit, str]:
+    """Return the nominal model of a given order, or of that which the data ask for, and what is to say of the order."""
+    if n_poles is None and n_zeros is not None:
+        raise ValueError(f"poles must be given with zeros, got {n_zeros} zeros alone")
+
+    levels = blas if isinstance(blas, list) else [blas]
+
+    def scan(delay: float | str) -> NominalFit:
+        """Return the fit of the order that one level asks for at most: what one model leaves of several is no order."""
+        fits = [scan_orders(level, delay=delay, dt=dt, stable=stable).fit for level in levels]
+        return max(fits, key=lambda fit: fit.G.nstates)
+
+    if n_poles is None:
+        best = scan("auto" if delay is None else delay)
+        order = f"order: the data ask for {describe_order(best)}; robust orders lists the others"
+        if len(levels) == 1:
+            return best, order + (", and none explains all that was measured" if best.p_value < UNLIKELY_COST else "")
+        tau = delay if delay is not None else "estimate" if best.delay else 0.0
+        fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
+        return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"
+    fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable)
+    if len(levels) > 1 or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
+        return fit, ""
+    best = scan("auto")
+    left = (
+        f"order: {describe_order(fit)} leave {fit.cost / fit.expected_cost:.3g} times what noise and distortion "
+        f"explain, and this widens the set; the data ask for {describe_order(best)}"
+    )
+    return fit, left
+
+
 def load_loops(paths: Sequence[Path], given: float | None) -> list[tuple[control.StateSpace, float]]:
     """Return each controller with its computation delay [s]: as given, else what its file says it was designed for."""
     loops = []
     for path in paths:
         K, stored = load_controller(path), load_controller_delay(path)
+        if path.suffix.lower() == ".mat" and K.dt and given is None:
+            warnings.warn(
+                f"{path} says no computation delay: none is taken. --delay gives one [s]", DesignWarning, stacklevel=2
+            )
         delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
         if stored is not None and abs(delay - stored) > 1e-9:
             warnings.warn(

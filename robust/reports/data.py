@@ -202,7 +202,7 @@ def set_section(model: UncertaintyModel) -> Section:
     facts = [
         ("set", str(model)),
         ("class of perturbations", model.perturbation),
-        ("confidence", describe_confidence(model) or "none claimed"),
+        ("confidence", "; ".join(describe_confidence(model)) or "none claimed"),
         ("outside the measured band", f"nothing was measured; assumed: {model.extrapolation}"),
         ("source", model.source),
     ]

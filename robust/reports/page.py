@@ -20,7 +20,7 @@ from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
 from robust.analysis.loop_level import LoopSignals
-from robust.analysis.report import RobustnessReport, describe_confidence, verdict_meaning
+from robust.analysis.report import RobustnessReport, describe_confidence
 from robust.analysis.robustness import check
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
@@ -128,7 +128,7 @@ def write_report(
         raise ValueError("signals must be given to the check whose report is handed over, got both here")
     else:
         require_report_of(report, model, K=K, w_P=w_P, delay=delay)
-        report = replace(add_warnings(report, model.warnings), probability=describe_confidence(model))
+        report = replace(add_warnings(report, model.warnings), confidence=describe_confidence(model))
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
@@ -162,7 +162,7 @@ def render_page(**content: object) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = files("robust.reports").joinpath("page.html.jinja").read_text(encoding="utf-8")
     written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    return environment.from_string(template).render(**content, meaning=verdict_meaning, written=written)
+    return environment.from_string(template).render(**content, written=written)
 
 
 Thing = TypeVar("Thing")

@@ -9,7 +9,7 @@ from robust._base.states import FrictionVerdict
 from robust._base.types import Weight
 from robust.analysis.disk import DiskMargin, LoopMargins, disk_margins
 from robust.analysis.loop import assemble_loop
-from robust.analysis.report import RobustnessReport, verdict_meaning
+from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check_lines
 from robust.analysis.structured import stability_bound_at
 from robust.friction.prove import FrictionProof
@@ -38,7 +38,7 @@ def verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),
         ("verdict", f"{report.verdict}{report.missed_performance}", proof.verdict),
-        ("it means", verdict_meaning(report.verdict, report.probability), MEANING_OF_PROOF[proof.verdict]),
+        ("it means", report.meaning, MEANING_OF_PROOF[proof.verdict]),
         ("because", report.reason, proof.claim if settles else proof.reason or proof.claim),
         ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
         ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.description}, exactly"),

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from nlfrf import Record, __version__, cli, load, multisine, save
 from nlfrf.axis.axis_file import load_axis
@@ -61,6 +62,38 @@ def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
     assert (tmp_path / "bla.csv").read_text().startswith("f [Hz],Re G,Im G,bound")
     assert (tmp_path / "play.npz").exists()
     assert load(tmp_path / "bla.h5").n_realizations == 2
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("--units N,m", ""),
+        ("--units N --units m", ""),
+        ("--units N", "units must be one for the input and one for each output, got N"),
+        ("--units N,m,s", "units must be one for the input and one for each output, got N, m, s"),
+    ],
+)
+def test_units_that_a_file_does_not_say(nlfrf_command, tmp_path, asked, message):
+    ms = multisine(fs=100, n_samples=200, f_min=1, f_max=30, rng=1)
+    savemat(tmp_path / "run.mat", {"force": np.tile(ms.u, 2), "position": np.tile(2 * ms.u, 2), "fs": 100.0})
+    names = "--input force --output position --period 200 -o G.npz"
+    code, out, err = nlfrf_command("identify", "run.mat", *names.split(), *asked.split())
+    assert bool(code) == bool(message)
+    if message:
+        assert message in err
+    else:
+        assert load(tmp_path / "G.npz").unit == "m/N"
+        assert "m/N" in out
+
+
+def test_units_of_the_file_are_right(nlfrf_command, tmp_path):
+    ms = multisine(fs=100, n_samples=200, f_min=1, f_max=30, rng=1)
+    table = np.column_stack([np.arange(400) / 100, np.tile(ms.u[0], 2), np.tile(2 * ms.u[0], 2)])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t [s],f [N],x", comments="")
+    command = "identify run.csv --input f --output x --period 200 -o G.npz --units"
+    assert "units must be those of the file, which has N for f, got A" in nlfrf_command(*command.split(), "A,m")[2]
+    assert nlfrf_command(*command.split(), "N,m")[0] == 0
+    assert load(tmp_path / "G.npz").unit == "m/N"
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5", ".csv"])

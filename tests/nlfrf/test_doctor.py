@@ -1,13 +1,17 @@
 """A wheel of ours beside another distribution that has the import name `robust`."""
 
+import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from nlfrf import doctor
 from nlfrf.doctor import examine, find_hiding_files
+from nlfrf.io.channels import extra_of_file
 
 ROOT = Path(__file__).parents[2]
 
@@ -157,12 +161,79 @@ def test_what_hides_nothing_is_not_named(tmp_path):
 
 
 def test_a_version_below_the_floor_is_a_fault(monkeypatch):
-    from nlfrf import doctor
-
     monkeypatch.setattr(doctor, "installed_version", lambda name: "1.0" if name == "numpy" else "")
     faults = examine()[1]
     assert any(fault.startswith("numpy must be >=2.2") and "got 1.0" in fault for fault in faults)
     assert any(fault.startswith("cvxpy must be installed") for fault in faults)
+
+
+@pytest.mark.parametrize("n", [1, 7, 64, 300])
+def test_linear_algebra_that_is_right_is_not_named(n):
+    assert doctor.find_wrong_algebra(n) == []
+
+
+def test_linear_algebra_that_computes_wrong_is_named(monkeypatch):
+    right = np.linalg.eigh
+    monkeypatch.setattr(np.linalg, "eigh", lambda H: (right(H)[0] + 1e-3, right(H)[1]))
+    assert examine()[1] == doctor.find_wrong_algebra()
+    assert doctor.find_wrong_algebra()[0].startswith("NumPy's linear algebra must be right, got wrong factorisations: ")
+    monkeypatch.setattr(np.linalg, "eigh", lambda H: (np.nan * right(H)[0], right(H)[1]))
+    assert doctor.find_wrong_algebra()
+
+    def fails(_):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", fails)
+    assert "SVD did not converge" in doctor.find_wrong_algebra()[0]
+
+
+def test_a_cache_of_numba_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")  # where no folder can be made
+    nowhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": str(tmp_path / "file")}
+    code = "from nlfrf.doctor import find_cache_fault; print(*find_cache_fault())"
+    for variables, begin in ((nowhere, "numba must have a folder for its compiled code"), ({}, "")):
+        line = run([sys.executable, "-c", code], env=os.environ | variables, cwd=tmp_path).strip()
+        assert line.startswith(begin)
+        assert line.endswith(": set NUMBA_CACHE_DIR to one" if begin else "")
+        assert bool(line) == bool(begin)
+
+
+def test_readers_that_the_files_of_a_folder_need_are_named(tmp_path, monkeypatch):
+    files = {
+        "run.tdms": b"",
+        "second.TDMS": b"",
+        "old.dat": b"MDF     3.00" + bytes(100),
+        "v5.mat": b"MATLAB 5.0 MAT-file" + bytes(200),
+        "v73.mat": b"MATLAB 7.3 MAT-file" + bytes(200),
+        "notes.md": b"",
+        "data.npz": b"",
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    (tmp_path / "folder.uff").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert doctor.find_missing_readers(tmp_path, extra_of_file) == []
+    have = doctor.installed_version
+    monkeypatch.setattr(doctor, "installed_version", lambda name: "" if name in ABSENT else have(name))
+    assert doctor.find_missing_readers(tmp_path, extra_of_file) == [
+        "old.dat needs asammdf, which is not installed: pip install 'nlfrf[mdf]'",
+        "run.tdms needs nptdms, which is not installed: pip install 'nlfrf[tdms]'",
+        "v73.mat needs h5py, which is not installed: pip install 'nlfrf[hdf5]'",
+    ]
+    assert examine(extra_of_file)[1] == doctor.find_missing_readers(tmp_path, extra_of_file)
+
+
+ABSENT = ("nptdms", "npTDMS", "asammdf", "h5py", "pyuff")
+
+
+@pytest.mark.parametrize("package", ["nlfrf", "robust"])
+def test_a_file_of_ones_own_called_lazy_loader_is_named_by_whatever_imports_us(tmp_path, package):
+    (tmp_path / "lazy_loader.py").write_text("gain = 3\n")
+    command = [sys.executable, "-c", f"import {package}"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    last = done.stderr.splitlines()[-1]
+    assert last == f"ImportError: {tmp_path / 'lazy_loader.py'} hides the package 'lazy_loader': rename that file"
+    assert find_hiding_files([tmp_path])[0].startswith(last.removeprefix("ImportError: ").partition(":")[0])
 
 
 def test_the_wheel_holds_types_schemas_and_no_tests(wheel):

@@ -24,7 +24,7 @@ PRINTED = {
         r"statistically robust",
     ],
     "01_identify_then_design": [
-        r"STATISTICALLY ROBUST \(holds for the whole set at its confidence; no stability proof",
+        r"STATISTICALLY ROBUST: this controller keeps every linear plant of the set stable",
         r"report\.html and report\.txt say it in full",
     ],
     "02_design_an_experiment": [

@@ -83,5 +83,5 @@ def test_the_set_without_a_measurement_of_the_guide_is_proved(capsys):
     (block,) = (one for one in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "UncertaintyModel(" in one)
     exec(compile(f"import control, robust\nimport numpy as np\n{block}", "several.md", "exec"), {})
     printed = capsys.readouterr().out
-    assert "ROBUST (proved for every perturbation of the set)" in printed
+    assert "ROBUST: this controller keeps every plant of the set stable, which is proved" in printed
     assert "the uncertainty may grow by a factor 4.99" in printed

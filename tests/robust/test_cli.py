@@ -3,11 +3,13 @@
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import control
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import nlfrf
 from robust import UncertaintyModel, cli, load, save
@@ -77,6 +79,81 @@ def test_the_whole_way(robust_command, tmp_path):
     for name, magic in (("m.png", b"\x89PNG"), ("c.pdf", b"%PDF"), ("orders.png", b"\x89PNG")):
         assert (tmp_path / name).read_bytes().startswith(magic)
     assert (tmp_path / "load_m.m").exists()
+
+
+def test_the_order_that_the_data_ask_for(robust_command, tmp_path):
+    code, out, err = robust_command("model bla.npz -o m.json")
+    assert code == 0, err
+    assert "the data ask for 2 poles and 1 zero" in unwrapped(out)
+    model = load(tmp_path / "m.json")
+    assert model.nominal.nstates == 2
+    assert 0 < model.weight.nstates <= 8
+    excess = 20 * np.log10(np.abs(model.weight(1j * model.omega)) / model.radius)
+    assert excess.min() >= 0
+    assert excess.mean() <= 3.0 or model.weight.nstates == 8
+    assert "order:" not in robust_command("model bla.npz --poles 2 --zeros 0 -o m.json")[1]
+    code, out, _ = robust_command("model bla.npz --poles 3 --zeros 0 --order 4 -o m.json")
+    assert code == 0
+    assert "poles must be given with zeros" in robust_command("model bla.npz --zeros 1 -o m.json")[2]
+
+
+def test_of_several_levels_each_is_asked_for_its_order(robust_command, tmp_path):
+    """No model explains two plants: what one leaves of both would ask for ever more poles."""
+    size = np.abs(plant(2j * np.pi * F))
+    for k, gain in enumerate((1.0, 1.5)):
+        bla = make_bla(
+            lambda s, g=gain: g * plant(s),
+            F,
+            f0=0.5,
+            sigma_noise=0.01 * size,
+            sigma_distortion=0.02 * size,
+            rng=k,
+            fs=1e3,
+        )
+        save(bla, f"level{k}.npz")
+    code, out, err = robust_command("model level0.npz level1.npz -o m.json")
+    assert code == 0, err
+    assert "of 2 records one asks for 2 poles and 1 zero, none for more poles" in unwrapped(out)
+    assert load(tmp_path / "m.json").nominal.nstates == 2
+
+
+def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
+    def softer(s):
+        return plant(s) + 0.08 * 4e4 / (s * s + 4 * s + 4e4)
+
+    size = np.abs(softer(2j * np.pi * F))
+    save(make_bla(softer, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=3, fs=1000), "two.npz")
+    code, out, _ = robust_command("model two.npz --poles 2 -o m.json")
+    assert code == 0
+    assert "2 poles and 1 zero leave" in unwrapped(out)
+    assert "the data ask for 4 poles" in unwrapped(out)
+
+
+def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
+    """A record by its names, its units by an option, and a controller by its matrices: names are given once."""
+    ms = nlfrf.multisine("special-odd", fs=512, n_samples=1024, f_min=1, f_max=150, rng=1)
+    u, f = np.tile(ms.u[0], 2), np.fft.rfftfreq(2048, 1 / 512)
+    y = np.fft.irfft(plant(2j * np.pi * f) * np.fft.rfft(u)) + 0.01 * np.random.default_rng(0).standard_normal(2048)
+    savemat("run.mat", {"force": u, "position": y, "fs": 512.0})
+    record = nlfrf.load_record("run.mat", u="force", y="position", n_samples=1024)
+    save(nlfrf.identify(replace(record, input_units=("N",), output_units=("m",))), "G.npz")
+    assert robust_command("model G.npz -o m.json")[0] == 0
+    savemat("K.mat", {"num": [0.02, 0.0], "den": [1.0, -1.0], "Ts": 1 / 512})
+    save(control.tf([0.02, 0.0], [1.0, -1.0], 1 / 512), "K.json")
+    code, out, err = robust_command("check m.json K.mat --no-certify")
+    assert "warning: K.mat says no computation delay" in err
+    assert out == robust_command("check m.json K.json --no-certify --delay 0")[1]
+    assert "computation delay" not in robust_command("check m.json K.mat --no-certify --delay 0.001")[2]
+    for command in ("--record run.mat --bla G.npz", "--record own.npz --bla G.npz"):
+        save(record, "own.npz")
+        code, out, err = robust_command(f"report m.json K.mat --delay 0 {command} -o r.html")
+        assert not code, err
+        assert "rms" in (tmp_path / "r.html").read_text()
+        assert re.search(r"[\d.]+ N\b", (tmp_path / "r.html").read_text())
+    assert (
+        "must name a signal of 'run.mat'"
+        in robust_command("report m.json K.mat --record run.mat --input x -o r.html")[2]
+    )
 
 
 def told_as_json(robust_command):

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import numpy as np
+
+from nlfrf._base.files import to_path
 from nlfrf._base.own_process import Contents, read_in_own_process
 from nlfrf.io.readers import hdf5, matlab_objects, matlab_v5
 
@@ -12,10 +16,7 @@ INSTALL_HINT = "is a MATLAB object, which mat-io reads: pip install 'nlfrf[mat]'
 
 def contents(path: Path) -> Contents:
     """Read MATLAB v4 to v7 by SciPy, v7.3 as HDF5; time series, timetables and datasets by mat-io if installed."""
-    with path.open("rb") as stream:
-        head = stream.read(128)
-    newer = b"MATLAB 7.3" in head[:32] or head[:4] == b"\x89HDF" or head[124:128] in (b"\0\2IM", b"\2\0MI")
-    found = read_in_own_process(str((hdf5 if newer else matlab_v5).__file__), path)
+    found = read_in_own_process(str((hdf5 if is_version_73(path) else matlab_v5).__file__), path)
     objects = {"#subsystem#", "#objects"} & set(found[3])
     found[3].clear()
     if objects:
@@ -26,3 +27,54 @@ def contents(path: Path) -> Contents:
         else:
             found = found[0] | more[0], found[1] | more[1], found[2] | more[2], found[3] | more[3]
     return found
+
+
+def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """Read the variables of a MATLAB file, without axes of length one: systems and settings, not records.
+
+    Parameters
+    ----------
+    path : path
+        A ``.mat`` file of version 4 to 7.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Numbers and texts by name, ``struct.field`` inside structs.
+
+    Raises
+    ------
+    ValueError
+        A file that cannot be read, or one of version 7.3, whose matrices are stored transposed.
+    FileNotFoundError
+        No such file.
+
+    References
+    ----------
+    The MathWorks, *MAT-File Format*: levels 4 and 5.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from scipy.io import savemat
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     savemat(f"{folder}/K.mat", {"K": {"D": [[2.0]], "Ts": 1e-3}})
+    ...     {name: float(array) for name, array in read_mat(f"{folder}/K.mat").items()}
+    {'K.D': 2.0, 'K.Ts': 0.001}
+    """
+    path = to_path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
+    if is_version_73(path):
+        raise ValueError(f"path must be a .mat file up to version 7, got {path.name!r} of 7.3: save it with '-v7'")
+    try:
+        return contents(path)[0]
+    except Exception as error:  # readers of damaged files raise nearly anything
+        raise ValueError(f"path must be a readable .mat file, got {path.name!r}: {str(error)[:160]}") from None
+
+
+def is_version_73(path: Path) -> bool:
+    """Return whether a file is HDF5, in which MATLAB stores its matrices transposed."""
+    with path.open("rb") as stream:
+        head = stream.read(128)
+    return b"MATLAB 7.3" in head[:32] or head[:4] == b"\x89HDF" or head[124:128] in (b"\0\2IM", b"\2\0MI")

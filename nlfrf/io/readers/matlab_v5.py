@@ -60,7 +60,7 @@ def add_variable(name: str, content: object, found: Contents) -> None:
                 add_variable(f"{name}.{member}", getattr(content, member), found)
         return
     array = np.asarray(content)
-    if array.dtype.kind in "fiubUS" and array.dtype.names is None:
+    if array.dtype.kind in "fiubcUS" and array.dtype.names is None:
         found[0][name] = array
     elif array.dtype.kind == "O" and array.size <= MAX_STRUCT_ELEMENTS:
         for i, element in enumerate(array.ravel()):

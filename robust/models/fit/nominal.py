@@ -51,6 +51,7 @@ from robust.models.fit.shared_poles import (
     response_derivatives,
     whitening_roots,
 )
+from robust.models.fit.weights import MAX_CHOSEN_ORDER, MAX_ORDER
 
 #: A BLA, several of them, or an FRF from elsewhere.
 Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
@@ -361,7 +362,8 @@ def checked_weight(weight: control.StateSpace, omega: np.ndarray, radius: np.nda
     if excess > EXCESSIVE_RATIO:
         data_warning(
             f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
-            f"lines: the set is much larger than what was measured asks for. Give it a higher order",
+            "lines: the set is much larger than what was measured asks for. "
+            + ("Leave its order out" if weight.nstates < MAX_CHOSEN_ORDER else f"Give it an order up to {MAX_ORDER}"),
             DesignWarning,
         )
     return weight

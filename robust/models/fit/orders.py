@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from nlfrf._base.arguments import require_integer
+from nlfrf._base.arguments import format_count, require_integer
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.models.fit.nominal import OUTSIDE_FACTOR, Measurement, NominalFit, fit_nominal, matrices_given
@@ -174,6 +174,12 @@ def needs_delay(fits: Sequence[NominalFit]) -> bool:
         fit.p_value > UNLIKELY_COST and not describe_doubtful_poles(fit) and not np.any(np.real(fit.G.zeros()) > 0)
         for fit in fits
     )
+
+
+def describe_order(fit: NominalFit) -> str:
+    """Describe the order of a fit, and its delay where it has one."""
+    zeros = "" if fit.inputs else f" and {format_count(fit.G.zeros().size, 'zero')}"
+    return f"{format_count(fit.G.nstates, 'pole')}{zeros}" + (f", a delay of {fit.delay:.3g} s" if fit.delay else "")
 
 
 def describe_doubtful_poles(fit: NominalFit) -> str:

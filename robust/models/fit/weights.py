@@ -8,11 +8,18 @@ zero and at infinity, and lifted until nothing is violated.
 from __future__ import annotations
 
 import time
+from functools import cache
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive, require_real_array
+from nlfrf._base.arguments import (
+    require_integer,
+    require_nonnegative,
+    require_positive,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
@@ -401,6 +408,10 @@ def parameters_of_square(q: np.ndarray) -> np.ndarray:
 
 
 MAX_ORDER = 16
+#: Of a weight whose order nobody gave: where the search begins, as most radii of the examples take 3 to 5, and where it
+#: ends, as the states of a weight come back in every controller and proof.
+FIRST_ORDER, MAX_CHOSEN_ORDER = 4, 8
+CLOSE_DB = 3.0  # mean excess that is close enough for such a weight
 MAX_MEAN_EXCESS_DB = 30.0
 REFINEMENT = 10
 LIFT = 1e-7  # what a parabola between the finest points could still hide
@@ -452,7 +463,14 @@ class WeightOrderError(ValueError):
     """A weight of that order cannot cover the radius without a large excess."""
 
 
-def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float = 0) -> WeightFit:
+def fit_weight(
+    omega: np.ndarray,
+    radius: np.ndarray,
+    *,
+    order: int | None = None,
+    dt: float = 0,
+    band: tuple[float, float] = (0.0, np.inf),
+) -> WeightFit:
     """Fit a weight that covers a radius, with as little excess as the order allows.
 
     Parameters
@@ -461,10 +479,13 @@ def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float =
         Frequencies [rad/s], increasing.
     radius : (W,) ndarray
         What |W| has to cover there, positive.
-    order : int
-        Number of poles (and zeros) of the weight.
+    order : int, optional
+        Number of poles (and zeros) of the weight. When not given, the lowest that lies within 3 dB of the radius in the
+        mean over the band; 8 where no lower one does.
     dt : float
         0 for a continuous weight, otherwise the sampling time [s] of a discrete one.
+    band : (float, float)
+        First and last frequency [rad/s] that the choice of the order looks at.
 
     Returns
     -------
@@ -488,12 +509,19 @@ def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float =
     >>> fit = fit_weight(omega, np.abs((1j * omega + 2) / (0.5j * omega + 10)), order=1)
     >>> fit.exact, round(float(fit.W.poles()[0].real), 3), round(float(fit.W.zeros()[0].real), 3)
     (True, -20.0, -2.0)
+    >>> [fit_weight(omega, np.abs(1 / (1 + 0.1j * omega) ** n)).W.nstates for n in (0, 1, 2)]
+    [0, 1, 2]
     """
     omega, radius = checked_radius(omega, radius, dt)
-    order = require_integer("order", order, least=0)
-    if order > MAX_ORDER:
-        raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
-    fit = best_weight(omega, radius, order=order, dt=float(dt))
+    inside = lines_in_band(omega, band)
+    if order is None:
+        fit = fit_lowest_order(omega, radius, float(dt), inside)
+        order = fit.W.nstates
+    else:
+        order = require_integer("order", order, least=0)
+        if order > MAX_ORDER:
+            raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
+        fit = best_weight(omega, radius, order=order, dt=float(dt))
     if fit.mean_excess_db < MAX_MEAN_EXCESS_DB:
         return fit
     for enough in range(order + 1, MAX_ORDER + 1):
@@ -506,6 +534,31 @@ def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float =
         f"order must be high enough to cover the radius with a mean excess under {MAX_MEAN_EXCESS_DB:g} dB, "
         f"got order {order} with {fit.mean_excess_db:.1f} dB. {cure}"
     )
+
+
+def lines_in_band(omega: np.ndarray, band: tuple[float, float]) -> np.ndarray:
+    """Return which frequencies lie in a band, at least one."""
+    limits = np.asarray(band, dtype=float) if isinstance(band, tuple) else np.empty(0)
+    inside = np.logical_and(omega >= limits.min(initial=np.inf), omega <= limits.max(initial=-np.inf))
+    if limits.shape != (2,) or not inside.any():
+        raise ValueError(f"band must be two frequencies [rad/s] around some of omega, got {short_form(band)}")
+    return inside
+
+
+def fit_lowest_order(omega: np.ndarray, radius: np.ndarray, dt: float, inside: np.ndarray) -> WeightFit:
+    """Fit the weight of the lowest order that is close to the radius at some frequencies; else of the highest."""
+    fit = cache(lambda order: best_weight(omega, radius, order=order, dt=dt))
+
+    def is_close(order: int) -> bool:
+        ratio = np.abs(response(fit(order).W, omega[inside])) / radius[inside]
+        return bool(np.mean(DB * np.log(ratio)) <= CLOSE_DB)
+
+    order = FIRST_ORDER
+    while order < MAX_CHOSEN_ORDER and not is_close(order):
+        order += 1
+    while order and is_close(order - 1):
+        order -= 1
+    return fit(order)
 
 
 def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:

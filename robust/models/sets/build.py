@@ -70,7 +70,7 @@ def uncertainty(
     nominal: NominalFit | AnySystem | float,
     *,
     form: str = DEFAULT_FORM,
-    order: int = 4,
+    order: int | None = None,
     confidence: float = 0.95,
     simultaneous: bool = False,
     even: bool = True,
@@ -101,8 +101,8 @@ def uncertainty(
         "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of several
         channels "elements" (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at
         a price of 10 %.
-    order : int
-        Order of the weight, or of each of them.
+    order : int, optional
+        Order of the weight, or of each of them; when not given, the lowest within 3 dB of its radius, up to 8.
     confidence : float
         Probability per line (or for all lines together when `simultaneous`).
     simultaneous : bool
@@ -192,7 +192,7 @@ def uncertainty(
     dt = sampling_time_of(nominal)
     rules, order = (
         Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above)),
-        require_integer("order", order, least=0),
+        order if order is None else require_integer("order", order, least=0),
     )
     make = partial(UncertaintyModel, nominal=nominal, form=form, delay=delay, perturbation=perturbation)
     if not several:
@@ -262,7 +262,7 @@ def disc_set(
     nominal: control.StateSpace | control.FrequencyResponseData,
     form: str,
     rules: Extrapolation,
-    order: int,
+    order: int | None,
     spec: RadiusSpec,
     scaling: Scaling,
 ) -> SetFields:
@@ -278,7 +278,7 @@ def disc_set(
         row, omega, absolute=absolute, nominal=nominal, shaped_by=(W1, W2), rules=rules, dt=dt
     )
     return {
-        "weight": checked_weight(fit_extrapolated(covered, rules, order=order, dt=dt), omega, absolute * factor),
+        "weight": checked_weight(fit_extrapolated(omega, covered, rules, order=order, dt=dt), omega, absolute * factor),
         "omega": omega,
         "radius": absolute * factor,
         "extrapolation": str(rules),
@@ -293,7 +293,7 @@ def block_set(
     nominal: control.StateSpace,
     form: str,
     rules: Extrapolation,
-    order: int,
+    order: int | None,
     spec: RadiusSpec,
     scaling: Scaling,
 ) -> SetFields:
@@ -325,21 +325,21 @@ def block_set(
 
 
 def fit_covering_weight(
-    omega: np.ndarray, radius: np.ndarray, *, order: int, rules: Extrapolation, dt: float
+    omega: np.ndarray, radius: np.ndarray, *, order: int | None, rules: Extrapolation, dt: float
 ) -> control.StateSpace:
     """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
     if radius.max() < FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
+    return fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
 
 
 def fit_extrapolated(
-    covered: Sequence[np.ndarray], rules: Extrapolation, *, order: int, dt: float
+    lines: np.ndarray, covered: Sequence[np.ndarray], rules: Extrapolation, *, order: int | None, dt: float
 ) -> control.StateSpace:
-    """Fit a weight over (omega, radius) that were continued outside the band; where it fails, name that rule too."""
+    """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too."""
     omega, radius = covered
     try:
-        return fit_weight(omega, radius, order=order, dt=dt).W
+        return fit_weight(omega, radius, order=order, dt=dt, band=(lines[0], lines[-1])).W
     except WeightOrderError as error:
         if rules.below == rules.above == 0:
             raise
@@ -469,7 +469,7 @@ def set_of_user(
     form: Form,
     rules: Extrapolation,
     dt: float,
-    order: int,
+    order: int | None,
     spec: RadiusSpec,
 ) -> FieldsOfUser:
     """Return the fields of a set with a radius of the user and its weight, without a confidence; none for Blas."""
@@ -480,6 +480,6 @@ def set_of_user(
         raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
     omega, radius, source = found
     weight = checked_weight(
-        fit_extrapolated(rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt), omega, radius
+        fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt), omega, radius
     )
     return {"omega": omega, "radius": radius, "weight": weight, "extrapolation": str(rules), "source": source}

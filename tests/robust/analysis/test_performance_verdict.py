@@ -6,6 +6,8 @@ import pytest
 
 import robust
 from robust import UncertaintyModel, check
+from robust._base.states import Verdict
+from robust.analysis.report import VERDICT_MEANINGS, WITHOUT_CONFIDENCE
 
 LAG = control.tf([1], [1, 1])
 
@@ -29,7 +31,7 @@ def test_a_loop_that_misses_its_demand_is_not_called_robust_alone(judge, missed)
     report = judge(0.25)
     assert report.verdict == "robust"
     assert report.performance == missed
-    assert str(report).startswith(f"verdict:     ROBUST, PERFORMANCE {missed.upper()} (")
+    assert str(report).startswith(f"verdict:     ROBUST, PERFORMANCE {missed.upper()}: ")
     assert f"demand {missed} for the whole set" in " ".join(str(report).split())
     if judge is several:
         assert "above the 1 that is allowed" in " ".join(str(report).split())
@@ -39,7 +41,7 @@ def test_a_loop_that_misses_its_demand_is_not_called_robust_alone(judge, missed)
 def test_a_loop_that_meets_it_is(judge):
     report = judge(2.0)
     assert report.performance == "met"
-    assert str(report).startswith("verdict:     ROBUST (")
+    assert str(report).startswith("verdict:     ROBUST: ")
     assert "demand met for the whole set" in " ".join(str(report).split())
 
 
@@ -59,3 +61,19 @@ def test_designs_and_worst_cases_print_what_they_found():
     assert str(failed).startswith("a plant of the set, of ")
     assert "makes the loop unstable" in str(failed)
     assert f"{robust.worst_case(model, 2.0).achieved:.4g} at " in str(robust.worst_case(model, 2.0))
+
+
+@pytest.mark.parametrize("meaning", [*VERDICT_MEANINGS.values(), WITHOUT_CONFIDENCE])
+def test_a_verdict_says_in_twenty_words_what_it_means(meaning):
+    assert 5 < len(meaning.split()) <= 20
+    assert set(VERDICT_MEANINGS) == set(Verdict)
+
+
+def test_conditions_stand_below_the_verdict_one_a_line():
+    model = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]))
+    rows = str(check(model, 2.0)).splitlines()
+    assert rows[0].startswith("verdict:     STATISTICALLY ROBUST: this controller keeps every linear plant")
+    assert [row for row in rows if row.startswith("condition:")] == [
+        'condition:   no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
+    ]
+    assert "condition:" not in str(single(2.0))

@@ -120,8 +120,8 @@ def test_the_first_line_passes_nothing_that_was_not_judged(run, folder):
         assert "PASSED" not in page.replace("STATISTICALLY ROBUST", "")
     code, page, _ = run("motion-trace.csv low.toml --design motion.npz --peak 1.1")
     assert code == 1
-    assert one_line(page).startswith("gains NOT PASSED: linear loop: thin margins; the verdict below only says")
-    assert "friction not judged: the axis may hunt" in one_line(page)
+    assert one_line(page).startswith("gains NOT PASSED: linear loop: thin margins. The verdict below only says")
+    assert "Friction was not judged: the axis may hunt" in one_line(page)
 
 
 @pytest.mark.usefixtures("played")
@@ -196,7 +196,7 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     assert code == 0, page
     assert "kp = 143 A/(m/s), tn = 10 ms" in page
     assert "linear loop, from motion-trace.csv" in page
-    assert page.startswith("gains\nPASSED, linear loop and friction: ")
+    assert page.startswith("gains\nPASSED, linear loop and friction: the axis may run with these gains.\n")
     assert "STATISTICALLY ROBUST" in page
     assert re.search(r"\|S\| at most 1\.[5-9]\d? over the set, at \d+", page)
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in page

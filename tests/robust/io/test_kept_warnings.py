@@ -76,7 +76,6 @@ def test_the_check_prints_them_under_a_verdict_that_names_the_condition(run):
     for text in report.warnings:
         assert words.count(f"warning: {' '.join(text.split())}") == 1
     assert CONDITION in report.probability
-    assert CONDITION in report.not_proved
     unstable = check(run[2], control.ss([], [], [], [[1e6]]))
     assert unstable.warnings == run[2].warnings
     assert "warning:" in str(unstable)

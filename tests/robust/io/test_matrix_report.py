@@ -51,7 +51,15 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
     rows = [FRM, nlfrf.bla.singular_values(FRM), FIT, MODEL, again, *([again.margins] if again.margins else [])]
     said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
-    said += [again.reason, again.proved, again.not_proved, again.probability, MODEL.source, MODEL.extrapolation]
+    said += [
+        again.reason,
+        again.proved,
+        again.not_proved,
+        again.probability,
+        *again.conditions,
+        MODEL.source,
+        MODEL.extrapolation,
+    ]
     seen = robust.validate(MODEL, FRM)
     said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")
     said += [format_margin_factor(again.margin_rs), *([again.margins.least()] if again.nominally_stable else [])]

@@ -249,7 +249,7 @@ def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, c
         cli.main()
     said = capsys.readouterr()
     assert not stop.value.code, said.err
-    assert "; friction: refuted" in said.out
+    assert "\nfriction: refuted\n" in said.out
     assert "Two verdicts" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 

@@ -115,7 +115,7 @@ def test_both_verdicts_stand_side_by_side(tmp_path):
     assert "refuted (said of the class, not of the machine: a named member makes the loop unstable; yours" in banner
     assert f"surely runs away from a kick of {proof.kick_sure:.3g} m/s" in banner
     row = re.search(r"verdict robust refuted it means (.*?) because", text).group(1)
-    assert "proved for every perturbation of the set" in row
+    assert "keeps every plant of the set stable, which is proved" in row
     assert "yours may be another" in row
     assert f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s" in text
     write_report(tmp_path / "without.html", stuck, K, report=report)

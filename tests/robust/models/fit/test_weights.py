@@ -8,7 +8,7 @@ from robust import fit_weight, performance_weight
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.refinement import magnitude_problem, section_hessian
-from robust.models.fit.weights import cover_sampled
+from robust.models.fit.weights import CLOSE_DB, MAX_CHOSEN_ORDER, best_weight, cover_sampled
 
 OMEGA = np.geomspace(1, 1e4, 1000)
 LINES = np.sort(np.concatenate([8 * np.arange(500) + 1, 8 * np.arange(500) + 3])) * 0.5 * np.pi
@@ -139,6 +139,41 @@ def test_more_order_never_costs_more_than_a_little():
         excess = [fit_weight(OMEGA, radius, order=n).mean_excess_db for n in (1, 2, 3, 5, 8)]
         best = np.minimum.accumulate(excess)
         assert np.all(excess[1:] <= best[:-1] + 0.5)
+
+
+@pytest.mark.parametrize("dt", [0.0, 1e-4])
+@pytest.mark.parametrize("shape", [*SHAPES, "flat"])
+def test_the_lowest_order_that_is_close_is_taken(shape, dt):
+    radius = (SHAPES | {"flat": np.ones_like})[shape](OMEGA)
+    fit = fit_weight(OMEGA, radius, dt=dt)
+    assert_covers(fit, OMEGA, radius, dt)
+    order = fit.W.nstates
+    assert fit.mean_excess_db <= CLOSE_DB or order == MAX_CHOSEN_ORDER
+    assert order or shape == "flat"
+    if order:
+        assert best_weight(OMEGA, radius, order=order - 1, dt=dt).mean_excess_db > CLOSE_DB
+
+
+def test_the_choice_of_the_order_looks_at_the_band():
+    flat_outside = np.where(OMEGA < 1e3, SHAPES["resonance"](OMEGA), 0.01)
+    alone = fit_weight(OMEGA[OMEGA < 1e3], flat_outside[OMEGA < 1e3])
+    fits = [fit_weight(OMEGA, flat_outside, band=band) for band in ((0.0, 1e3), (2e3, 1e4))]
+    assert fits[0].W.nstates >= alone.W.nstates
+    for fit, inside in zip(fits, (OMEGA < 1e3, OMEGA > 2e3), strict=True):
+        assert np.mean(20 * np.log10(np.abs(response(fit.W, OMEGA)) / flat_outside)[inside]) <= CLOSE_DB
+
+
+@pytest.mark.parametrize("band", [None, (1.0,), (1e5, 1e6), (1.0, np.nan), "all"])
+def test_a_band_without_a_frequency_is_refused(band):
+    with pytest.raises(ValueError, match="band must be two frequencies"):
+        fit_weight(OMEGA, spiky(OMEGA), band=band)
+
+
+def test_no_order_up_to_eight_is_close_to_scatter():
+    omega = np.linspace(1, 500, 300)
+    assert fit_weight(omega, spiky(omega)).W.nstates == MAX_CHOSEN_ORDER
+    with pytest.raises(ValueError, match=r"got order 8 with .* dB"):
+        fit_weight(np.geomspace(1, 1e4, 1000), 10.0 ** (3 * np.tile([0, 1], 500)))
 
 
 def test_two_points_and_ten_thousand():

@@ -1,0 +1,103 @@
+"""Systems that MATLAB saved, as matrices or as the fields of `get`: ss, tf and zpk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import control
+import numpy as np
+
+from nlfrf.io import read_mat
+from robust.lti.realisation import from_polynomials, from_roots, multivariable, order_roots
+
+#: Fields of a system, by the letters that they are known by whatever their case; the first set that is whole counts.
+STATE_SPACE, POLYNOMIALS, ROOTS = ("a", "b", "c", "d"), ("num", "den"), ("z", "p", "k")
+LONG_NAMES = {"numerator": "num", "denominator": "den"}
+INVERSE_VARIABLES = ("z^-1", "q^-1")
+DELAYS = ("inputdelay", "outputdelay", "iodelay", "internaldelay")
+CURE = "in MATLAB: [A, B, C, D, Ts] = ssdata(ss(K)); save('K.mat', 'A', 'B', 'C', 'D', 'Ts', '-v7')"
+
+
+def load_matlab_system(path: Path) -> control.StateSpace:
+    """Read the system in a MATLAB file.
+
+    It may be matrices A, B, C, D; coefficients num, den in falling powers; or zeros z, poles p and gain k, with Ts [s]
+    beside them. They may be fields of a struct, as ``S = get(K)`` has them. Of several structs the one called K counts.
+
+    Raises
+    ------
+    ValueError
+        A file without a system or with several, a system without Ts, with a delay, in a unit of time other than
+        seconds, or in descriptor form.
+    FileNotFoundError
+        No such file.
+    """
+    homes: dict[str, dict[str, np.ndarray]] = {}
+    for name, array in read_mat(path).items():
+        home, _, key = name.rpartition(".")
+        homes.setdefault(home, {})[LONG_NAMES.get(key.lower(), key.lower())] = array
+    found = {
+        home: fields
+        for home, fields in homes.items()
+        if any(all(is_numeric(fields.get(key)) for key in kind) for kind in (STATE_SPACE, POLYNOMIALS, ROOTS))
+    }
+    named = [home for home in found if home.rpartition(".")[2] == "K"] or list(found)
+    if len(named) != 1:
+        what = f"{len(named)}, called {', '.join(home or 'nothing' for home in named)}" if named else "none"
+        raise ValueError(f"path must hold one controller as matrices or a struct, got {what} in {path.name!r}; {CURE}")
+    fields = found[named[0]]
+    return system_from_fields({**fields, "ts": fields.get("ts", homes.get("", {}).get("ts", np.empty(0)))}, path.name)
+
+
+def is_numeric(array: np.ndarray | None) -> bool:
+    """Return whether an array is there and holds numbers."""
+    return array is not None and array.dtype.kind in "fiubc"
+
+
+def system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.StateSpace:
+    """Return the system of the fields of a file; refuse what they say beyond a rational system in seconds."""
+    dt = float(fields["ts"].real.item()) if fields["ts"].size == 1 and is_numeric(fields["ts"]) else -1.0
+    if not dt >= 0:
+        raise ValueError(f"Ts must be the sampling time [s] of the controller in {name!r}, 0 for continuous, got none")
+    if delayed := [key for key in DELAYS if is_numeric(fields.get(key)) and np.any(fields[key])]:
+        raise ValueError(
+            f"{delayed[0]} must be zero in {name!r}: leave it out, and give a computation delay as --delay"
+        )
+    unit = str(fields.get("timeunit", np.array("seconds")))
+    if unit != "seconds":
+        raise ValueError(f"TimeUnit must be seconds in {name!r}, got {unit}; in MATLAB: K = chgTimeUnit(K, 'seconds')")
+    if all(is_numeric(fields.get(key)) for key in STATE_SPACE):
+        E = np.atleast_2d(fields.get("e", np.empty(0)))
+        if E.size and not np.array_equal(E, np.eye(len(E))):
+            raise ValueError(f"E must be the identity in {name!r}, got a descriptor form; {CURE}")
+        return multivariable("K", control.StateSpace(*with_all_axes([fields[key] for key in STATE_SPACE], name), dt))
+    if all(is_numeric(fields.get(key)) for key in POLYNOMIALS):
+        num, den = (np.atleast_1d(fields[key]).astype(float) for key in POLYNOMIALS)
+        if fields.get("variable", np.empty(0)).tolist() in INVERSE_VARIABLES:  # powers of 1/z, from the constant on
+            n = max(num.size, den.size)
+            num, den = (np.append(one, np.zeros(n - one.size)) for one in (num, den))
+        return from_polynomials("K", num, den=den, dt=dt)
+    zeros, poles, gain = (np.atleast_1d(fields[key]).astype(complex) for key in ROOTS)
+    for key, roots in (("z", zeros), ("p", poles)):
+        if not np.allclose(np.sort_complex(roots), np.sort_complex(roots.conj())):
+            raise ValueError(f"{key} must be real or conjugate in {name!r}, got {roots}")
+    if gain.size != 1 or zeros.size > poles.size:
+        raise ValueError(
+            f"K must be proper and of one input and output in {name!r}, got {zeros.size} zeros, {poles.size} poles and "
+            f"{gain.size} gains; {CURE}"
+        )
+    return from_roots(order_roots(zeros), order_roots(poles), float(gain[0].real), dt)
+
+
+def with_all_axes(matrices: list[np.ndarray], name: str) -> list[np.ndarray]:
+    """Return A, B, C and D with the shapes that reading without axes of length one has taken from them."""
+    A, B, C, D = matrices
+    n = 0 if not A.size else A.shape[0] if A.ndim == 2 else 1
+    n_u = B.size // n if n else np.atleast_2d(D).shape[1]
+    n_y = C.size // n if n else np.atleast_2d(D).shape[0]
+    shapes = ((n, n), (n, n_u), (n_y, n), (n_y, n_u))
+    for letter, matrix, shape in zip("ABCD", matrices, shapes, strict=True):
+        if matrix.size != np.prod(shape) or (matrix.ndim == 2 and matrix.shape != shape):
+            raise ValueError(f"{letter} must have the shape {shape} in {name!r}, got {matrix.shape}")
+    return [matrix.reshape(shape).astype(float) for matrix, shape in zip(matrices, shapes, strict=True)]
