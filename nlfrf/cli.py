@@ -16,7 +16,7 @@ import typer
 
 import nlfrf
 from nlfrf._base.arguments import format_count, require_nonnegative
-from nlfrf._base.axes import save_figure
+from nlfrf._base.axes import save_figure, write_pictures
 from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command, printer, rich_console, run_command
 from nlfrf._base.files import LOAD_OPTIONS, require_writable
 from nlfrf._base.values import to_json
@@ -24,6 +24,7 @@ from nlfrf.axis.axis_file import load_axis
 from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
 from nlfrf.io.designs import load_design, load_experiment
+from nlfrf.io.inspection import screen_file
 from nlfrf.io.records import holds_multirecord
 from nlfrf.io.results import load_own
 from nlfrf.signals.lines import KINDS, grid_lines
@@ -177,11 +178,22 @@ def simulate(
 @app.command()
 def inspect(
     file: Annotated[list[Path], typer.Argument(help="Measurement files of any kind that 'nlfrf identify' reads.")],
+    picture: Annotated[
+        Path | None,
+        typer.Option("--plot", "--picture", help="Draw the record, and what was found in it, as .png, .pdf or .svg."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
+    if picture is not None and len(file) > 1:
+        raise ValueError(f"plot must be of one file, got {len(file)}")
     found = [nlfrf.inspect_file(one) for one in file]
     print(to_json(found) if json else "\n\n".join(map(str, found)))
+    if picture is not None:
+        from nlfrf.plot import plot_screened
+
+        screened = screen_file(file[0], found[0])
+        write_pictures(picture, [(plot_screened, screened)], height=1.6 + 1.8 * len(screened.labels))
 
 
 @app.command()
