@@ -74,6 +74,19 @@ def test_a_record_without_clock_or_period_is_drawn_over_samples(ax):
         pictures.plot_screened(U)
 
 
+def test_several_blas_lie_over_one_another_with_their_bounds(ax):
+    """A gain, and one of the other sign: 0 dB and 20 dB, phases within one turn."""
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(U.shape)
+    blas = [identify(Record(u=U, y=gain * U + noise, fs=128, lines=MS.lines)) for gain in (1.0, -10.0)]
+    top, bottom = pictures.plot_blas(blas, ["soft", "stiff"], ax=ax)
+    for k, (decibel, degrees) in enumerate(((0, 0), (20, -180))):
+        assert top.get_lines()[k].get_ydata() == pytest.approx(decibel, abs=0.1)
+        assert bottom.get_lines()[k].get_ydata() == pytest.approx(degrees, abs=1)
+    assert labels(bottom) == ["soft", "stiff", "95 % bound of each"]
+    with pytest.raises(ValueError, match="labels must be a list of 2, one a Bla, got"):
+        pictures.plot_blas(blas, ["soft"])
+
+
 def test_an_opinion_shows_both_readings(ax):
     opinion = second_opinion(Record(u=U[:, :1], y=U[:, :1] ** 3, fs=128, lines=MS.lines))
     pictures.plot_opinion(opinion, ax=ax)

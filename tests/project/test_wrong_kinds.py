@@ -28,7 +28,7 @@ FLAGS = {
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress", "transform"}  # in some cases only
 #: Parameters that no sound value is made of here: results of functions that have a test of their own.
 RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
-RESULTS |= {"validation", "design"}
+RESULTS |= {"validation", "design", "loops", "read", "cases"}
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +72,7 @@ def things():
     sound |= {
         "thing": model,
         "screened": screened,
+        "labels": ["low", "middle", "high"],
         "preset": "belt",
         "axis": replace(axis, drive=replace(axis.drive, fs=1024, kp=30.0, kv=20.0)),
     }
