@@ -23,6 +23,7 @@ from nlfrf._base.command import (
     finish_command,
     parse_number,
     printer,
+    progress_display,
     run_command,
     spinner,
 )
@@ -624,11 +625,9 @@ def check_gains(
             if input is None and not played:
                 require_design(traces)
             raise
-    with spinner("checking"):
-        friction: Any = {"stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
-        found = drive_check.check_drive(
-            records, settings, names=names, conditions=conditions, peak=peak, actual=actual, **friction
-        )
+    how: Any = {"peak": peak, "actual": actual, "stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
+    with progress_display("checking", even=False) as advance:
+        found = drive_check.check_drive(records, settings, names=names, conditions=conditions, progress=advance, **how)
     say(found)
     if out is not None and out.suffix.lower() in (".html", ".htm"):
         from robust.drive_page import write_drive_page

@@ -220,6 +220,13 @@ def test_the_friction_force_over_position_is_what_mass_and_damping_leave(hold):
     assert np.allclose(force, k * x, atol=1e-6 * np.ptp(force))
 
 
+def test_a_check_counts_its_steps(folder):
+    seen = []
+    record = nlfrf.load_record(folder / "moving.npz")
+    check_drive([record], load_gains(folder / "gains.toml"), progress=lambda *step: seen.append(step))
+    assert seen == [(done, 5) for done in range(6)]
+
+
 @pytest.mark.usefixtures("played")
 def test_a_warning_of_a_trace_stands_on_the_page_and_counts(run, folder):
     table = (folder / "motion-trace.csv").read_text().splitlines()
