@@ -77,6 +77,9 @@ def write_drive_page(
     names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
     if not records or len(names) != len(records):
         raise ValueError(f"names must be one a trace, of at least one, got {len(names)} for {len(records)}")
+    names = [  # levels of one pre-test may have one name
+        f"{name}, {np.std(record.u):.3g} {record.u_unit} rms" for name, record in zip(names, records, strict=True)
+    ]
     under = list(conditions) or [Conditions()] * len(records)
     at_rest = {
         name: record

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BAND_ALPHA = 0.25  # of bounds that lie over one another
+LINES = (".-", ".--", ".:")  # of BLAs over one another, once all colours are taken
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
@@ -135,7 +136,8 @@ def plot_blas(
     if not isinstance(labels, list | tuple) or len(labels) != len(blas):
         raise ValueError(f"labels must be a list of {len(blas)}, one a Bla, got {short_form(labels)}")
     top, bottom = bode_axes(ax)
-    for bla, label, color in zip(blas, labels, cycle(COLOR_CYCLE)):
+    styles = cycle((color, line) for line in LINES for color in COLOR_CYCLE)
+    for bla, label, (color, line) in zip(blas, labels, styles, strict=False):
         size, radius = np.abs(bla.G), bla.bound(confidence)
         top.fill_between(
             bla.f,
@@ -148,8 +150,8 @@ def plot_blas(
         phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, radius)
         phase -= 360 * np.round((phase[0] + 90) / 360)  # from -270 to 90 deg at first, as of what is late
         bottom.fill_between(bla.f, phase - wide, phase + wide, color=color, alpha=BAND_ALPHA, lw=0)
-        top.plot(bla.f, to_decibel(size), ".-", ms=3, lw=1.2, color=color)
-        bottom.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=color, label=label)
+        top.plot(bla.f, to_decibel(size), line, ms=3, lw=1.2, color=color)
+        bottom.plot(bla.f, phase, line, ms=3, lw=1.2, color=color, label=label)
     bottom.fill_between(
         [], [], [], color=COLOR["noise"], alpha=BAND_ALPHA, label=f"{100 * confidence:g} % bound of each"
     )

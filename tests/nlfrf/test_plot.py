@@ -83,6 +83,9 @@ def test_several_blas_lie_over_one_another_with_their_bounds(ax):
         assert top.get_lines()[k].get_ydata() == pytest.approx(decibel, abs=0.1)
         assert bottom.get_lines()[k].get_ydata() == pytest.approx(degrees, abs=1)
     assert labels(bottom) == ["soft", "stiff", "95 % bound of each"]
+    top, _ = pictures.plot_blas(8 * blas[:1], [f"level {k}" for k in range(8)])
+    assert len({(line.get_color(), line.get_linestyle()) for line in top.get_lines()}) == 8
+    plt.close(top.figure)
     with pytest.raises(ValueError, match="labels must be a list of 2, one a Bla, got"):
         pictures.plot_blas(blas, ["soft"])
 
