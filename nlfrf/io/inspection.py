@@ -291,8 +291,10 @@ def screen_file(path: str | os.PathLike[str], contents: FileContents) -> Screene
             varying = {name: file.arrays[name] for name in file.signals if file.arrays[name].squeeze().ndim == 1}
             moving = {name: x for name, x in varying.items() if is_varying(x) and name not in file.times}
             names = list(next(iter(group_by_length(moving)), {}))[:MAX_CANDIDATES]
-        if not names or (contents.frf and not contents.u):
-            raise ValueError(f"plot must be of a record, got {path}, in which no channel is one")
+        if contents.frf and not contents.u:
+            raise ValueError(f"plot must be of a record, got {path} with {contents.frf}")
+        if not names:
+            raise ValueError(f"plot must be of a record, got {path}, in which no channel varies")
         streams = [file.signal("u", name) for name in names]
         lost = describe_lost_rows(file, names[0])
         try:

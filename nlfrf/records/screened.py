@@ -166,8 +166,9 @@ def find_slipped_periods(
     if streams[0].size < 2 * n:
         return evenly(streams[0], period), []
     where = track_input(streams[0], n)
-    starts = np.round(np.arange(where.sound.size) * where.period + where.jumps).astype(int)
-    starts = starts[starts + n <= streams[0].size]
+    pace = where.period if where.sound.any() else period
+    starts = np.round(np.arange(where.sound.size) * pace + where.jumps).astype(int)
+    inside = (starts >= 0) & (starts + n <= streams[0].size)
     slips, differs = where.jumps, ~where.sound
     if not slips.any() and not differs.any():
         with suppress(ValueError):  # an input without lines
@@ -176,11 +177,12 @@ def find_slipped_periods(
                 slips = slips + lag.jumps
                 differs = differs | lag.corrupted | ~lag.sound & (np.arange(len(u)) >= np.argmax(lag.sound))
     steps = np.diff(slips, append=slips[-1])
-    faults = {
-        int(j): (Fault.LOST, describe_slip(float(steps[j]), j)) if steps[j] else (Fault.DIFFERENT, f"period {j + 1}")
-        for j in np.flatnonzero(differs | (steps != 0))[: starts.size]
-    }
-    return starts, [FaultySpan(fault, int(starts[j]), int(starts[j]) + n, text) for j, (fault, text) in faults.items()]
+    spans = []
+    for j in np.flatnonzero(inside & (differs | (steps != 0))).tolist():
+        lost = Fault.LOST, describe_slip(float(steps[j]), j)
+        fault, extent = lost if steps[j] else (Fault.DIFFERENT, f"period {j + 1}")
+        spans.append(FaultySpan(fault, int(starts[j]), int(starts[j]) + n, extent))
+    return starts[inside], spans
 
 
 def describe_slip(step: float, period: int) -> str:

@@ -75,6 +75,18 @@ def test_a_period_that_does_not_repeat_is_named():
     assert (Fault.DIFFERENT, N, 2 * N) in found_in(screened(u, Y))
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_every_span_lies_inside_a_record_that_lost_samples_at_many_places(seed):
+    """Or that has another period than was found, or none: whatever is found, it can be drawn."""
+    rng = np.random.default_rng(seed)
+    kept = np.delete(np.arange(U.size), rng.integers(0, U.size, 12))
+    u = U[kept] if seed % 2 else rng.standard_normal(U.size)
+    found = screened(u, u**3, period=float(rng.uniform(60, 900)))
+    n = found.samples.shape[1]
+    assert all(0 <= span.first < span.end <= n for span in found.spans)
+    assert np.all((found.starts >= 0) & (found.starts + round(found.period) <= n + 1))
+
+
 def test_outliers_stand_at_their_samples_and_positions_are_unwrapped():
     y = Y.copy()
     y[[700, 1111]] = 60 * np.array([1, -1]) * np.abs(Y).max()
