@@ -292,7 +292,7 @@ def screen_file(path: str | os.PathLike[str], contents: FileContents) -> Screene
             moving = {name: x for name, x in varying.items() if is_varying(x) and name not in file.times}
             names = list(next(iter(group_by_length(moving)), {}))[:MAX_CANDIDATES]
         if contents.frf and not contents.u:
-            raise ValueError(f"plot must be of a record, got {path} with {contents.frf}")
+            raise ValueError(f"plot must be of a record, got {path}, which holds an FRF: robust model takes it")
         if not names:
             raise ValueError(f"plot must be of a record, got {path}, in which no channel varies")
         streams = [file.signal("u", name) for name in names]
