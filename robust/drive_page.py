@@ -53,7 +53,7 @@ def write_drive_page(
     Raises
     ------
     ValueError
-        A path that does not end in .html, no traces, or names that are not one a trace.
+        A path that does not end in .html, no traces, or names or conditions that are not one a trace.
 
     Examples
     --------
@@ -81,6 +81,8 @@ def write_drive_page(
         f"{name}, {np.std(record.u):.3g} {record.u_unit} rms" for name, record in zip(names, records, strict=True)
     ]
     under = list(conditions) or [Conditions()] * len(records)
+    if len(under) != len(records):
+        raise ValueError(f"conditions must be one a trace, got {len(under)} for {len(records)}")
     at_rest = {
         name: record
         for name, record, one in zip(names, records, under, strict=True)
@@ -133,10 +135,10 @@ def friction_section(found: DriveCheck, at_rest: dict[str, Record]) -> Section:
     from robust import plot
 
     friction, pictures = found.friction, []
-    read = friction.fit or friction.force
-    if read is not None and at_rest and not (friction.fit is not None and friction.fit.load_mass):
-        machine = friction.fit if friction.force is None else friction.force.sliding
-        assert machine is not None  # of two places where it may be one is there
+    fit, force = friction.fit, friction.force
+    read, machine = fit or force, fit if force is None else force.sliding
+    one_mass = machine is not None and np.isfinite(machine.stds["mass"]) and not (fit is not None and fit.load_mass)
+    if read is not None and machine is not None and one_mass and at_rest:
         loops = {name: force_over_position(record, machine) for name, record in at_rest.items()}
         caption = "Force that mass and viscous friction leave of the command, over the position: what sticks is a line."
         pictures.append(parts.draw_picture(plot.plot_friction_force, loops, read, caption=caption))

@@ -113,7 +113,8 @@ def plot_friction_force(
     """Draw the friction force over the position of each record at rest, with what was read of the friction.
 
     Where friction sticks the force runs along its presliding stiffness K0; where it slides it stays within the
-    break-away force. Of fitted elements the virgin curve is drawn: the force of a first push from rest.
+    break-away force. Of fitted elements the virgin curve is drawn: the force of a first push from rest. What the
+    levels leave open is not drawn.
 
     Parameters
     ----------
@@ -131,11 +132,11 @@ def plot_friction_force(
     force, length = read.units if isinstance(read, FrictionFit) else read.sliding.units
     for k, ((name, (x, f)), color) in enumerate(zip(loops.items(), cycle(LEVEL_COLORS))):  # the smallest on top
         ax.plot(1e6 * np.append(x, x[0]), np.append(f, f[0]), "-", lw=0.8, color=color, label=name, zorder=3 - 0.1 * k)
-    K0, Fs = (read.K0, read.Fs) if isinstance(read, FrictionFit) else (float(np.mean(read.K0)), float(read.Fs.max()))
+    K0, Fs = force_numbers(read)
     at_most = "" if isinstance(read, FrictionFit) else "at most "
     widest = max(float(np.ptp(x)) for x, _ in loops.values())
     reach = min(widest, SLIP_LENGTHS * Fs / K0) if K0 * Fs > 0 and np.isfinite(K0 * Fs) else widest
-    if isinstance(read, FrictionFit):
+    if isinstance(read, FrictionFit) and np.isfinite(K0 * Fs):
         x = np.linspace(-reach, reach, 401)
         virgin = np.sign(x) * np.minimum(np.outer(np.abs(x), read.element_stiffness), read.element_strength).sum(axis=1)
         label = f"virgin curve, {read.element_stiffness.size} Maxwell elements"
@@ -154,6 +155,14 @@ def plot_friction_force(
         title="Friction over position, at rest",
     )
     return finish_axes(ax)
+
+
+def force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
+    """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan where it was left open."""
+    if isinstance(read, FrictionForce):
+        return float(np.mean(read.K0)), float(read.Fs.max())
+    known = [value if np.isfinite(read.stds[name]) else np.nan for name, value in (("K0", read.K0), ("Fs", read.Fs))]
+    return known[0], known[1]
 
 
 class RestCase(NamedTuple):

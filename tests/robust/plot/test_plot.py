@@ -211,6 +211,10 @@ def test_the_virgin_curve_of_the_elements_is_drawn_over_the_loops(ax):
     loop = ax.get_lines()[0]
     assert (loop.get_label(), loop.get_xdata().tolist()) == ("slides", pytest.approx([-20, 0, 20, 0, -20]))
     assert ax.get_ylabel() == "friction force [N]"
+    left_open = friction_fit(K0=3e6, Fs=10.0, **elements, stds={"K0": np.inf, "Fs": np.inf})
+    shown = pictures.plot_friction_force({"slides": np.stack([x, 3e6 * x])}, left_open)
+    assert labels(shown) == ["slides"]
+    plt.close(shown.figure)
     with pytest.raises(ValueError, match="loops must hold position and force of a record by its name, got"):
         pictures.plot_friction_force({}, fit)
 
@@ -218,4 +222,4 @@ def test_the_virgin_curve_of_the_elements_is_drawn_over_the_loops(ax):
 def friction_fit(**given):
     """A fit whose other numbers no picture of the force needs."""
     names = ["mass", "damping", "stiffness", "coulomb", "stiction", "vs", "delay", "lag", "softening", "seen_from"]
-    return FrictionFit(**dict.fromkeys(names, 1.0), stds={}, levels=(), questions=(), **given)
+    return FrictionFit(**dict.fromkeys(names, 1.0), levels=(), questions=(), **{"stds": {"K0": 0.0, "Fs": 0.0}} | given)
