@@ -15,7 +15,7 @@ help:
 	@echo "make attack         the cases of the statistics that make test leaves out"
 	@echo "make docs           every example, guide and reference as pages in build/docs/index.html, and their tests"
 	@echo "make pages          the pages alone, without their tests"
-	@echo "make picture        the picture of the README, from the first example"
+	@echo "make picture        the pictures of the README and of the page on servo axes"
 	@echo "make bench          every measured figure again, beside the peers that install: about half an hour"
 	@echo "make release-check  build wheel and source distribution, look into them, try them in clean environments"
 	@echo "make clean          remove what these made"
@@ -63,7 +63,7 @@ docs: $(TESTS)
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest --docs -n 2 --dist worksteal tests/project
 	@echo "wrote build/docs/index.html"
 
-# The picture of the README, from what the first example measured.
+# The picture of the README, from what the first example measured, and that of the page on servo axes.
 picture: $(READY)
 	$(BIN)/python -m docs.picture
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable
 from csv import reader as csv_reader
 from dataclasses import replace
 from functools import partial
@@ -16,8 +15,17 @@ import typer
 
 import nlfrf
 from nlfrf._base.arguments import format_count, require_nonnegative
-from nlfrf._base.axes import save_figure
-from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command, printer, rich_console, run_command
+from nlfrf._base.axes import save_figure, write_pictures
+from nlfrf._base.command import (
+    Commands,
+    Decimal,
+    Json,
+    Version,
+    finish_command,
+    printer,
+    progress_display,
+    run_command,
+)
 from nlfrf._base.files import LOAD_OPTIONS, require_writable
 from nlfrf._base.values import to_json
 from nlfrf.axis.axis_file import load_axis
@@ -25,6 +33,7 @@ from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
 from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design, load_experiment
+from nlfrf.io.inspection import screen_file
 from nlfrf.io.records import holds_multirecord
 from nlfrf.io.results import load_own
 from nlfrf.signals.lines import KINDS, grid_lines
@@ -48,6 +57,7 @@ OPTIONS = LOAD_OPTIONS | {
     "f_min": "f-min",
     "f_max": "f-max",
 }
+UNFINISHED = "unfinished_realizations"  # folder in that of the findings, until they are written
 MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
 SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
@@ -157,7 +167,7 @@ def simulate(
     if stiffness is not None:
         rig = replace(rig, stiffness=stiffness)
     noise = require_nonnegative("noise", noise)
-    with progress_bar("simulating") as advance:
+    with progress_display("simulating") as advance:
         record = nlfrf.simulate(
             rig,
             ms,
@@ -178,11 +188,22 @@ def simulate(
 @app.command()
 def inspect(
     file: Annotated[list[Path], typer.Argument(help="Measurement files of any kind that 'nlfrf identify' reads.")],
+    picture: Annotated[
+        Path | None,
+        typer.Option("--plot", "--picture", help="Draw the record, and what was found in it, as .png, .pdf or .svg."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
+    if picture is not None and len(file) > 1:
+        raise ValueError(f"plot must be of one file, got {len(file)}")
     found = [nlfrf.inspect_file(one) for one in file]
     print(to_json(found) if json else "\n\n".join(map(str, found)))
+    if picture is not None:
+        from nlfrf.plot import plot_screened
+
+        screened = screen_file(file[0], found[0])
+        write_pictures(picture, [(plot_screened, screened)], height=1.6 + 1.8 * len(screened.labels))
 
 
 @app.command()
@@ -480,14 +501,26 @@ def reproduce(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the figures, findings.json and findings.md.")],
     realizations: Annotated[int, typer.Option(help="Realisations for each level and grid; the paper has 100.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random phases.")] = 1,
-    resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps finished realisations; else one in --out, until all are done."),
+    ] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print the table of findings.md, in Markdown.")] = False,
 ) -> None:
     """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
     from nlfrf.rig.studies.reproduce import reproduce as repeat
 
-    with progress_bar("simulating") as advance:
-        findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=resume)
+    kept = out / UNFINISHED if resume is None else resume
+    try:
+        with progress_display("simulating") as advance:
+            findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=kept)
+    except KeyboardInterrupt:
+        typer.echo(f"finished realisations are in {kept}: the same command goes on from there", err=True)
+        raise
+    if resume is None:
+        for path in kept.glob("*.npz"):
+            path.unlink()
+        kept.rmdir()
     print((out / "findings.md").read_text().strip() if markdown else "\n\n".join(map(str, findings)))
     print(f"{len(findings)} findings")
 
@@ -595,23 +628,6 @@ def split_names(given: list[str]) -> list[str]:
 def file_name_part(name: str) -> str:
     """Return the name of a channel as part of a file name."""
     return re.sub(r"[^\w.-]+", "_", name).strip("_")
-
-
-class progress_bar:
-    """A progress bar on standard error that takes (done, total)."""
-
-    def __init__(self, label: str) -> None:
-        from rich.progress import Progress
-
-        self.bar = Progress(console=rich_console(), transient=True)
-        self.task = self.bar.add_task(label, total=None)
-
-    def __enter__(self) -> Callable[[int, int], None]:
-        self.bar.start()
-        return lambda done, total: self.bar.update(self.task, completed=done, total=total)
-
-    def __exit__(self, *error: object) -> None:
-        self.bar.stop()
 
 
 def main() -> None:

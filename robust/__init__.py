@@ -16,7 +16,7 @@
     robust.proofs    certificates
     robust.lti       sampled plants, discrete controllers
     robust.io        files: models, controllers, certificates, gains for a PLC, MATLAB
-    robust.reports   pages
+    robust.reports   pages; robust.drive_page is that of the check of a drive
     robust.plot      pictures
 
 Each public name stands in one place.

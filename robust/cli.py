@@ -23,6 +23,7 @@ from nlfrf._base.command import (
     finish_command,
     parse_number,
     printer,
+    progress_display,
     run_command,
     spinner,
 )
@@ -598,7 +599,9 @@ def check_gains(
     ] = None,
     spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
     masses: Annotated[int, typer.Option(help="2: friction is read of a motor and a load, which takes minutes.")] = 1,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Page to write (.txt).")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
@@ -635,13 +638,16 @@ def check_gains(
             if input is None and not played:
                 require_design(traces)
             raise
-    with spinner("checking"):
-        friction: Any = {"stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
-        found = drive_check.check_drive(
-            records, settings, names=names, conditions=conditions, peak=peak, actual=actual, **friction
-        )
+    how: Any = {"peak": peak, "actual": actual, "stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
+    with progress_display("checking", even=False) as advance:
+        found = drive_check.check_drive(records, settings, names=names, conditions=conditions, progress=advance, **how)
     say(found)
-    if out is not None:
+    if out is not None and out.suffix.lower() in (".html", ".htm"):
+        from robust.drive_page import write_drive_page
+
+        with spinner("drawing"):
+            write_drive_page(out, found, records, names=names, conditions=conditions)
+    elif out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
     not_judged = found.verdict is drive_check.DriveVerdict.FRICTION_NOT_JUDGED
     finish_command(found.to_values() if json else found, found.safe, json, code=3 if not_judged else 1)

@@ -216,14 +216,16 @@ def to_decibel(x: np.ndarray) -> np.ndarray:
     return np.asarray(20 * np.log10(np.where(x > 0, x, np.nan)))
 
 
-def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., object], object]]) -> None:
-    """Draw pictures (function, what it draws) side by side into one file, without a screen."""
+def write_pictures(
+    path: Path, pictures: Sequence[tuple[Callable[..., object], object]], *, height: float = 4.8
+) -> None:
+    """Draw pictures (function, what it draws) side by side into one file of this height [inch], without a screen."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    figure, places = plt.subplots(1, len(pictures), figsize=(7.5 * len(pictures), 4.8), layout="constrained")
+    figure, places = plt.subplots(1, len(pictures), figsize=(7.5 * len(pictures), height), layout="constrained")
     for ax, (plot, content) in zip(np.atleast_1d(places), pictures, strict=True):
         plot(content, ax=ax)
     if path.suffix.lstrip(".").lower() not in figure.canvas.get_supported_filetypes():

@@ -8,7 +8,7 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, get_type_hints
@@ -18,6 +18,7 @@ import typer
 from nlfrf._base.arguments import one_line, printable
 from nlfrf._base.extras import MissingPackageError
 from nlfrf._base.files import guarded_outputs, require_writable
+from nlfrf._base.progress import rich_bar
 from nlfrf._base.values import to_json
 
 if TYPE_CHECKING:
@@ -154,6 +155,10 @@ def run_command(name: str, app: Callable[..., object], *shown: type[Warning], op
         warnings.showwarning = show
         try:
             app(prog_name=name)
+        except SystemExit as stop:
+            if stop.code == INTERRUPTED:  # files are written whole or not at all
+                typer.echo(f"{name}: interrupted. No file is half written", err=True)
+            raise
         except (ValueError, OSError, MissingPackageError) as error:
             typer.echo(f"{name}: {name_options(describe_error(error), options)}", err=True)
             raise SystemExit(2) from None
@@ -214,6 +219,21 @@ def spinner(what: str) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def progress_display(what: str, *, even: bool = True) -> Iterator[Callable[[int, int], None]]:
+    """A bar on standard error that takes (done, total), moves while a step takes long, and is gone afterwards.
+
+    Nothing is written where that is a file: rich would end it with an empty line.
+    """
+    bar = rich_bar(rich_console(), what, even=even)
+
+    def show(done: int, total: int) -> None:
+        bar.update(bar.task_ids[0], completed=done, total=total, status=f"{done} of {total}")
+
+    with bar if bar.console.is_terminal else nullcontext():
+        yield show
+
+
 def print_version(wanted: bool) -> None:
     """Print the version and stop, before a command is asked for."""
     if wanted:
@@ -221,6 +241,7 @@ def print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+INTERRUPTED = 130  # exit code of a command that was interrupted, as a shell has it
 MAX_ROWS = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
 Decimal = Annotated[
     str,

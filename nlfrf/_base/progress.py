@@ -5,14 +5,17 @@ from __future__ import annotations
 import html
 import sys
 import time
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
 
 MIN_INTERVAL = 0.1  # seconds between two looks
-BAR_WIDTH = 30
+ERASE_LINE = "\r\x1b[2K"
 
 
-def progress_bar(label: str = "") -> Callable[[int, int], None]:
+def progress_bar(label: str = "") -> ProgressBar:
     """A bar to give as ``progress=`` to whatever takes that: in a notebook below the cell, else on standard error.
 
     Parameters
@@ -24,6 +27,7 @@ def progress_bar(label: str = "") -> Callable[[int, int], None]:
     -------
     callable
         Takes how many are done, and of how many. Nothing is shown where nobody looks: standard error that is a file.
+        Its method `timed` is for `robust.tune`, which knows how much time it has left.
 
     Raises
     ------
@@ -38,32 +42,76 @@ def progress_bar(label: str = "") -> Callable[[int, int], None]:
     """
     if not isinstance(label, str):
         raise ValueError(f"label must be a text, got {label!r}")
-    handle: Any = None
-    begun = last = time.monotonic()
+    return ProgressBar(label)
 
-    def show(done: int, total: int) -> None:
-        nonlocal handle, last
+
+class ProgressBar:
+    """A bar that is drawn anew at each call, without a thread: an interrupt leaves the terminal as it is."""
+
+    def __init__(self, label: str) -> None:
+        self.label = label
+        self.begun = time.monotonic()
+        self.last = -float("inf")
+        self.notebook_handle: Any = None
+        self.bar: Progress | None = None
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show how many are done, and of how many."""
+        self.show(done, total, f"{done} of {total}")
+
+    def timed(self, n_evaluated: int, best: float, left: float) -> None:
+        """Show a search with a limit of time: evaluations, the best value so far, and the seconds that are left."""
+        passed = time.monotonic() - self.begun
+        self.show(passed, passed + left, f"{n_evaluated} evaluations, best {best:.4g}")
+
+    def show(self, done: float, total: float, status: str) -> None:
+        """Draw the bar where somebody looks, not more often than is seen; at its end always."""
         now = time.monotonic()
-        if done < total and handle is not None and now - last < MIN_INTERVAL:
+        if done < total and now - self.last < MIN_INTERVAL:
             return
-        last = now
-        left = f", {(now - begun) * (total - done) / done:.0f} s left" if 0 < done < total else f", {now - begun:.1f} s"
-        status = f"{label} {done} of {total}{left}".strip()
+        self.last = now
         if in_notebook():
-            from IPython.display import HTML, display
-
-            shown = HTML(f"<progress value='{done}' max='{total}'></progress> {html.escape(status)}")
-            if handle is None:
-                handle = display(shown, display_id=True)
-            else:
-                handle.update(shown)
+            self.show_in_notebook(done, total, status)
         elif sys.stderr.isatty():
-            handle = True
-            filled = round(BAR_WIDTH * done / max(total, 1))
-            sys.stderr.write(f"\r{'#' * filled}{'.' * (BAR_WIDTH - filled)} {status}   " + "\n" * (done >= total))
+            from rich.console import Console
+
+            if self.bar is None:
+                self.bar = rich_bar(Console(file=sys.stderr), self.label)
+            self.bar.update(self.bar.task_ids[0], completed=done, total=total, status=status)
+            with self.bar.console.capture() as drawn:
+                self.bar.console.print(self.bar.get_renderable())
+            sys.stderr.write(ERASE_LINE + drawn.get().rstrip("\n") + "\n" * (done >= total))
             sys.stderr.flush()
 
-    return show
+    def show_in_notebook(self, done: float, total: float, status: str) -> None:
+        """Draw the bar below a cell."""
+        from IPython.display import HTML, display
+
+        text = html.escape(f"{self.label} {status}".strip())
+        shown = HTML(f"<progress value='{done}' max='{total}'></progress> {text}")
+        if self.notebook_handle is None:
+            self.notebook_handle = display(shown, display_id=True)
+        else:
+            self.notebook_handle.update(shown)
+
+
+def rich_bar(console: Console, label: str, *, even: bool = True) -> Progress:
+    """Return a bar of rich with one task, to which `status` says what is done; it leaves nothing behind on its end.
+
+    Of steps that are not even the time that is left is not known.
+    """
+    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns: list[ProgressColumn] = [
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[status]}"),
+        TimeElapsedColumn(),
+        *([TextColumn("left"), TimeRemainingColumn()] if even else []),
+    ]
+    bar = Progress(*columns, console=console, transient=True, auto_refresh=console.is_terminal)
+    bar.add_task(label, total=None, status="")
+    return bar
 
 
 def in_notebook() -> bool:

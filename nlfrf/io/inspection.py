@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import format_count
+from nlfrf._base.arguments import format_count, label_with_unit
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
@@ -22,6 +22,7 @@ from nlfrf.io.results import value_in
 from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record
+from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
@@ -123,7 +124,7 @@ class FileContents:
         words += ["--output", shlex.quote(quote_name(self.y or "OUTPUT"))]
         words += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
         words += ["--reference", shlex.quote(quote_name(self.reference))] if self.reference else []
-        fs = {channel.name: channel.fs for channel in self.channels}.get(self.u, np.nan)
+        fs = {channel.name: channel.fs for channel in self.channels}.get(self.u or self.y, np.nan)
         words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
         words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE_TOLERANCE else []
         return " ".join([*words, out])
@@ -249,6 +250,64 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         reference=reference,
         frf=frf,
         frf_options=frf_options,
+    )
+
+
+def screen_file(path: str | os.PathLike[str], contents: FileContents) -> ScreenedStreams:
+    """Look for the faults of the record in a file, where they stand, to draw them.
+
+    Of a file without a periodic input all that varies is shown. Of several realisations or experiments the first is.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    contents : FileContents
+        What `inspect_file` found in it.
+
+    Raises
+    ------
+    ValueError
+        A file that holds no record.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # `inspect_file` leaves the clock to loading too
+        file = read_channels(path)
+        if contents.schema:
+            record = value_in(file)
+            if not isinstance(record, Record):
+                raise ValueError(f"plot must be of a record, got {path}: {contents.schema} is drawn by nlfrf plot")
+            signals = record_signals(record)
+            return screen_streams(
+                [one[0].ravel() for _, _, one in signals],
+                [label_with_unit(name, unit, f"unit of {name}") for name, unit, _ in signals],
+                n_inputs=record.n_inputs,
+                fs=record.fs,
+                period=float(record.n_samples),
+            )
+        inputs = [name for name in (contents.reference, contents.u) if name]
+        names = [*inputs, *[contents.y] * bool(contents.y)]
+        if not contents.u:
+            varying = {name: file.arrays[name] for name in file.signals if file.arrays[name].squeeze().ndim == 1}
+            moving = {name: x for name, x in varying.items() if is_varying(x) and name not in file.times}
+            names = list(next(iter(group_by_length(moving)), {}))[:MAX_CANDIDATES]
+        if contents.frf and not contents.u:
+            raise ValueError(f"plot must be of a record, got {path}, which holds an FRF: robust model takes it")
+        if not names:
+            raise ValueError(f"plot must be of a record, got {path}, in which no channel varies")
+        streams = [file.signal("u", name) for name in names]
+        lost = describe_lost_rows(file, names[0])
+        try:
+            fs = file.sampling_frequency(None, tuple(names))
+        except ValueError:
+            fs = float("nan")
+    return screen_streams(
+        streams,
+        [label_with_unit(UNIT_SUFFIX.sub("", name), file.unit(name), "unit of it") for name in names],
+        n_inputs=len(inputs),
+        fs=fs,
+        period=contents.period,
+        place=None if lost is None else lost.place,
     )
 
 

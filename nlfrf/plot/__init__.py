@@ -1,6 +1,6 @@
 """Pictures of signals and of what was identified. They compute nothing but units.
 
-    signals  one period, the harmonic grid, what was played and measured
+    signals  one period, the harmonic grid, what was played and measured, what screening found
     bla      the BLA with its bound, its levels, a second opinion
     matrix   a matrix of several inputs and outputs: entries, singular values, relative gains
     look     colours and markers that they share
@@ -8,12 +8,13 @@
 All of them can be imported from here: `from nlfrf.plot import plot_bla`.
 """
 
-from nlfrf.plot.bla import plot_bla, plot_bode, plot_levels, plot_opinion, plot_phase
+from nlfrf.plot.bla import plot_bla, plot_blas, plot_bode, plot_levels, plot_opinion, plot_phase
 from nlfrf.plot.matrix import plot_frm, plot_frm_bounds, plot_frm_phase, plot_rga, plot_singular_values
-from nlfrf.plot.signals import plot_excitation, plot_input, plot_samples, plot_spectrum
+from nlfrf.plot.signals import plot_excitation, plot_input, plot_samples, plot_screened, plot_spectrum
 
 __all__ = [
     "plot_bla",
+    "plot_blas",
     "plot_bode",
     "plot_excitation",
     "plot_frm",
@@ -25,6 +26,7 @@ __all__ = [
     "plot_phase",
     "plot_rga",
     "plot_samples",
+    "plot_screened",
     "plot_singular_values",
     "plot_spectrum",
 ]

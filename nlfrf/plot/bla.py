@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import require_kind
+from nlfrf._base.arguments import require_kind, short_form
 from nlfrf._base.axes import (
     axes_or_new,
     bode_axes,
@@ -14,15 +16,19 @@ from nlfrf._base.axes import (
     follow_lines,
     gain_band,
     join_labels,
+    lower_edge,
     phase_band,
     to_decibel,
 )
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.cross_check import DISAGREEMENT_DB, SecondOpinion
-from nlfrf.plot.look import COLOR, MARKER, OVER_100, crop_rounding
+from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, OVER_100, crop_rounding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+BAND_ALPHA = 0.25  # of bounds that lie over one another
+LINES = (".-", ".--", ".:")  # of BLAs over one another, once all colours are taken
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
@@ -105,6 +111,57 @@ def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) ->
     ax.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=COLOR["excited"])
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
     return finish_axes(ax)
+
+
+def plot_blas(
+    blas: Sequence[Bla], labels: Sequence[str], *, confidence: float = 0.95, ax: Axes | None = None
+) -> tuple[Axes, Axes]:
+    """Draw magnitude and phase of several BLAs over one another, each with its bound, such as those of several levels.
+
+    Parameters
+    ----------
+    blas : sequence of Bla
+        Of one unit.
+    labels : sequence of str
+        What each is called.
+    confidence : float
+        Probability of the bounds that are drawn.
+    ax : matplotlib Axes, optional
+        Where to draw: it gives its place to the two that are returned; a new figure when not given.
+    """
+    if not isinstance(blas, list | tuple) or not blas:
+        raise ValueError(f"blas must be a list of at least one Bla, got {short_form(blas)}")
+    for bla in blas:
+        require_single(bla)
+    if not isinstance(labels, list | tuple) or len(labels) != len(blas):
+        raise ValueError(f"labels must be a list of {len(blas)}, one a Bla, got {short_form(labels)}")
+    top, bottom = bode_axes(ax)
+    styles = cycle((color, line) for line in LINES for color in COLOR_CYCLE)
+    for bla, label, (color, line) in zip(blas, labels, styles, strict=False):
+        size, radius = np.abs(bla.G), bla.bound(confidence)
+        top.fill_between(
+            bla.f,
+            to_decibel(lower_edge(size, size - radius)),
+            to_decibel(size + radius),
+            color=color,
+            alpha=BAND_ALPHA,
+            lw=0,
+        )
+        phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, radius)
+        phase -= 360 * np.round((phase[0] + 90) / 360)  # from -270 to 90 deg at first, as of what is late
+        bottom.fill_between(bla.f, phase - wide, phase + wide, color=color, alpha=BAND_ALPHA, lw=0)
+        top.plot(bla.f, to_decibel(size), line, ms=3, lw=1.2, color=color)
+        bottom.plot(bla.f, phase, line, ms=3, lw=1.2, color=color, label=label)
+    bottom.fill_between(
+        [], [], [], color=COLOR["noise"], alpha=BAND_ALPHA, label=f"{100 * confidence:g} % bound of each"
+    )
+    follow_lines(top)
+    top.set(
+        xscale="log", ylabel=f"magnitude [dB, {blas[0].unit or 'unit of y / u'}]", title="Best linear approximations"
+    )
+    bottom.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
+    finish_axes(top)
+    return top, finish_axes(bottom)
 
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import label_with_unit, require_choice, require_kind
-from nlfrf._base.axes import add_note, axes_or_new, finish_axes, to_decibel
+from nlfrf._base.arguments import format_count, label_with_unit, require_choice, require_kind
+from nlfrf._base.axes import add_note, axes_or_new, finish_axes, finish_matrix, matrix_axes, to_decibel
 from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.spectra import period_dft
 from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, ROUNDING_DB
 from nlfrf.records.record import Record
+from nlfrf.records.screened import Fault, ScreenedStreams
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
@@ -21,6 +22,15 @@ if TYPE_CHECKING:
 
 MAX_HARMONICS = 48  # of a grid are shown, so that each is seen
 INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
+#: Of what makes a span of samples no period, or not one like the others.
+FAULT_COLORS = {
+    Fault.SILENCE: COLOR["noise"],
+    Fault.REST: COLOR["even"],
+    Fault.LOST: COLOR["odd"],
+    Fault.DIFFERENT: "#E69F00",
+}
+MAX_NAMED = 3  # spans of one kind that the legend names
+MAX_PERIODS = 200  # periods whose beginning is marked
 LINE_OFFSET = 0.3  # between the markers of two inputs, in lines
 
 
@@ -75,6 +85,49 @@ def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None
         title=f"Harmonic grid, {ms.f[0]:g} to {ms.f[-1]:g} Hz, {ms.f.size} excited lines",
     )
     return finish_axes(ax)
+
+
+def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.ndarray:
+    """Draw a whole record over time with what screening found in it: periods, silence, outliers, lost samples.
+
+    Parameters
+    ----------
+    screened : ScreenedStreams
+        What `nlfrf inspect` found in a file.
+    ax : matplotlib Axes, optional
+        Where to draw: it gives its place to the axes that are returned; a new figure when not given.
+
+    Returns
+    -------
+    (C, 1) ndarray of matplotlib Axes
+        One for each stream.
+    """
+    require_kind("screened", screened, ScreenedStreams)
+    known = bool(np.isfinite(screened.fs))
+    dt = 1 / screened.fs if known else 1.0
+    period = f"{format_count(screened.starts.size, 'whole period')} of {screened.period:g} samples"
+    made, foot = matrix_axes(ax, screened.labels, [period if screened.period else "no channel repeats"])
+    t = dt * np.arange(screened.samples.shape[1])
+    for one, x, outliers in zip(made[:, 0], screened.samples, screened.outliers, strict=True):
+        one.plot(t, x, "-", lw=0.6, color=COLOR["excited"], rasterized=True)
+        for fault, color in FAULT_COLORS.items():
+            spans = [span for span in screened.spans if span.fault is fault]
+            extents = [span.extent for span in spans[:MAX_NAMED]] + ["..."] * (len(spans) > MAX_NAMED)
+            for span in spans:
+                one.axvspan(dt * span.first, dt * span.end, color=color, alpha=0.35, lw=1)
+            if spans:
+                one.fill_between([], [], [], color=color, alpha=0.35, label=f"{fault.value}: {', '.join(extents)}")
+        for start in dt * screened.starts[:MAX_PERIODS]:
+            one.axvline(start, color=COLOR["noise"], lw=0.8, ls="--")
+        if screened.starts.size:
+            one.plot([], [], "--", lw=0.8, color=COLOR["noise"], label="a period begins")
+        if outliers.size:
+            label = (
+                f"{format_count(outliers.size, 'outlier')}, the first at {dt * outliers[0]:.4g} {'s' if known else ''}"
+            )
+            one.plot(dt * outliers, x[outliers], "o", ms=8, mfc="none", color=COLOR["odd"], label=label.strip())
+        one.set_xlim(0, t[-1])
+    return finish_matrix(made, foot, "time [s]" if known else "sample")
 
 
 def labelled_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np.ndarray, str, float]]:

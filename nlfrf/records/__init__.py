@@ -5,5 +5,6 @@ period         its period
 record         `Record`, checked when made: realisations, periods, channels
 reference      the design that was played, laid under what was measured
 samples        a record cut out of streams of samples
+screened       what screening finds, sample by sample, for a picture
 screening      screening of a record
 """

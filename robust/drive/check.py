@@ -8,9 +8,10 @@ The machine is what a trace leaves once delay and lag are taken off, where its i
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, NamedTuple
@@ -516,6 +517,7 @@ def check_drive(
     spring: bool = False,
     masses: int = 1,
     fit: FrictionFit | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> DriveCheck:
     """Check the gains of a drive against traces of its axis, one a level.
 
@@ -579,15 +581,18 @@ def check_drive(
     names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
     under = list(conditions) or [Conditions()] * len(records)
     blas, warned = [], []
+    advance = count_steps(progress, len(records) + len(("machine", "friction", "loop", "bound", "simulation")))
     for name, record in zip(names, records, strict=True):
         with collect_warnings(name) as texts:
             blas.append(nlfrf.identify(record))
         warned.append(texts)
+        advance()
     moving = [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
     candidates = moving or list(range(len(records)))
     chosen = candidates[highest_level([blas[k] for k in candidates])]
     given = settings
     machine_bla, nominal, settings = fit_machine(blas[chosen], records[chosen], settings, actual=actual)
+    advance()
     at_rest = [record for k, record in enumerate(records) if k not in moving]
     force, note = None, ""
     if moving and unit != "A" and fit is None:
@@ -606,6 +611,7 @@ def check_drive(
         friction = replace(friction, note=f"{friction.note}; {note}".lstrip("; "))
     if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
         friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
+    advance()
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
     machine = set_around(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
@@ -613,6 +619,7 @@ def check_drive(
     stiffness_unit = ratio_unit(unit, base)
     report = replace(report, peak=peak)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
+    advance()
     doubts: list[Doubt | None] = [
         None
         if friction.assumed is not None
@@ -639,7 +646,9 @@ def check_drive(
             friction = replace(
                 friction, note=f"{friction.note}. No bound with the given force: no linear model is known"
             )
+    advance()
     friction = simulate_drive(friction, settings, model=model, report=report, masses=masses)
+    advance()
     if report.verdict is Verdict.NOT_ROBUST and misled:
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
         report = replace(
@@ -684,6 +693,24 @@ def simulate_drive(
 
     found = with_advice(simulate_rest(force, settings), force, settings, keeps)
     return replace(friction, simulated=found)
+
+
+def count_steps(progress: Callable[[int, int], object] | None, total: int) -> Callable[[], None]:
+    """Return what is to be called after each of so many steps; it says first that none is done.
+
+    >>> advance = count_steps(lambda done, total: print(done, "of", total), 2)
+    0 of 2
+    >>> advance()
+    1 of 2
+    """
+    done = count()
+
+    def advance() -> None:
+        if progress is not None:
+            progress(next(done), total)
+
+    advance()
+    return advance
 
 
 def read_force(

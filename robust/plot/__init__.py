@@ -3,14 +3,14 @@
     models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds, poles and zeros in their ellipses
     shaping  |L| between its bounds, redrawn as the controller changes
-    friction pictures of what friction does to a loop
+    friction pictures of friction, and of what it does to a loop
     tuning   limits of a tuned design over frequency, before and after
     style    colours, units, and the measured band in white
 
 Import them from here: `from robust.plot import plot_check`.
 """
 
-from robust.plot.friction import plot_friction_fit, plot_quasi_linear
+from robust.plot.friction import RestCase, plot_friction_fit, plot_friction_force, plot_quasi_linear, plot_rest
 from robust.plot.loops import (
     plot_bounds,
     plot_check,
@@ -32,6 +32,7 @@ from robust.plot.models import (
 from robust.plot.tuning import plot_limits
 
 __all__ = [
+    "RestCase",
     "plot_bode",
     "plot_bounds",
     "plot_budget",
@@ -39,12 +40,14 @@ __all__ = [
     "plot_family",
     "plot_fit",
     "plot_friction_fit",
+    "plot_friction_force",
     "plot_limits",
     "plot_loop",
     "plot_nominal",
     "plot_nyquist",
     "plot_orders",
     "plot_quasi_linear",
+    "plot_rest",
     "plot_roots",
     "plot_step",
     "plot_validation",

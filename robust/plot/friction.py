@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import require_kind
+from nlfrf._base.arguments import require_kind, short_form
 from nlfrf._base.axes import AxesLike, axes_or_new, bode_axes, finish_axes
+from robust._base.states import FrictionVerdict
 from robust.friction.describing_function import QuasiLinear
+from robust.friction.force import FrictionForce
 from robust.friction.identification import FrictionFit
+from robust.friction.units import format_length
 from robust.plot.style import COLOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+#: Of levels, one after the other.
+LEVEL_COLORS = (COLOR["misfit"], COLOR["loop"], COLOR["level"], COLOR["limit"])
+#: Widths of presliding, break-away force over stiffness, that a picture of the friction force shows on either side.
+SLIP_LENGTHS = 4.0
 #: Below this part of the largest friction the axes run straight through zero, above it they are logarithmic.
 LINEAR_SHARE = 1e-2
 
@@ -96,6 +105,112 @@ def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[
     bottom.set_xlabel(f"rms of the motion [µ{length}]")
     finish_axes(bottom)
     return finish_axes(top), bottom
+
+
+def plot_friction_force(
+    loops: Mapping[str, np.ndarray], read: FrictionFit | FrictionForce, *, ax: AxesLike | None = None
+) -> Axes:
+    """Draw the friction force over the position of each record at rest, with what was read of the friction.
+
+    Where friction sticks the force runs along its presliding stiffness K0; where it slides it stays within the
+    break-away force. Of fitted elements the virgin curve is drawn: the force of a first push from rest. What the
+    levels leave open is not drawn.
+
+    Parameters
+    ----------
+    loops : mapping of str to (2, n) ndarray
+        Position [m] and friction force [N] over a period, by the name of the record.
+    read : FrictionFit or FrictionForce
+        What was read from the records.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+    """
+    require_kind("read", read, FrictionFit, FrictionForce)
+    if not isinstance(loops, Mapping) or not loops:
+        raise ValueError(f"loops must hold position and force of a record by its name, got {short_form(loops)}")
+    ax = axes_or_new(ax)
+    force, length = read.units if isinstance(read, FrictionFit) else read.sliding.units
+    for k, ((name, (x, f)), color) in enumerate(zip(loops.items(), cycle(LEVEL_COLORS))):  # the smallest on top
+        ax.plot(1e6 * np.append(x, x[0]), np.append(f, f[0]), "-", lw=0.8, color=color, label=name, zorder=3 - 0.1 * k)
+    K0, Fs = force_numbers(read)
+    at_most = "" if isinstance(read, FrictionFit) else "at most "
+    widest = max(float(np.ptp(x)) for x, _ in loops.values())
+    reach = min(widest, SLIP_LENGTHS * Fs / K0) if K0 * Fs > 0 and np.isfinite(K0 * Fs) else widest
+    if isinstance(read, FrictionFit) and np.isfinite(K0 * Fs):
+        x = np.linspace(-reach, reach, 401)
+        virgin = np.sign(x) * np.minimum(np.outer(np.abs(x), read.element_stiffness), read.element_strength).sum(axis=1)
+        label = f"virgin curve, {read.element_stiffness.size} Maxwell elements"
+        ax.plot(1e6 * x, virgin, "-", lw=2.0, color=COLOR["radius"], label=label, zorder=4)
+    if np.isfinite(Fs):
+        ax.axhline(Fs, ls="--", lw=1.0, color=COLOR["weight"], label=f"break-away force {at_most}{Fs:.4g} {force}")
+        ax.axhline(-Fs, ls="--", lw=1.0, color=COLOR["weight"])
+    if np.isfinite(K0 * Fs) and K0 > 0:
+        end = 1e6 * Fs / K0
+        label = f"presliding stiffness {K0 / 1e3:.4g} k{force}/{length}"
+        ax.plot([-end, end], [-Fs, Fs], ":", lw=1.4, color=COLOR["weight"], label=label)
+    ax.set(
+        xlim=(-1e6 * reach, 1e6 * reach),
+        xlabel=f"position from its mean [µ{length}]",
+        ylabel=f"friction force [{force}]",
+        title="Friction over position, at rest",
+    )
+    return finish_axes(ax)
+
+
+def force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
+    """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan where it was left open."""
+    if isinstance(read, FrictionForce):
+        return float(np.mean(read.K0)), float(read.Fs.max())
+    known = [value if np.isfinite(read.stds[name]) else np.nan for name, value in (("K0", read.K0), ("Fs", read.Fs))]
+    return known[0], known[1]
+
+
+class RestCase(NamedTuple):
+    """What is assumed or changed, the verdict with it, and the largest distance from the set point, nan if unknown."""
+
+    name: str
+    verdict: FrictionVerdict
+    distance: float
+
+
+def plot_rest(cases: Sequence[RestCase], *, unit: str = "m", ax: AxesLike | None = None) -> Axes:
+    """Draw how far from its set point an axis is in the end, a bar for each case: at rest there, or moving for ever.
+
+    Parameters
+    ----------
+    cases : sequence of RestCase
+        What is assumed or changed, the verdict with it, and the largest distance from the set point [m].
+    unit : str
+        Of the distance.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+    """
+    if not isinstance(cases, list | tuple) or not cases:
+        raise ValueError(f"cases must be a list of at least one RestCase, got {short_form(cases)}")
+    for case in cases:
+        require_kind("cases", case, RestCase)
+    ax = axes_or_new(ax)
+    distances = np.array([1e6 * distance for *_, distance in cases])
+    known = distances[np.isfinite(distances) & (distances > 0)]
+    low, high = (known.min() / 10, known.max() * 30) if known.size else (0.1, 10.0)
+    words = {True: "comes to rest", False: "may move for ever"}
+    for row, ((name, verdict, distance), size) in enumerate(zip(cases, distances, strict=True)):
+        rests = verdict is FrictionVerdict.PROVED
+        end = max(size, low) if np.isfinite(size) else high
+        label = words.pop(rests, None)
+        ax.barh(row, end - low, 0.4, left=low, color=COLOR["weight" if rests else "limit"], alpha=0.6, label=label)
+        if not size:
+            ax.plot(low, row, "o", ms=9, color=COLOR["weight" if rests else "limit"], clip_on=False)
+        where = "no bound known" if not np.isfinite(size) else format_length(distance, unit)
+        texts = {(row, end if np.isfinite(size) else low): where if size else "at the set point"}
+        for (height, left), text in ({(row - 0.36, low): name} | texts).items():
+            ax.annotate(text, (left, height), xytext=(9, 0), textcoords="offset points", va="center", fontsize="small")
+    ax.set_yticks([])
+    ax.set_ylim(-0.7, len(cases) - 0.5)
+    ax.invert_yaxis()
+    ax.set(xscale="log", xlim=(low, high), xlabel=f"largest distance from the set point in the end [µ{unit}]")
+    ax.set_title("What rests where")
+    return finish_axes(ax)
 
 
 def complex_parts(z: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from importlib.resources import files
+from pathlib import Path
 from typing import TypeVar, cast
 
 import nlfrf
@@ -27,8 +28,11 @@ from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
 from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
+from robust.reports.parts import Banner
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
+
+PAGE_SUFFIXES = (".html", ".htm")
 
 
 def write_report(
@@ -104,9 +108,7 @@ def write_report(
     >>> report.verdict in text, "http" in text.replace("http-equiv", "")
     (True, False)
     """
-    path = to_path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"path must end in .html, got {path.name!r}")
+    path = page_path(path)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, got {describe_no_set(model)}")
     single, records = model.is_single, as_list(record)
@@ -143,9 +145,22 @@ def write_report(
         worst_case_section(model, K, report=report, delay=delay),
         settings_section(model, K, w_P=w_P, delay=delay),
     ]
-    friction_line = "" if friction is None else describe_proof(friction)
-    write_text(path, render_page(title=title, notes=notes, report=report, beside=friction_line, sections=sections))
+    banner = Banner(
+        style=report.verdict.replace(" ", "-"),
+        heading=f"{report.verdict.capitalize()}{report.missed_performance}",
+        lines=(report.meaning, *report.conditions, *([] if friction is None else [describe_proof(friction)])),
+    )
+    page = {"verdict": report.verdict, "banner": banner, "warnings": report.warnings, "sections": sections}
+    write_text(path, render_page(title=title, notes=notes, **page))
     return report
+
+
+def page_path(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a page, or a refusal where it ends otherwise."""
+    path = to_path(path)
+    if path.suffix.lower() not in PAGE_SUFFIXES:
+        raise ValueError(f"path must end in .html, got {path.name!r}")
+    return path
 
 
 def require_class(name: str, given: Sequence[object], wanted: type) -> None:

@@ -35,6 +35,16 @@ class Section:
     facts: tuple[tuple[str, str], ...] = ()
     table: tuple[tuple[str, ...], ...] = ()  # the first row is the head
     pictures: tuple[Picture, ...] = ()
+    printed: str = ""  # as a command prints it, in columns
+
+
+@value
+class Banner:
+    """The verdict above all sections: a class of colours of the page, what it is, what it means in lines."""
+
+    style: str
+    heading: str
+    lines: tuple[str, ...]
 
 
 def draw_picture(

@@ -10,6 +10,7 @@ from matplotlib import pyplot as plt
 
 from nlfrf import Record, identify, multisine, second_opinion
 from nlfrf import plot as pictures
+from nlfrf.records.screened import screen_streams
 from tests.support.pictures import labels, notes
 
 MS = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
@@ -42,6 +43,51 @@ def test_the_input_shows_what_stands_where_nothing_was_to_be(ax):
     f, level = odd.get_data()
     assert level[f == 5][0] == pytest.approx(-40.0)
     assert ax.get_ylim()[0] < -40
+
+
+def test_a_screened_record_shows_what_is_left_out_and_what_is_wrong(ax):
+    u = np.concatenate([np.zeros(200), np.tile(MS.u[0], 4), np.zeros(60)])
+    y = 2 * u
+    y[300] = 50.0
+    rows = np.delete(np.arange(u.size), 400)
+    found = screen_streams([u[rows], y[rows]], ["u [N]", "y [m]"], n_inputs=1, fs=128, period=128, place=rows)
+    top, bottom = pictures.plot_screened(found, ax=ax)[:, 0]
+    assert (top.get_ylabel(), bottom.get_ylabel(), bottom.get_xlabel()) == ("u [N]", "y [m]", "time [s]")
+    assert top.get_title() == "4 whole periods of 128 samples"
+    assert labels(top.figure.axes[-1]) == [
+        "silence, left out: 200 samples, 60 samples",
+        "samples lost or repeated: 1 sample",
+        "a period begins",
+        f"1 outlier, the first at {300 / 128:.4g} s",
+    ]
+    curve = top.get_lines()[0].get_ydata()
+    assert np.flatnonzero(np.isnan(curve)).tolist() == [400]
+    (marked,) = (line for line in bottom.get_lines() if line.get_marker() == "o")
+    assert marked.get_xydata().tolist() == [[300 / 128, 50.0]]
+
+
+def test_a_record_without_clock_or_period_is_drawn_over_samples(ax):
+    found = screen_streams([np.random.default_rng(1).standard_normal(300)], ["u"], n_inputs=1, fs=np.nan, period=0.0)
+    (only,) = pictures.plot_screened(found, ax=ax)[:, 0]
+    assert (only.get_title(), only.get_xlabel(), only.get_xlim()) == ("no channel repeats", "sample", (0, 299))
+    with pytest.raises(ValueError, match="screened must be of type ScreenedStreams"):
+        pictures.plot_screened(U)
+
+
+def test_several_blas_lie_over_one_another_with_their_bounds(ax):
+    """A gain, and one of the other sign: 0 dB and 20 dB, phases within one turn."""
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(U.shape)
+    blas = [identify(Record(u=U, y=gain * U + noise, fs=128, lines=MS.lines)) for gain in (1.0, -10.0)]
+    top, bottom = pictures.plot_blas(blas, ["soft", "stiff"], ax=ax)
+    for k, (decibel, degrees) in enumerate(((0, 0), (20, -180))):
+        assert top.get_lines()[k].get_ydata() == pytest.approx(decibel, abs=0.1)
+        assert bottom.get_lines()[k].get_ydata() == pytest.approx(degrees, abs=1)
+    assert labels(bottom) == ["soft", "stiff", "95 % bound of each"]
+    top, _ = pictures.plot_blas(8 * blas[:1], [f"level {k}" for k in range(8)])
+    assert len({(line.get_color(), line.get_linestyle()) for line in top.get_lines()}) == 8
+    plt.close(top.figure)
+    with pytest.raises(ValueError, match="labels must be a list of 2, one a Bla, got"):
+        pictures.plot_blas(blas, ["soft"])
 
 
 def test_an_opinion_shows_both_readings(ax):

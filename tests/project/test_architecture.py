@@ -52,6 +52,7 @@ FACES = {
     *(
         "robust",
         "robust.cli",
+        "robust.drive_page",
         "robust.plot",
         "robust.margins",
         "robust.shaping",

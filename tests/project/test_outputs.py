@@ -227,6 +227,7 @@ def test_two_outputs_take_no_place_of_each_other(files):
         *((f"nlfrf identify mid.csv -o b.{kind} --csv", f"b.{kind} b-bla.csv") for kind in ("npz", "h5")),
         ("nlfrf identify multi.npz -o F.npz --csv", "F.npz F-bla.csv"),
         ("nlfrf identify multi.npz -o F.csv", "F.csv"),
+        ("nlfrf inspect mid.csv --plot i.png", "i.png"),
         *((f"nlfrf plot bla.npz -o p.{kind}", f"p.{kind}") for kind in ("png", "pdf", "svg")),
         ("robust model bla.npz --poles 2 -o m.json --picture m.png", "m.json m.png"),
         ("robust orders bla.npz --most 2 --picture o.pdf", "o.pdf"),

@@ -11,6 +11,7 @@ import pytest
 import nlfrf
 import robust
 from nlfrf import plot as measured_pictures
+from nlfrf.records.screened import screen_streams
 from robust import plot as loop_pictures
 
 MODULES = (nlfrf, robust, measured_pictures, loop_pictures)
@@ -27,7 +28,7 @@ FLAGS = {
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress", "transform"}  # in some cases only
 #: Parameters that no sound value is made of here: results of functions that have a test of their own.
 RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
-RESULTS |= {"validation", "design"}
+RESULTS |= {"validation", "design", "loops", "read", "cases"}
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +68,11 @@ def things():
     sound |= {"signals": robust.analysis.LoopSignals(disturbance=robust.analysis.SineSignal(0.1, 10.0))}
     sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record), "f": np.array([1.0, 2.0])}
     axis = nlfrf.servo_axis("linear motor")
+    screened = screen_streams([record.u.ravel()], ["u"], n_inputs=1, fs=1024.0, period=1024.0)
     sound |= {
         "thing": model,
+        "screened": screened,
+        "labels": ["low", "middle", "high"],
         "preset": "belt",
         "axis": replace(axis, drive=replace(axis.drive, fs=1024, kp=30.0, kv=20.0)),
     }

@@ -122,13 +122,22 @@ SAMPLES_FOR_LEVEL, BODY, MIN_OVER_BODY, OUTLIER_RATIO, MAX_OUTLIERS = 1 << 16, 0
 MOST_PERIODS = 0.7
 
 
-def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int, fs: float) -> None:
-    """Warn of outliers of an output y (n,) whose input u has no pulses."""
+def find_outliers(y: np.ndarray, u: np.ndarray, n_samples: int) -> tuple[np.ndarray, float]:
+    """Return where the outliers of an output y (n,) stand, and how far all others are from the median at most.
+
+    None of an input u (n,) that has pulses: they make peaks of y.
+
+    >>> y = np.tile(np.sin(np.arange(100)), 3)
+    >>> y[120] = 9.0
+    >>> find_outliers(y, np.tile(np.cos(np.arange(100)), 3), 100)[0]
+    array([120])
+    """
+    none = np.zeros(0, dtype=int)
     some = y[:: -(-y.size // SAMPLES_FOR_LEVEL)]
     middle = float(np.median(some))
     body = float(np.quantile(np.abs(some - middle), BODY))
     if not 0 < MIN_OVER_BODY * body < max(float(y.max()) - middle, middle - float(y.min())) or has_pulses(u):
-        return
+        return none, np.inf
     distance = np.abs(y - middle)
     beyond = np.sort(np.append(distance[distance > body], body))
     k = int(np.argmax(beyond[1:] / beyond[:-1]))
@@ -136,12 +145,18 @@ def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int,
     times = np.unique(outliers % n_samples, return_counts=True)[1]  # that a sample of the period is an outlier
     repeated = times[times > max(1, MOST_PERIODS * (y.size // n_samples))].sum()
     few = outliers.size < MAX_OUTLIERS * y.size and repeated <= outliers.size / 2
-    if few and beyond[k + 1] > OUTLIER_RATIO * beyond[k]:
+    return (outliers, float(beyond[k])) if few and beyond[k + 1] > OUTLIER_RATIO * beyond[k] else (none, np.inf)
+
+
+def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int, fs: float) -> None:
+    """Warn of outliers of an output y (n,) whose input u has no pulses."""
+    outliers, largest = find_outliers(y, u, n_samples)
+    if outliers.size:
         first, values = int(outliers[0]), np.unique(y[outliers])
         same = f"all of {values[0]:g}, as a mark of no value, " if outliers.size > values.size == 1 else ""
         data_warning(
             f"{name} has {format_count(outliers.size, 'outlier')}, {same}the first of {y[first]:.6g} at sample {first} "
-            f"({first / fs:.6g} s): no other sample is further than {beyond[k]:.3g} from the median. A spike adds the "
+            f"({first / fs:.6g} s): no other sample is further than {largest:.3g} from the median. A spike adds the "
             "same error to all lines; mend the file, or leave that period out"
         )
 

@@ -1,5 +1,6 @@
 """The command `robust drive check`: traces and gains in, one page out, held against the axis behind the traces."""
 
+import html
 import json
 import re
 import sys
@@ -27,7 +28,9 @@ from robust.drive.check import (
     read_experiments,
     read_trace,
 )
-from robust.drive.friction import friction_behind_lag, largest_added_delay
+from robust.drive.friction import force_over_position, friction_behind_lag, largest_added_delay
+from robust.drive_page import write_drive_page
+from robust.lti.sampling import hold_correction
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -171,6 +174,57 @@ def test_an_axis_that_settles_may_move_for_ever(run, folder):
     assert (code, bool(first)) == (1, True), page
     assert "It may move within that for ever." in page
     assert re.search(r"while that acts: settles, may move within \S+ m for ever", page)
+
+
+@pytest.mark.usefixtures("played")
+def test_the_page_in_html_shows_what_was_found_in_pictures(run, folder):
+    """Every text of the printed page is in it, each picture inside the file, and it asks nobody for anything."""
+    (folder / "short.toml").write_text(LINEAR.replace('"10 ms"', '"4 ms"').replace("143", "200"))
+    designs = " ".join(f"--design {name}.npz" for name in [*LEVELS, "motion"])
+    code, printed, _ = run(f"{' '.join(AT_REST)} motion-trace.csv short.toml {designs} --stiction 4 -o page.html")
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert (code, page.count("<figure>")) == (1, 8)
+    assert page.count('src="data:image/svg+xml') == 8
+    assert "http" not in page.replace("http-equiv", "")
+    assert 'banner not-robust"><strong>Not passed</strong>' in page
+    said = one_line(html.unescape(page))
+    for title in ("traces", "friction", "step of the position set point", "words"):
+        part = printed.removesuffix("wrote page.html\n").partition(f"\n\n{title}\n")[2].partition("\n\n")[0]
+        for row in part.splitlines():
+            assert one_line(row).rpartition("linear, without limits: ")[2] in said
+    assert "thin margins: |S| reaches" in said
+    with pytest.raises(ValueError, match=r"path must end in .html, got 'page.pdf'"):
+        write_drive_page("page.pdf", None, [])
+
+
+@pytest.mark.usefixtures("played")
+def test_the_page_of_a_trace_in_motion_says_that_friction_was_not_judged(run, folder):
+    assert run("motion-trace.csv gains.toml --design motion.npz -o moving.html")[0] == 3
+    page = (folder / "moving.html").read_text(encoding="utf-8")
+    assert 'banner "><strong>Linear loop passed; friction not judged</strong>' in page
+    assert page.count("<figure>") == 5  # FRF, three of the loop, step
+
+
+@pytest.mark.parametrize("hold", ["band-limited", "zoh"])
+def test_the_friction_force_over_position_is_what_mass_and_damping_leave(hold):
+    """A spring to ground of 3e5 N/m and a mass: what is left of the command is the spring, whatever the delay."""
+    m, c, k, delay, n, fs = 12.0, 20.0, 3e5, 5e-4, 2000, 4000.0
+    ms = nlfrf.multisine(fs=fs, n_samples=n, f_min=4, f_max=200, rms=1e-6, rng=1)
+    omega = 2 * np.pi * ms.f0 * np.arange(n // 2 + 1)
+    s = 1j * omega
+    U = np.fft.rfft(ms.u[0]) * (m * s**2 + c * s + k) * np.exp(s * delay)
+    U = U * hold_correction(omega, hold, fs=fs, dt=0.0)
+    record = nlfrf.Record(u=np.fft.irfft(U)[None, None], y=ms.u[None], fs=fs, lines=ms.lines, hold=hold)
+    x, force = force_over_position(record, SimpleNamespace(mass=m, damping=c, delay=delay))
+    assert np.allclose(x, ms.u[0], atol=1e-9 * np.ptp(x))
+    assert np.allclose(force, k * x, atol=1e-6 * np.ptp(force))
+
+
+def test_a_check_counts_its_steps(folder):
+    seen = []
+    record = nlfrf.load_record(folder / "moving.npz")
+    check_drive([record], load_gains(folder / "gains.toml"), progress=lambda *step: seen.append(step))
+    assert seen == [(done, 5) for done in range(6)]
 
 
 @pytest.mark.usefixtures("played")

@@ -10,12 +10,14 @@ from matplotlib import pyplot as plt
 
 from robust import check, fit_nominal, frd, ncfsyn, performance_weight, uncertainty, validate
 from robust import plot as pictures
+from robust._base.states import FrictionVerdict
 from robust.analysis import sample_loops
+from robust.friction.identification import FrictionFit
 from robust.lti.lti import response
 from robust.models import scan_orders
 from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
-from tests.support.pictures import labels
+from tests.support.pictures import labels, notes
 
 F = np.arange(1, 120, 2) * 0.25
 
@@ -174,3 +176,50 @@ def test_poles_and_zeros_stand_in_their_ellipses(dt):
     plt.close(ax.figure)
     with pytest.raises(ValueError, match="confidence must lie"):
         pictures.plot_roots(fit, confidence=95)
+
+
+def test_what_rests_where_has_a_bar_a_case_from_the_set_point_on(ax):
+    cases = [
+        pictures.RestCase("as it is", FrictionVerdict.SETTLES, 2e-5),
+        pictures.RestCase("without integral", FrictionVerdict.PROVED, 5e-5),
+        pictures.RestCase("with integral", FrictionVerdict.PROVED, 0.0),
+        pictures.RestCase("any friction", FrictionVerdict.NOT_DECIDED, np.inf),
+    ]
+    pictures.plot_rest(cases, ax=ax)
+    ends = [bar.get_x() + bar.get_width() for bar in ax.patches]
+    low, high = ax.get_xlim()
+    assert ends == pytest.approx([20, 50, low, high])
+    assert low <= 2
+    assert labels(ax) == ["may move for ever", "comes to rest"]
+    texts = notes(ax)
+    assert texts[::2] == [case.name for case in cases]
+    assert texts[1::2] == ["20 um", "50 um", "at the set point", "no bound known"]
+    assert ax.get_xlabel() == "largest distance from the set point in the end [µm]"
+    with pytest.raises(ValueError, match="cases must be a list of at least one RestCase, got"):
+        pictures.plot_rest([])
+
+
+def test_the_virgin_curve_of_the_elements_is_drawn_over_the_loops(ax):
+    """Two elements, 2 N/um up to 4 N and 1 N/um up to 6 N: 3 N/um, then 1 N/um from 2 um, 10 N from 6 um on."""
+    elements = {"element_stiffness": np.array([2e6, 1e6]), "element_strength": np.array([4.0, 6.0])}
+    fit = friction_fit(K0=3e6, Fs=10.0, **elements)
+    x = 1e-6 * np.array([-20.0, 0.0, 20.0, 0.0])
+    pictures.plot_friction_force({"slides": np.stack([x, 3e6 * x])}, fit, ax=ax)
+    curve = next(line for line in ax.get_lines() if line.get_label() == "virgin curve, 2 Maxwell elements")
+    at = np.array([-8.0, -1.0, 1.0, 2.0, 4.0, 6.0, 8.0])
+    assert np.interp(at, *curve.get_data()) == pytest.approx([-10, -3, 3, 6, 8, 10, 10], abs=0.05)
+    loop = ax.get_lines()[0]
+    assert (loop.get_label(), loop.get_xdata().tolist()) == ("slides", pytest.approx([-20, 0, 20, 0, -20]))
+    assert ax.get_ylabel() == "friction force [N]"
+    left_open = friction_fit(K0=3e6, Fs=10.0, **elements, stds={"K0": np.inf, "Fs": np.inf})
+    shown = pictures.plot_friction_force({"slides": np.stack([x, 3e6 * x])}, left_open)
+    assert labels(shown) == ["slides"]
+    plt.close(shown.figure)
+    with pytest.raises(ValueError, match="loops must hold position and force of a record by its name, got"):
+        pictures.plot_friction_force({}, fit)
+
+
+def friction_fit(**given):
+    """A fit whose other numbers no picture of the force needs."""
+    names = ["mass", "damping", "stiffness", "coulomb", "stiction", "vs", "delay", "lag", "softening", "seen_from"]
+    return FrictionFit(**dict.fromkeys(names, 1.0), levels=(), questions=(), **{"stds": {"K0": 0.0, "Fs": 0.0}} | given)

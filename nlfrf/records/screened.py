@@ -1,0 +1,194 @@
+"""What screening finds in streams of samples, sample by sample, before they are cut into a record: for a picture."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import format_count
+from nlfrf._base.values import value
+from nlfrf.records.excited_lines import detect_lines
+from nlfrf.records.screening.input import track_input
+from nlfrf.records.screening.output import align_output
+from nlfrf.records.screening.stream import excited_span, find_outliers, unwrap_position
+
+
+class Fault(Enum):
+    """What a span of samples is that makes no period of the record, or not one like the others."""
+
+    SILENCE = "silence, left out"
+    REST = "no whole period, left out"
+    LOST = "samples lost or repeated"
+    DIFFERENT = "period differs from the others"
+
+
+class FaultySpan(NamedTuple):
+    """Samples first to end - 1 of a record: what is wrong with them, and how much of it."""
+
+    fault: Fault
+    first: int
+    end: int
+    extent: str
+
+
+@value
+class ScreenedStreams:
+    """Streams of samples as they were recorded, with what screening found in them.
+
+    Fields
+    ------
+    labels : tuple of str
+        Name and unit of each stream.
+    samples : (C, n) ndarray
+        The streams, positions unwrapped; nan where a row is lost.
+    fs : float
+        Sampling frequency [Hz]; nan where it is not known.
+    period : float
+        Period of the excitation [samples], 0 where it does not repeat.
+    starts : (P,) int ndarray
+        Samples at which whole periods begin.
+    spans : tuple of FaultySpan
+        What is no period, or not one like the others.
+    outliers : tuple of (k,) int ndarray
+        Samples of each stream that stand far out of all others.
+    """
+
+    labels: tuple[str, ...]
+    samples: np.ndarray
+    fs: float
+    period: float
+    starts: np.ndarray
+    spans: tuple[FaultySpan, ...]
+    outliers: tuple[np.ndarray, ...]
+
+
+def screen_streams(
+    streams: Sequence[np.ndarray],
+    labels: Sequence[str],
+    *,
+    n_inputs: int,
+    fs: float,
+    period: float,
+    place: np.ndarray | None = None,
+) -> ScreenedStreams:
+    """Look for the faults of streams that were sampled together, and keep where they stand.
+
+    Parameters
+    ----------
+    streams : sequence of (n,) ndarray
+        Inputs first: of them the first one shows the periods.
+    labels : sequence of str
+        Name and unit of each.
+    n_inputs : int
+        Inputs and references among the streams.
+    fs : float
+        Sampling frequency [Hz].
+    period : float
+        Period of the first stream [samples], 0 where it does not repeat.
+    place : (n,) int ndarray, optional
+        The sample that each row is, where a time column shows that rows are lost.
+
+    Examples
+    --------
+    >>> u = np.tile(np.random.default_rng(1).standard_normal(100), 3)
+    >>> u = np.concatenate([np.zeros(130), u, np.zeros(70)])
+    >>> found = screen_streams([u], ["u"], n_inputs=1, fs=100.0, period=100.0)
+    >>> found.starts.tolist(), [(span.fault.name, span.first, span.end) for span in found.spans]
+    ([130, 230, 330], [('SILENCE', 0, 130), ('SILENCE', 430, 500)])
+    """
+    rows = np.arange(streams[0].size) if place is None else place
+    n = int(rows[-1]) + 1
+    smooth = [np.interp(np.arange(n), rows, unwrap_silently(x)) for x in streams]  # straight lines over what is lost
+    whole = round(period)
+    outliers = [find_outliers(x, x if k < n_inputs else smooth[0], whole or n)[0] for k, x in enumerate(smooth)]
+    steps = np.diff(rows)
+    spans = [
+        FaultySpan(Fault.LOST, int(rows[j]) + 1, int(rows[j + 1]), format_count(int(steps[j]) - 1, "sample"))
+        for j in np.flatnonzero(steps > 1)
+    ]
+    starts = np.zeros(0, dtype=int)
+    if whole:
+        excited = excited_span(smooth[0], whole)
+        kept = [x[excited] for x in smooth]
+        starts, slips = find_slipped_periods(kept, n_inputs, period) if place is None else (evenly(kept[0], period), [])
+        starts = starts + excited.start
+        last = int(starts[-1]) + whole if starts.size else excited.stop
+        spans += [span._replace(first=span.first + excited.start, end=span.end + excited.start) for span in slips]
+        spans += [
+            FaultySpan(fault, first, end, format_count(end - first, "sample"))
+            for fault, first, end in (
+                (Fault.SILENCE, 0, excited.start),
+                (Fault.REST, last, excited.stop),
+                (Fault.SILENCE, excited.stop, n),
+            )
+            if end > first
+        ]
+    missing = np.setdiff1d(np.arange(n), rows)
+    for x in smooth:
+        x[missing] = np.nan
+    return ScreenedStreams(
+        labels=tuple(labels),
+        samples=np.array(smooth),
+        fs=fs,
+        period=period,
+        starts=starts,
+        spans=tuple(spans),
+        outliers=tuple(outliers),
+    )
+
+
+def unwrap_silently(x: np.ndarray) -> np.ndarray:
+    """Return a stream (n,) without the jumps of a position that wraps; as it is where its direction is not known."""
+    with warnings.catch_warnings(), suppress(ValueError):
+        warnings.simplefilter("ignore")
+        return unwrap_position("", x)
+    return x
+
+
+def evenly(x: np.ndarray, period: float) -> np.ndarray:
+    """Return the samples at which whole periods of a stream (n,) begin, one after the other."""
+    return np.round(np.arange(int(x.size / period + 1e-9)) * period).astype(int)
+
+
+def find_slipped_periods(
+    streams: Sequence[np.ndarray], n_inputs: int, period: float
+) -> tuple[np.ndarray, list[FaultySpan]]:
+    """Return where whole periods of streams begin, and those in which samples are lost or which differ from the others.
+
+    The outputs are looked at where the input has lost nothing: else they share its gap, or stand against nothing.
+    """
+    n = round(period)
+    if streams[0].size < 2 * n:
+        return evenly(streams[0], period), []
+    where = track_input(streams[0], n)
+    pace = where.period if where.sound.any() else period
+    starts = np.round(np.arange(where.sound.size) * pace + where.jumps).astype(int)
+    inside = (starts >= 0) & (starts + n <= streams[0].size)
+    slips, differs = where.jumps, ~where.sound
+    if not slips.any() and not differs.any():
+        with suppress(ValueError):  # an input without lines
+            u, *others = (x[: slips.size * n].reshape(-1, n) for x in (streams[0], *streams[n_inputs:]))
+            for lag in (align_output(u, y, detect_lines(u[None]).excited) for y in others):
+                slips = slips + lag.jumps
+                differs = differs | lag.corrupted | ~lag.sound & (np.arange(len(u)) >= np.argmax(lag.sound))
+    steps = np.diff(slips, append=slips[-1])
+    spans = []
+    for j in np.flatnonzero(inside & (differs | (steps != 0))).tolist():
+        lost = Fault.LOST, describe_slip(float(steps[j]), j)
+        fault, extent = lost if steps[j] else (Fault.DIFFERENT, f"period {j + 1}")
+        spans.append(FaultySpan(fault, int(starts[j]), int(starts[j]) + n, extent))
+    return starts[inside], spans
+
+
+def describe_slip(step: float, period: int) -> str:
+    """Return how many samples are lost or repeated in a period, counted from zero.
+
+    >>> describe_slip(-3.0, 1)
+    '3 samples lost in period 2'
+    """
+    return f"{format_count(round(abs(step)), 'sample')} {'lost' if step < 0 else 'repeated'} in period {period + 1}"

@@ -1,0 +1,88 @@
+"""An FRF of python-control as a `Bla`, with the names of its signals: the way back of `robust.frd`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+import nlfrf
+from nlfrf._base.arguments import require_kind
+
+
+def bla_from_frd(
+    frf: control.FrequencyResponseData,
+    *,
+    std: ArrayLike | None = None,
+    coherence: ArrayLike | None = None,
+    n_averages: float | None = None,
+    hold: str = "unknown",
+    input_units: Sequence[str] = (),
+    output_units: Sequence[str] = (),
+) -> nlfrf.Bla:
+    """Make a `Bla` of an FRF of python-control, to make a set of plants of it with a stated probability.
+
+    Parameters
+    ----------
+    frf : control.FrequencyResponseData
+        The FRF, of one channel or of several; the names of its signals are kept where they were given.
+    std, coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
+        Standard deviation in the unit of the FRF, or coherence over `n_averages`, as in `nlfrf.bla_from_frf`.
+    n_averages : float, optional
+        Independent averages.
+    hold : str
+        How the input ran between its samples: "zoh", of the sampling time of the FRF, "band-limited" or "unknown".
+    input_units, output_units : sequence of str
+        Units of the channels; python-control has none.
+
+    Returns
+    -------
+    nlfrf.Bla
+
+    Raises
+    ------
+    ValueError
+        Anything that is no FRF of python-control; as `nlfrf.bla_from_frf`.
+
+    References
+    ----------
+    Bendat & Piersol, *Random Data*, 4th ed., 9.2.
+
+    Examples
+    --------
+    >>> import robust
+    >>> omega = 2 * np.pi * np.geomspace(1, 100, 30)
+    >>> frf = control.frd(1 / (1 + 0.1j * omega), omega, inputs=["force"], outputs=["position"])
+    >>> bla = bla_from_frd(frf, std=0.01, input_units=["N"], output_units=["m"])
+    >>> bla.inputs, bla.outputs, bla.unit
+    (('force',), ('position',), 'm/N')
+    >>> again = robust.frd(bla)
+    >>> bool(np.allclose(again.frdata, frf.frdata)), bool(np.allclose(again.omega, frf.omega))
+    (True, True)
+    """
+    require_kind("frf", frf, control.FrequencyResponseData)
+    G = np.asarray(frf.frdata, dtype=complex)
+    return nlfrf.bla_from_frf(
+        np.asarray(frf.omega) / (2 * np.pi),
+        G[0, 0] if G.shape[:2] == (1, 1) else G,
+        std=std,
+        coherence=coherence,
+        n_averages=n_averages,
+        fs=1 / frf.dt if frf.dt and frf.dt is not True else None,
+        hold=hold,
+        inputs=given_names(frf.input_labels, "u"),
+        outputs=given_names(frf.output_labels, "y"),
+        input_units=input_units,
+        output_units=output_units,
+    )
+
+
+def given_names(labels: Sequence[str], letter: str) -> tuple[str, ...]:
+    """Return names of signals, none where python-control made them up.
+
+    >>> given_names(["force", "torque"], "u"), given_names(["u[0]", "u[1]"], "u")
+    (('force', 'torque'), ())
+    """
+    return () if list(labels) == [f"{letter}[{k}]" for k in range(len(labels))] else tuple(labels)
