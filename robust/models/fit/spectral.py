@@ -22,6 +22,7 @@ from robust.proofs.search.certificate import SOLVERS, solve_program
 POLE_SPACING = 1e-3  # relative distance that equal poles are moved apart, for their fractions to differ
 BETWEEN_LINES = 0.5  # of the mean of its neighbours that W W* keeps halfway between lines: it has no dip to zero there
 LIFT = 1e-9
+RAISED = (0.0, 3e-3, 0.01, 0.03, 0.1)  # share of the trace at infinity that is added where W W* dips to zero
 MIN_DIRECT = 1e-12  # smallest over largest gain of W at infinite frequency: its inverse is proper
 
 
@@ -115,21 +116,23 @@ def fit_spectrum(x: np.ndarray, L: np.ndarray, poles: np.ndarray) -> np.ndarray:
 
 def spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
     """Return W, stable and minimum phase, with W W* = Z + Z*, Z = M_0 + sum over the fractions of the poles."""
-    direct = M[0] + M[0].T
-    values, vectors = np.linalg.eigh(direct)
-    failed = WeightOrderError(f"order must leave a weight over the matrices, got no factor with {poles.size} poles")
-    if values[0] <= MIN_DIRECT * values[-1]:
-        raise failed
-    root = (vectors * np.sqrt(values)) @ vectors.T
-    A, B = fraction_states(poles, len(root))
-    C = np.hstack([np.zeros((len(root), 0)), *M[1:]])
-    if not poles.size:
-        return control.StateSpace(A, B, C, root)
-    try:
-        X = solve_continuous_are(A.T, C.T, np.zeros_like(A), -direct, s=-B)
-    except (np.linalg.LinAlgError, ValueError):
-        raise failed from None
-    return control.StateSpace(A, (B - X @ C.T) @ np.linalg.inv(root), C, root, remove_useless_states=False)
+    n = M.shape[1]
+    A, B = fraction_states(poles, n)
+    C = np.hstack([np.zeros((n, 0)), *M[1:]])
+    for share in RAISED:
+        direct = M[0] + M[0].T + share * np.trace(M[0]) * np.eye(n)
+        values, vectors = np.linalg.eigh(direct)
+        if values[0] <= MIN_DIRECT * values[-1]:
+            continue
+        root = (vectors * np.sqrt(values)) @ vectors.T
+        if not poles.size:
+            return control.StateSpace(A, B, C, root)
+        try:
+            X = solve_continuous_are(A.T, C.T, np.zeros_like(A), -direct, s=-B)
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        return control.StateSpace(A, (B - X @ C.T) @ np.linalg.inv(root), C, root, remove_useless_states=False)
+    raise WeightOrderError(f"order must leave a weight over the matrices, got no factor with {poles.size} poles")
 
 
 def fraction_states(poles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
