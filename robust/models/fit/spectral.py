@@ -1,12 +1,14 @@
 """Weights that are matrices: W stable and minimum phase with W W* over a Hermitian matrix at every frequency.
 
-A scalar weight w = k prod (s - z)/(s - p) follows the trace. What is left, V V* >= L / |w|^2, is near one in size and
-has its poles at the zeros z, so that w V has the poles p alone. V V* = Z + Z*, Z = M_0 + sum_k M_k/(s - z_k), is linear
-in the real M_k: the smallest one over the matrices is a convex program. Its factor V follows from one Riccati equation
-(the positive-real lemma; Anderson & Vongpanitlerd, Network Analysis and Synthesis, 1973).
+W W* = Z + Z* with Z = M_0 + sum_k M_k/(s - p_k) is linear in the real M_k, so that the smallest W_l W_l* and W_r* W_r
+that hold every matrix are one convex program. The factor W follows from a Riccati equation (the positive-real lemma;
+Anderson & Vongpanitlerd, Network Analysis and Synthesis, 1973). The size stands in W_l: a scalar weight w = prod
+(s - z)/(s - p) follows its trace, and W_l = w V, where V is near one in size and has its poles at the zeros z.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -19,59 +21,92 @@ from robust.models.fit.rational import partial_fractions
 from robust.models.fit.weights import WeightOrderError, fit_weight
 from robust.proofs.search.certificate import SOLVERS, solve_program
 
-POLE_SPACING = 1e-3  # relative distance that equal poles are moved apart, for their fractions to differ
-BETWEEN_LINES = 0.5  # of the mean of its neighbours that W W* keeps halfway between lines: it has no dip to zero there
+if TYPE_CHECKING:
+    import cvxpy
+
+BAND_MARGIN = 3.0  # how far outside the lines a pole may lie
+POLE_SPACING = 0.1  # least relative distance between poles, for their fractions to differ: they are moved apart
+ACTIVE_SHARE = 0.5  # of the largest gain at a line from which on a matrix is one that the fit has to hold
 LIFT = 1e-9
-RAISED = (0.0, 3e-3, 0.01, 0.03, 0.1)  # share of the trace at infinity that is added where W W* dips to zero
+RAISED = (1e-3, 3e-3, 0.01, 0.03, 0.1)  # of the trace, which is added in every direction for W to have an inverse
 MIN_DIRECT = 1e-12  # smallest over largest gain of W at infinite frequency: its inverse is proper
 
 
-def fit_matrix_weight(omega: np.ndarray, L: np.ndarray, *, order: int, dt: float) -> control.StateSpace:
-    """Fit a stable minimum-phase W (n, n) with W W* >= L at every line, of least mean tr W W* / tr L.
+def fit_matrix_weights(
+    omega: np.ndarray, E: np.ndarray, *, L: np.ndarray, R: np.ndarray, order: int, dt: float
+) -> tuple[control.StateSpace, control.StateSpace]:
+    """Fit stable minimum-phase W_l and W_r for which W_l Delta W_r holds every E, as little above L and R as they can.
 
     Parameters
     ----------
     omega : (W,) ndarray
         Lines [rad/s].
-    L : (W, n, n) complex ndarray
-        Hermitian, positive definite.
+    E : (M, W, n, m) complex ndarray
+        What is to be held at every line, Delta being of gain one at most.
+    L, R : (W, n, n), (W, m, m) complex ndarray
+        The smallest W_l W_l* and W_r* W_r that hold it: mean traces are counted in units of theirs.
     order : int
-        Poles of every entry; W has n times as many states.
+        Poles of every entry; W_l and W_r have n and m times as many states.
     dt : float
         Sampling time [s]; 0 is continuous.
 
     Returns
     -------
-    control.StateSpace
+    W_l, W_r : control.StateSpace
 
     Raises
     ------
     WeightOrderError
-        No such weight of this order was found.
+        No such weights of this order were found.
 
     Examples
     --------
     >>> omega = np.logspace(-2, 2, 30)
     >>> w = 0.1 * (1 + 1j * omega) / (1 + 0.1j * omega)
-    >>> L = np.abs(w[:, None, None]) ** 2 * np.array([[2.0, 1.0], [1.0, 2.0]])
-    >>> W = response_by_channel(fit_matrix_weight(omega, L, order=1, dt=0), omega)
-    >>> np.allclose(np.einsum("ijw,kjw->wik", W, W.conj()), L, rtol=1e-3)
+    >>> E = w[None, :, None, None] * np.array([[2.0, 1.0], [1.0, 2.0]])
+    >>> L, R = np.abs(w)[:, None, None] * np.abs(E[0]), np.broadcast_to([[2.0, 1.0], [1.0, 2.0]], (30, 2, 2))
+    >>> W_l, W_r = fit_matrix_weights(omega, E, L=L, R=R, order=1, dt=0)
+    >>> W = response_by_channel(W_l, omega)
+    >>> np.allclose(np.einsum("ijw,kjw->wik", W, W.conj()), L, rtol=0.02)
     True
     """
     x = np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else np.asarray(omega)
     unit = float(np.sqrt(x[0] * x[-1]))
     x = x / unit
     w = fit_weight(x, np.sqrt(np.einsum("wii->w", L).real), order=order).W
-    zeros = spaced(w.zeros(), np.zeros(0))
-    poles = spaced(w.poles(), zeros)
-    size = np.prod(np.abs((1j * x[:, None] - zeros) / (1j * x[:, None] - poles)), axis=1) ** 2
-    V = spectral_factor(zeros, fit_spectrum(x, L / size[:, None, None], zeros))
-    W = exchange_poles(V, zeros, poles)
-    matrices = (W.A * unit, W.B * unit, W.C, W.D)
-    found = control.StateSpace(*(to_discrete(*matrices) if dt else matrices), dt, remove_useless_states=False)
-    over = np.linalg.solve(np.moveaxis(response_by_channel(found, omega), 2, 0), np.linalg.cholesky(L))
-    lift = float(np.linalg.norm(over, 2, (1, 2)).max()) * (1 + LIFT)
-    return control.StateSpace(found.A, found.B, found.C * lift, found.D * lift, dt, remove_useless_states=False)
+    zeros = spaced(within_band(w.zeros(), x), np.zeros(0))
+    poles = spaced(within_band(w.poles(), x), zeros)
+    s = 1j * x[:, None]
+    size = np.prod(np.abs((s - zeros) / (s - poles)), axis=1) ** 2
+    traces = np.einsum("wii->w", L).real / size, np.einsum("wii->w", R).real
+    gains = largest_gains(E, L, R)
+    active = gains > ACTIVE_SHARE * gains.max(axis=0)
+    found = fit_spectra(x, E / np.sqrt(size)[:, None, None], active, poles=(zeros, poles), traces=traces)
+    factors = exchange_poles(spectral_factor(zeros, found[0]), zeros, poles), spectral_factor(poles, found[1])
+    sides = []
+    for W in factors:
+        matrices = (W.A * unit, W.B * unit, W.C, W.D)
+        sides.append(control.StateSpace(*(to_discrete(*matrices) if dt else matrices), dt, remove_useless_states=False))
+    W_l, V_r = sides  # W_r is the transpose of V_r: V V* over the conjugate of R
+    W_r = control.StateSpace(V_r.A.T, V_r.C.T, V_r.B.T, V_r.D.T, dt, remove_useless_states=False)
+    left, right = (np.moveaxis(response_by_channel(W, omega), 2, 0) for W in (W_l, W_r))
+    Delta = np.linalg.solve(left, np.swapaxes(np.linalg.solve(np.swapaxes(right, 1, 2), np.swapaxes(E, 2, 3)), 2, 3))
+    lift = float(np.linalg.norm(Delta, 2, (2, 3)).max()) * (1 + LIFT)
+    return control.StateSpace(W_l.A, W_l.B, W_l.C * lift, W_l.D * lift, dt, remove_useless_states=False), W_r
+
+
+def largest_gains(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """Return (...) gains of W_l^-1 E W_r^-1, with L = W_l W_l* and R = W_r* W_r positive definite."""
+    left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)  # W_l, and W_r* as R = W_r* W_r
+    scaled = np.linalg.solve(left, E)
+    Delta = np.swapaxes(np.linalg.solve(right.conj(), np.swapaxes(scaled, -1, -2)), -1, -2)
+    return np.asarray(np.linalg.norm(Delta, 2, (-2, -1)))
+
+
+def within_band(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return roots of which none is far outside the lines, where nothing would hold what they make."""
+    size = np.abs(roots)
+    return roots * np.clip(size, x[0] / BAND_MARGIN, x[-1] * BAND_MARGIN) / size
 
 
 def spaced(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
@@ -80,38 +115,77 @@ def spaced(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
     upper = roots[roots.imag >= 0]
     for k in range(upper.size):
         others = np.concatenate([taken, upper[:k]])
-        while np.any(np.abs(upper[k] - others) < POLE_SPACING / 2 * np.abs(upper[k])):
+        while np.any(np.abs(upper[k] - others) < 0.99 * POLE_SPACING * np.abs(upper[k])):
             upper[k] *= 1 + POLE_SPACING
     return order_roots(np.concatenate([upper, upper[upper.imag > 0].conj()]))
 
 
-def fit_spectrum(x: np.ndarray, L: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """Return M (1 + n_poles, n, n) of the least Z + Z* over L (W, n, n), also at zero and infinite frequency."""
+class SpectrumVariable:
+    """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real M_k.
+
+    It has its own name as cvxpy holds what is not known yet.
+    """
+
+    def __init__(self, x: np.ndarray, poles: np.ndarray, n: int) -> None:
+        import cvxpy as cp
+
+        s = 1j * np.concatenate([x, [0.0], np.sqrt(x[1:] * x[:-1])])
+        fractions = partial_fractions(s, poles)
+        self.largest = np.concatenate([[1.0], np.abs(fractions).max(axis=0)])
+        basis = np.column_stack([np.ones(s.size), fractions])
+        basis = np.insert(basis, x.size + 1, np.eye(1, poles.size + 1), axis=0) / self.largest
+        self.n, self.basis, self.M = n, basis, cp.Variable((poles.size + 1, n * n))
+
+    def at(self, k: int) -> tuple[cvxpy.Expression, cvxpy.Expression]:
+        """Return real and imaginary part (n, n) at a point."""
+        import cvxpy as cp
+
+        flip = np.arange(self.n**2).reshape(self.n, self.n).T.ravel()
+        Z, Y = self.basis[k].real @ self.M, self.basis[k].imag @ self.M
+        real, imaginary = (cp.reshape(part, (self.n, self.n), order="C") for part in (Z + Z[flip], Y - Y[flip]))
+        return real, imaginary
+
+    @property
+    def value(self) -> np.ndarray | None:
+        """Return the M_k (1 + n_poles, n, n) that were found, or None."""
+        if self.M.value is None or not np.isfinite(self.M.value).all():
+            return None
+        return np.asarray(self.M.value / self.largest[:, None]).reshape(-1, self.n, self.n)
+
+
+def fit_spectra(
+    x: np.ndarray,
+    E: np.ndarray,
+    active: np.ndarray,
+    *,
+    poles: tuple[np.ndarray, np.ndarray],
+    traces: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the M_k of both spectra, over E (M, W, n, m) where active (M, W), also at zero and infinite frequency."""
     import cvxpy as cp
 
-    size, n = np.einsum("wii->w", L).real, L.shape[1]
-    middle = BETWEEN_LINES * (L[1:] + L[:-1]) / 2
-    wanted = np.concatenate([L, middle, L[:1].real, L[-1:].real])
-    s = 1j * np.concatenate([x, np.sqrt(x[1:] * x[:-1]), [0.0]])
-    fractions = np.vstack([partial_fractions(s, poles), np.zeros((1, poles.size))])
-    largest = np.concatenate([[1.0], np.abs(fractions).max(axis=0)])
-    basis = np.column_stack([np.ones(s.size + 1), fractions]) / largest
-    V = cp.Variable((poles.size + 1, n * n))
-    flip = np.arange(n * n).reshape(n, n).T.ravel()
-    constraints, means = [], []
-    for row, least in zip(basis, wanted, strict=True):
-        Z, Y = row.real @ V, row.imag @ V
-        even, odd = (cp.reshape(part, (n, n), order="C") for part in (Z + Z[flip], Y - Y[flip]))
-        constraints.append(cp.bmat([[even - least.real, least.imag - odd], [odd - least.imag, even - least.real]]) >> 0)
-        means.append(cp.trace(even))
-    problem = cp.Problem(cp.Minimize((1 / size) @ cp.hstack(means[: x.size]) / x.size), constraints)
+    n, m = E.shape[2:]
+    sides = [SpectrumVariable(x, roots, size) for roots, size in zip(poles, (n, m), strict=True)]
+    constraints, cost = [], 0
+    for k in range(2 * x.size + 1):
+        (L, L_j), (R, R_j) = (side.at(k) for side in sides)
+        line = 0 if k == x.size else min(k, x.size - 1)  # zero takes the first line, infinity the last
+        if k < x.size:
+            cost += cp.trace(L) / traces[0][k] + cp.trace(R) / traces[1][k]
+        if k > x.size + 1:
+            constraints += [cp.bmat([[X, -Y], [Y, X]]) >> 0 for X, Y in ((L, L_j), (R, R_j))]
+            continue
+        for one in E[active[:, line], line]:  # of the right side the conjugate
+            real = cp.bmat([[R, one.real.T], [one.real, L]])
+            imaginary = cp.bmat([[-R_j, -one.imag.T], [one.imag, L_j]])
+            constraints.append(cp.bmat([[real, -imaginary], [imaginary, real]]) >> 0)
+    problem = cp.Problem(cp.Minimize(cost / x.size), constraints)
     for solver in SOLVERS:
         solve_program(problem, solver)
-        if V.value is not None and np.isfinite(V.value).all():
-            break
-    else:
-        raise WeightOrderError(f"order must leave a weight over the matrices, got none with {poles.size} poles")
-    return (np.asarray(V.value) / largest[:, None]).reshape(-1, n, n)
+        found = [side.value for side in sides]
+        if found[0] is not None and found[1] is not None:
+            return found[0], found[1]
+    raise WeightOrderError(f"order must leave a weight over the matrices, got none with {poles[0].size} poles")
 
 
 def spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
@@ -120,7 +194,7 @@ def spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
     A, B = fraction_states(poles, n)
     C = np.hstack([np.zeros((n, 0)), *M[1:]])
     for share in RAISED:
-        direct = M[0] + M[0].T + share * np.trace(M[0]) * np.eye(n)
+        direct = M[0] + M[0].T + share * 2 * np.trace(M[0]) / n * np.eye(n)
         values, vectors = np.linalg.eigh(direct)
         if values[0] <= MIN_DIRECT * values[-1]:
             continue

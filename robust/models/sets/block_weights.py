@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robust.models.fit.spectral import largest_gains
 from robust.proofs.search.certificate import SOLVERS, solve_program
 
 #: Smallest over mean eigenvalue of L and R: weights have an inverse, at a thousandth of the trace.
@@ -54,7 +55,7 @@ def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np
             found = [np.eye(2 * n), np.eye(2 * m)]
         halves = (x[: len(x) // 2, : len(x) // 2] + 1j * x[len(x) // 2 :, : len(x) // 2] for x in found)
         left, right = (with_floor((x + x.conj().T) / 2) * size for x in halves)
-        excess = np.max(largest_perturbations(E, left, right))
+        excess = np.max(largest_gains(E, left, right))
         return left * excess, right * excess
 
     solved = [solve_at(E[:, k]) for k in range(E.shape[1])]
@@ -67,11 +68,3 @@ def with_floor(X: np.ndarray) -> np.ndarray:
     """Return a Hermitian matrix (n, n) with a floor under its eigenvalues."""
     values, vectors = np.linalg.eigh(X)
     return np.asarray((vectors * np.maximum(values, EIGENVALUE_FLOOR * values.mean())) @ vectors.conj().T)
-
-
-def largest_perturbations(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return (...) gains of W_l^-1 E W_r^-1, with L = W_l W_l* and R = W_r* W_r positive definite."""
-    left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)  # W_l, and W_r* as R = W_r* W_r
-    scaled = np.linalg.solve(left, E)
-    Delta = np.swapaxes(np.linalg.solve(right.conj(), np.swapaxes(scaled, -1, -2)), -1, -2)
-    return np.asarray(np.linalg.norm(Delta, 2, (-2, -1)))

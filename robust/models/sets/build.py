@@ -39,6 +39,7 @@ from robust.models.fit.nominal import (
     matrices_given,
     require_same_channels,
 )
+from robust.models.fit.orders import scan_orders
 from robust.models.sets.family import DIAGONAL, family_given, family_set, is_full
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS, Form
 from robust.models.sets.joint import attach_records
@@ -99,7 +100,8 @@ def uncertainty(
         channel, a radius of your own: arrays (omega, radius), in rad/s and the unit of the form.
     nominal : NominalFit, control system or control.FrequencyResponseData, optional
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only. Of a list
-        of plants of several channels it may be left out: a fit of their mean response.
+        of plants of several channels it may be left out: a fit of their mean response. Of records of several channels
+        too: the fit that `scan_orders` takes.
     form : str
         "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of several
         channels "elements" (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at
@@ -190,10 +192,12 @@ def uncertainty(
         )
     if is_full(weights) or omega_B is not None:
         raise ValueError("weights and omega_B must be left out but for a family of plants of several channels")
-    if nominal is None:
-        raise ValueError("nominal must be given but for a family of plants of several channels: see fit_nominal")
     recorded: list[Bla] = matrices_given(bla)
     several = bool(recorded)
+    if nominal is None and not several:
+        raise ValueError("nominal must be given but for plants or records of several channels: see fit_nominal")
+    if nominal is None:
+        nominal = scan_orders(recorded).fit
     given = nominal.G if isinstance(nominal, NominalFit) else nominal
     if not several and count_channels(given) != (1, 1):
         raise ValueError(

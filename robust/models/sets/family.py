@@ -30,7 +30,7 @@ from robust.lti.lti import response_by_channel, timebase, to_s_plane, zeros
 from robust.lti.realisation import frequency_response, multivariable
 from robust.lti.stability import unstable_poles
 from robust.models.fit.nominal import NominalFit, fit_nominal
-from robust.models.fit.spectral import fit_matrix_weight
+from robust.models.fit.spectral import fit_matrix_weights
 from robust.models.sets.block_weights import smallest_block_weights
 from robust.models.sets.forms import AUTO, BLOCK_FORMS, DEFAULT_FORM, ELEMENTS, MATRIX_FORMS
 from robust.models.sets.model import UncertaintyModel, count_channels
@@ -41,6 +41,7 @@ N_LINES, BAND_RATIO = 50, 30.0  # lines over the band of all poles, and how far 
 HALF_WIDTHS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # lines at a resonance
 MAX_LINES = 160
 FAR_RATIOS = np.array([10.0, 100.0, 1e3, 1e4])  # how far outside the band of all poles members are looked at, too
+MAX_CONDITION = 1e9  # of a plant whose inverse is more than rounding
 MAX_RISE = 100.0  # of a deviation out there over the largest on the lines: it has no limit
 MAX_ROUNDS = 3  # of adding the frequencies where a member lies outside between the lines
 CLOSE_LIFT = 1.02  # what remains is then lifted
@@ -93,11 +94,16 @@ class Family:
                 f"right half plane differs, got {form} with {counts[0]} of the nominal and {min(counts[1:])} to "
                 f"{max(counts[1:])} of the plants"
             )
-        try:
-            E = row.deviation(self.G_p, self.G)
-            far = [row.deviation(on_lines(system, self.ends), self.ends_of_nominal) for system in self.systems]
-        except np.linalg.LinAlgError:
-            E, far = np.array([np.nan]), []
+        if row.needs_square_plant:
+            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], self.G_p])) < MAX_CONDITION, axis=0)
+            if singular.any():
+                raise ValueError(
+                    f"form must be elements or additive for a plant that is as good as singular, got {form} and one at "
+                    f"{self.omega[singular.argmax()]:.4g} rad/s"
+                )
+        E = row.deviation(self.G_p, self.G)
+        ends, members, nominal = decided_responses(form, self, self.ends)
+        far = row.deviation(members, nominal) if ends.size else np.zeros(0)
         if not np.isfinite(E).all() or np.max(np.abs(far), initial=0.0) > MAX_RISE * np.abs(E).max():
             raise ValueError(
                 f"form must leave every deviation finite at all frequencies, got {form}, in which one is not"
@@ -111,10 +117,20 @@ class Family:
         ends = np.concatenate([self.omega[0] / FAR_RATIOS, self.omega[-1] * FAR_RATIOS])
         return ends[ends < np.pi / dt] if dt else ends
 
-    @property
-    def ends_of_nominal(self) -> np.ndarray:
-        """Return the response of the nominal there."""
-        return on_lines(self.nominal, self.ends)
+
+def decided_responses(form: str, family: Family, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the frequencies at which rounding leaves the deviations of systems, with members and nominal there.
+
+    Far outside the band a plant may be as good as singular, and what its inverse would say is rounding.
+    """
+    shape = (len(family.systems), omega.size, *family.G.shape[1:])
+    members = np.array([on_lines(system, omega) for system in family.systems]).reshape(shape)
+    nominal = on_lines(family.nominal, omega)
+    if form != ELEMENTS and BLOCK_FORMS[form].needs_square_plant:
+        with np.errstate(all="ignore"):
+            decided = np.all(np.linalg.cond(np.concatenate([nominal[None], members])) < MAX_CONDITION, axis=0)
+        omega, members, nominal = omega[decided], members[:, decided], nominal[decided]
+    return omega, members, nominal
 
 
 @value
@@ -214,14 +230,12 @@ def rank_forms(family: Family, omega_B: float, *, full: bool) -> FormRanking:
     found, refused = [], []
     for form, row in BLOCK_FORMS.items():
         try:
-            if family.G.shape[1] != family.G.shape[2]:
-                raise ValueError(f"plant must be square for a bandwidth, got {family.G.shape[1:]} channels")
-            X = row.weighed(family.G, S, T)
             L, R = smallest_block_weights(family.deviations(form), full=full)
-        except (ValueError, np.linalg.LinAlgError) as error:
+        except ValueError as error:
             refused.append(f"{form}: {error}")
             continue
         left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)
+        X = row.weighed(family.G, S, T)
         size = np.linalg.norm(np.swapaxes(right, 1, 2).conj() @ X @ left, 2, (1, 2))
         traces = np.einsum("wii->w", L).real
         found.append((float(f"{size.max():.3g}"), traces.max() / traces.min(), form, size.max(), size.argmax()))
@@ -449,7 +463,8 @@ def fitted_set(
             right=right,
             perturbation=perturbation,
         )
-    L, R = smallest_block_weights(family.deviations(form), full=full)
+    E = family.deviations(form)
+    L, R = smallest_block_weights(E, full=full)
     size = np.einsum("wii->w", L).real
     L = L * np.maximum(1.0, MIN_RADIUS_RATIO**2 * size.max() / size)[:, None, None]
     scale = np.einsum("wii->w", R).real[:, None, None] / R.shape[1]  # the size stands in W_l
@@ -457,8 +472,17 @@ def fitted_set(
     rows = np.sqrt([*np.einsum("wii->iw", L).real, *np.einsum("wii->iw", R).real])
     n = L.shape[1]
     if full:
-        left = (fit_matrix_weight(*extrapolated(omega, L, rules, dt), order=order, dt=dt),)
-        right = (transposed(fit_matrix_weight(omega, R.conj(), order=order, dt=dt)),)
+        lines = extended_lines(omega, rules, dt)
+        W_l, W_r = fit_matrix_weights(
+            lines.omega,
+            E[:, lines.nearest] * lines.factor[:, None, None],
+            L=L[lines.nearest] * lines.factor[:, None, None] ** 2,
+            R=R[lines.nearest],
+            order=order,
+            dt=dt,
+        )
+        left, right = (W_l,), (W_r,)
+        rows = np.minimum(rows, gains_of_weights(W_l, W_r, omega))
     else:
         left = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows[:n])
         right = tuple(fit_covering_weight(omega, row, order=order, rules=Extrapolation(), dt=dt) for row in rows[n:])
@@ -467,18 +491,28 @@ def fitted_set(
     )
 
 
-def extrapolated(omega: np.ndarray, L: np.ndarray, rules: Extrapolation, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return L = W_l W_l* continued outside the lines; as it is where the rule is flat, as the fit is by itself."""
+@value
+class ExtendedLines:
+    """Frequencies, the line that is nearest to each, and the factor by which a deviation is larger than there."""
+
+    omega: np.ndarray
+    nearest: np.ndarray
+    factor: np.ndarray
+
+
+def extended_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> ExtendedLines:
+    """Return lines continued outside the band by a rule; as they are where it is flat, as the fit is by itself."""
     if rules.below == rules.above == 0:
-        return omega, L
+        return ExtendedLines(omega=omega, nearest=np.arange(omega.size), factor=np.ones(omega.size))
     wide, factor = rules.extrapolate(omega, np.ones(omega.size), dt)
     nearest = np.clip(np.arange(wide.size) - int(np.sum(wide < omega[0])), 0, omega.size - 1)
-    return wide, L[nearest] * factor[:, None, None] ** 2
+    return ExtendedLines(omega=wide, nearest=nearest, factor=factor)
 
 
-def transposed(W: control.StateSpace) -> control.StateSpace:
-    """Return the transpose of a system."""
-    return control.StateSpace(W.A.T, W.C.T, W.B.T, W.D.T, W.dt, remove_useless_states=False)
+def gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """Return (n + m, W) gains of the rows of W_l and of the columns of W_r."""
+    sides = (response_by_channel(W, omega) for W in (W_l, W_r))
+    return np.concatenate([np.linalg.norm(side, axis=axis) for side, axis in zip(sides, (1, 0), strict=True)])
 
 
 def distances_of_members(model: UncertaintyModel, family: Family) -> tuple[np.ndarray, np.ndarray]:
@@ -490,24 +524,23 @@ def distances_of_members(model: UncertaintyModel, family: Family) -> tuple[np.nd
     if not family.is_parametric:
         return omega, model.normalized_distance(omega, family.G_p, family.G)
 
-    def sizes(omega: np.ndarray) -> np.ndarray:
-        members = np.array([on_lines(system, omega) for system in family.systems])
-        return model.normalized_distance(omega, members, on_lines(family.nominal, omega))
+    def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        decided, members, nominal = decided_responses(model.form, family, omega)
+        return decided, model.normalized_distance(decided, members, nominal)
 
     every = [family.nominal, *family.systems, *model.weights]
     omega = np.unique(
         np.concatenate([omega, structure_grid(block_diagonal(every, family.nominal.dt))[1:], family.ends])
     )
-    found = sizes(omega)
+    omega, found = sizes(omega)
     for _ in range(N_REFINEMENTS):
         largest = found.max(axis=0)
         inner = np.flatnonzero((largest[1:-1] >= largest[:-2]) & (largest[1:-1] >= largest[2:])) + 1
         inner = inner[largest[inner] > PEAK_SHARE * largest.max()]
         between = np.geomspace(omega[inner - 1], omega[inner + 1], N_BETWEEN)[1:-1].ravel()
-        new = np.setdiff1d(between, omega)
+        new, more = sizes(np.setdiff1d(between, omega))
         order = np.argsort(np.concatenate([omega, new]))
-        found = np.concatenate([found, sizes(new)], axis=1)[:, order]
-        omega = np.concatenate([omega, new])[order]
+        omega, found = np.concatenate([omega, new])[order], np.concatenate([found, more], axis=1)[:, order]
     return omega, found
 
 

@@ -282,7 +282,7 @@ BLOCK_FORMS = {
             acts="y",
             inverse=False,
             deviation=lambda G_p, G: G_p - G,
-            weighed=lambda G, S, T: np.linalg.solve(G, T),
+            weighed=lambda G, S, T: np.linalg.pinv(G) @ T,
             one_channel="additive",
             matlab_expression="G + Wl * Delta * Wr",
         ),

@@ -7,7 +7,8 @@ import pytest
 import robust
 from robust.lti.lti import response_by_channel
 from robust.models import choose_form
-from robust.models.sets.block_weights import largest_perturbations, smallest_block_weights
+from robust.models.fit.spectral import largest_gains
+from robust.models.sets.block_weights import smallest_block_weights
 from robust.models.sets.forms import BLOCK_FORMS
 from tests.support.printed import unwrapped
 
@@ -79,14 +80,14 @@ def test_the_smallest_weights_hold_every_matrix_and_none_that_are_near_are_small
     rng = np.random.default_rng(3)
     E = rng.normal(size=(6, 4, 2, 2)) + 1j * rng.normal(size=(6, 4, 2, 2))
     L, R = smallest_block_weights(E, full=full)
-    assert largest_perturbations(E, L, R).max() == pytest.approx(1.0, abs=1e-9)
+    assert largest_gains(E, L, R).max() == pytest.approx(1.0, abs=1e-9)
     size = np.trace(L[0] + R[0]).real
     for _ in range(200):  # whatever else holds them has the larger traces
         A, B = (rng.normal(size=(2, 2, 2)) * [[[1]], [[1j]]]).sum(axis=0), 0.1 * rng.random()
         X, Y = (np.diag(np.diag(Z).real) if not full else Z for Z in (A + A.conj().T, A.conj().T @ A))
         other, right = L[0] + B * X * size / 10, R[0] + B * Y * size / 10
         if np.linalg.eigvalsh(other)[0] > 0:
-            excess = largest_perturbations(E[:, 0], other, right).max()
+            excess = largest_gains(E[:, 0], other, right).max()
             assert np.trace(other + right).real * excess >= size * (1 - 1e-4)
 
 
@@ -145,6 +146,32 @@ def test_the_form_is_that_of_the_least_weight_times_t_or_s():
     assert "of the least weight times |T| or |S| at 0.1 rad/s" in model.source
     turned = [control.ss(G.A, G.B @ np.diag(k), G.C, G.D) for k in ([0.8, 1.2], [1.2, 0.8])]
     assert choose_form(turned, G, omega_B=0.1).best == "input"
+
+
+def test_a_plant_that_is_not_square_has_an_additive_set():
+    plants = [control.ss(plant.A, plant.B, plant.C[:1], plant.D[:1]) for plant in family(3)]
+    model = robust.uncertainty(plants, weights="full", order=2)
+    assert (model.form, model.structure) == ("additive", [(2, 1)])
+    assert all(model.contains(plant) for plant in plants)
+    with pytest.raises(ValueError, match="form must be elements or additive for a plant that is not square"):
+        robust.uncertainty(plants, form="output")
+
+
+def test_matrix_weights_are_near_the_smallest_ones_and_below_diagonal_ones():
+    """Deviations along one direction that is no channel: two diagonal weights cost more than the matrices."""
+    s = [control.tf([k], [1, 1]) for k in (0.8, 1.2, 1.3)]
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    change = [control.ss([[-1.0]], turn[:1], (k(0).real - 1) * turn[:1].T, np.zeros((2, 2))) for k in s]
+    plants = [control.ss(G + one) for one in change]
+    sizes, omega = {}, np.geomspace(0.05, 20, 30)
+    for weights in ("diagonal", "full"):
+        model = robust.uncertainty(plants, G, form="additive", weights=weights, order=2)
+        left, right = np.split(model.weight_gains(omega) ** 2, 2)
+        sizes[weights] = np.sqrt(left.sum(axis=0) * right.sum(axis=0))
+    exact = 0.3 / np.sqrt(1 + omega**2)  # one singular value
+    assert np.median(sizes["full"] / exact) < 1.1
+    assert np.median(sizes["diagonal"] / sizes["full"]) > 1.2
 
 
 def test_a_pole_that_crosses_asks_for_an_inverse_form():
