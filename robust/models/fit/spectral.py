@@ -74,8 +74,8 @@ def fit_matrix_weights(
     unit = float(np.sqrt(x[0] * x[-1]))
     x = x / unit
     w = fit_weight(x, np.sqrt(np.einsum("wii->w", L).real), order=order).W
-    zeros = spaced(within_band(w.zeros(), x), np.zeros(0))
-    poles = spaced(within_band(w.poles(), x), zeros)
+    zeros = space_roots(clip_roots(w.zeros(), x), np.zeros(0))
+    poles = space_roots(clip_roots(w.poles(), x), zeros)
     s = 1j * x[:, None]
     size = np.prod(np.abs((s - zeros) / (s - poles)), axis=1) ** 2
     traces = np.einsum("wii->w", L).real / size, np.einsum("wii->w", R).real
@@ -103,13 +103,13 @@ def largest_gains(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(Delta, 2, (-2, -1)))
 
 
-def within_band(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
+def clip_roots(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return roots of which none is far outside the lines, where nothing would hold what they make."""
     size = np.abs(roots)
     return roots * np.clip(size, x[0] / BAND_MARGIN, x[-1] * BAND_MARGIN) / size
 
 
-def spaced(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
+def space_roots(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
     """Return roots of which no two are equal, nor one of those taken: real ones first, pairs adjacent."""
     roots = order_roots(roots)
     upper = roots[roots.imag >= 0]
@@ -121,10 +121,7 @@ def spaced(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
 
 
 class SpectrumVariable:
-    """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real M_k.
-
-    It has its own name as cvxpy holds what is not known yet.
-    """
+    """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real M_k of a program."""
 
     def __init__(self, x: np.ndarray, poles: np.ndarray, n: int) -> None:
         import cvxpy as cp

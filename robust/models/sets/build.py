@@ -40,7 +40,7 @@ from robust.models.fit.nominal import (
     require_same_channels,
 )
 from robust.models.fit.orders import scan_orders
-from robust.models.sets.family import DIAGONAL, family_given, family_set, is_full
+from robust.models.sets.family import DIAGONAL, find_family, is_full, make_family_set
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS, Form
 from robust.models.sets.joint import attach_records
 from robust.models.sets.model import UncertaintyModel, count_channels, format_channels, own_weights_call
@@ -177,10 +177,10 @@ def uncertainty(
     bla = bla_of_fit(bla, nominal)
     rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
     order = require_integer("order", order, least=0)
-    if family_given(bla):
+    if find_family(bla):
         if simultaneous or systematic is not None or W1 is not None or W2 is not None:
             raise ValueError("simultaneous, systematic, W1 and W2 must be left out where plants are given: of a Bla")
-        return family_set(
+        return make_family_set(
             bla,
             nominal,
             form=form,

@@ -263,7 +263,7 @@ def is_matrix_plant(part: object) -> bool:
     return isinstance(part, kinds) and count_channels(part) != (1, 1)
 
 
-def family_given(given: object) -> list[AnySystem]:
+def find_family(given: object) -> list[AnySystem]:
     """Return the plants of several channels that were given, one or many; none if it is anything else."""
     many = list(given) if isinstance(given, list | tuple) else [given]
     if not any(map(is_matrix_plant, many)):
@@ -276,7 +276,7 @@ def family_given(given: object) -> list[AnySystem]:
 
 def make_family(plants: object, nominal: NominalFit | AnySystem | None) -> Family:
     """Return the family on its lines: those of its FRFs, which have to be the same, else those of its poles."""
-    many = family_given(plants)
+    many = find_family(plants)
     if not many:
         raise ValueError(f"plants must be systems or FRFs of several inputs and outputs, got {short_form(plants)}")
     shape = count_channels(many[0])
@@ -384,7 +384,7 @@ def right_zeros(system: control.StateSpace) -> int:
     return int(np.sum(np.abs(found) > 1 + 1e-9 if dt else found.real > 1e-9 * (1 + np.abs(found))))
 
 
-def family_set(
+def make_family_set(
     plants: object,
     nominal: NominalFit | AnySystem | None,
     *,
@@ -415,12 +415,12 @@ def family_set(
     if family.is_parametric:
         rules = Extrapolation()
     for round_ in range(MAX_ROUNDS):
-        model = fitted_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
+        model = fit_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
         omega, distances = distances_of_members(model, family)
         outside = distances.max(axis=1) > CLOSE_LIFT
         if not outside.any() or round_ == MAX_ROUNDS - 1:
             break
-        family = with_lines(family, omega[distances[outside].argmax(axis=1)])
+        family = add_lines(family, omega[distances[outside].argmax(axis=1)])
     lift, at = float(distances.max()), float(omega[distances.max(axis=0).argmax()])
     if not lift < MAX_LIFT:
         raise ValueError(
@@ -429,15 +429,15 @@ def family_set(
         )
     where = f"{omega.size} frequencies" if family.is_parametric else f"their {family.omega.size} lines"
     words = f"{n} plants that were given, each inside at {where}{chosen}"
-    return lifted(model, max(lift, 1.0) * LIFT, source=words, extrapolation=described(family, rules))
+    return lift_set(model, max(lift, 1.0) * LIFT, source=words, extrapolation=describe_outside(family, rules))
 
 
-def described(family: Family, rules: Extrapolation) -> str:
+def describe_outside(family: Family, rules: Extrapolation) -> str:
     """Describe what is known outside the lines."""
     return "plants known at every frequency" if family.is_parametric else str(rules)
 
 
-def with_lines(family: Family, omega: np.ndarray) -> Family:
+def add_lines(family: Family, omega: np.ndarray) -> Family:
     """Return a family of systems on more lines."""
     lines = np.unique(np.concatenate([family.omega, omega]))
     members = np.array([on_lines(system, lines) for system in family.systems])
@@ -446,7 +446,7 @@ def with_lines(family: Family, omega: np.ndarray) -> Family:
     )
 
 
-def fitted_set(
+def fit_set(
     family: Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str
 ) -> UncertaintyModel:
     """Return the set with weights over the smallest ones on the lines; the assumption outside them is of W_l."""
@@ -472,7 +472,7 @@ def fitted_set(
     rows = np.sqrt([*np.einsum("wii->iw", L).real, *np.einsum("wii->iw", R).real])
     n = L.shape[1]
     if full:
-        lines = extended_lines(omega, rules, dt)
+        lines = extend_lines(omega, rules, dt)
         W_l, W_r = fit_matrix_weights(
             lines.omega,
             E[:, lines.nearest] * lines.factor[:, None, None],
@@ -500,7 +500,7 @@ class ExtendedLines:
     factor: np.ndarray
 
 
-def extended_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> ExtendedLines:
+def extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> ExtendedLines:
     """Return lines continued outside the band by a rule; as they are where it is flat, as the fit is by itself."""
     if rules.below == rules.above == 0:
         return ExtendedLines(omega=omega, nearest=np.arange(omega.size), factor=np.ones(omega.size))
@@ -544,7 +544,7 @@ def distances_of_members(model: UncertaintyModel, family: Family) -> tuple[np.nd
     return omega, found
 
 
-def lifted(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
+def lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
     """Return a set that is larger by a factor, with what is said of it."""
     raised = tuple(
         control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, w.dt, remove_useless_states=False)

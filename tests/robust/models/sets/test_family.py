@@ -65,6 +65,21 @@ def test_robust_stability_is_the_condition_of_the_book(form):
     np.testing.assert_allclose(np.linalg.svd(found)[1], np.linalg.svd(W[1].D @ X @ W[0].D)[1], rtol=1e-10)
 
 
+@pytest.mark.parametrize("form", ["output", "inverse-additive", "inverse-output"])
+def test_the_margin_is_where_a_plant_of_the_set_breaks_the_loop(form):
+    """The smallest perturbation found breaks the loop just beyond the margin; no plant drawn from the set does."""
+    model = robust.uncertainty(family(3), G, form=form, order=1, perturbation="LTI")
+    K = control.ss(np.zeros((2, 2)), np.eye(2), [[1.3, 0.4], [-0.2, 0.8]], np.eye(2))
+    report = robust.check(model, K)
+    worst = robust.analysis.breaking_perturbation(model, K)
+    assert report.verdict == "robust"
+    assert worst.size == pytest.approx(report.margin_rs, rel=0.02)
+    poles = [(plant * K).feedback(np.eye(2)).poles() for plant in (worst.plant(0.98), worst.plant(1.02))]
+    assert [bool(p.real.max() < 0) for p in poles] == [True, False]
+    for plant in model.sample(5, rng=1):
+        assert (plant * K).feedback(np.eye(2)).poles().real.max() < 0
+
+
 def test_the_smallest_weights_of_one_matrix_are_its_polar_factors():
     rng = np.random.default_rng(2)
     E = rng.normal(size=(1, 5, 2, 3)) + 1j * rng.normal(size=(1, 5, 2, 3))
