@@ -38,7 +38,7 @@ from robust.lti.sampling import sampled
 from robust.models.fit.weights import fit_weight
 from robust.models.sets.forms import ADDITIVE, ELEMENTS
 from robust.models.sets.measured import warn_of_unknown_hold
-from robust.models.sets.model import UncertaintyModel, require_several_channels
+from robust.models.sets.model import UncertaintyModel, require_record_form, require_several_channels
 from robust.models.sets.radius import diagonal_bound
 
 WEIGHT_ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
@@ -101,6 +101,7 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         of one input and one output, whose aliases `check` takes as they are.
     """
     require_several_channels(model, "be folded into a sampled set", "check takes each of its aliases as it is")
+    require_record_form(model, "to be folded into a sampled set, or a sampled nominal")
     if model.perturbation == "operator":
         raise ValueError(
             "model must have a sampled nominal for operators of several channels under a sampled K: take "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import control
@@ -17,7 +18,7 @@ from robust.io.models import CONTROLLER_SCHEMA, MATRIX_SCHEMA, MODEL_SCHEMA, Pat
 from robust.lti.connections import in_series
 from robust.lti.lti import response, timebase
 from robust.models.sets.coprime import factor_systems
-from robust.models.sets.forms import ELEMENTS, FORMS, INPUT
+from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
 from robust.proofs.exact.scaled_kyp import SCHEMA as PROOF_SCHEMA
@@ -162,6 +163,11 @@ def matlab_system(system: control.StateSpace) -> dict[str, object]:
     return struct
 
 
+def matlab_cases(forms: Mapping[str, Form | MatrixForm]) -> str:
+    """Return the cases of a switch over forms, each of which makes the uncertain plant."""
+    return "\n".join(f"    case '{name}'\n        Gu = {form.matlab_expression};" for name, form in forms.items())
+
+
 MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)
 %NAME  Uncertain plant from FILE (frequencies in rad/s, times in s).
 %   Gu     the uncertain plant: nominal, weight and ultidyn('Delta', [1 1])
@@ -196,9 +202,7 @@ switch model.form
 CASES
 end
 end
-""".replace(
-    "CASES", "\n".join(f"    case '{form.name}'\n        Gu = {form.matlab_expression};" for form in FORMS.values())
-)
+""".replace("CASES", matlab_cases(FORMS))
 MATRIX_LOADER = """function [Gu, G, model] = NAME(file)
 %NAME  Uncertain plant of several inputs and outputs from FILE (frequencies in rad/s, times in s).
 %   Gu     the uncertain plant: nominal, weights and ultidyn
@@ -229,13 +233,11 @@ Wr = blkdiag(W{:});
 V = cellfun(make, model.left, 'UniformOutput', false);
 Wl = blkdiag(V{:});
 Delta = ultidyn('Delta', [size(Wl, 2), size(Wr, 1)]);
-if strcmp(model.form, INPUT)
-    Gu = G * (eye(nu) + Wl * Delta * Wr);
-else
-    Gu = G + Wl * Delta * Wr;
+switch model.form
+CASES
 end
 end
-""".replace("ELEMENTS", f"'{ELEMENTS}'").replace("INPUT", f"'{INPUT}'")
+""".replace("ELEMENTS", f"'{ELEMENTS}'").replace("CASES", matlab_cases(BLOCK_FORMS))
 PROOF_LOADER = """function [largest, proofs] = NAME(file)
 %NAME  Proofs by P and one scaling from FILE.
 %   largest  of each proof the largest eigenvalue of its inequality and of -P, which have to be negative:

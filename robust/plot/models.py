@@ -205,20 +205,20 @@ def draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
     """Draw `plot_weight` of several channels."""
     omega = widened_band(model)
     if model.left:
-        n = max(len(model.left), len(model.right))
+        n_r, n_l = model.block_shape
+        n = max(n_l, n_r)
         rows, columns = ["W_l  [dB]", "W_r  [dB]"], [f"channel {k + 1}" for k in range(n)]
-        places = {(0, k): k for k in range(len(model.left))}
-        places |= {(1, k): len(model.left) + k for k in range(len(model.right))}
+        places = {(0, k): k for k in range(n_l)} | {(1, k): n_l + k for k in range(n_r)}
     else:
         rows, columns = [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs]
         places = {(j, i): i * model.n_outputs + j for j in range(model.n_outputs) for i in range(model.n_inputs)}
     made, foot = matrix_axes(ax, rows, columns)
+    gains = model.weight_gains(omega)
     for place, one in np.ndenumerate(made):
         if place not in places:
             one.set_visible(False)
             continue
         k = places[place]
-        weight = np.abs(response(model.weights[k], omega))
         one.plot(
             to_hertz(model.omega),
             to_decibel(model.radius[k]),
@@ -227,7 +227,7 @@ def draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
             color=COLOR["radius"],
             label="radius on the lines",
         )
-        one.plot(to_hertz(omega), to_decibel(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
+        one.plot(to_hertz(omega), to_decibel(gains[k]), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
         one.set_xscale("log")
         one.ticklabel_format(axis="y", useOffset=False)
         mark_band(one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))

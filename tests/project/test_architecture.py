@@ -69,6 +69,7 @@ HEAVY = {
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
     "cvxpy": "robust.proofs.search robust.synthesis.fixed.cone_program "
+    "robust.models.fit.spectral robust.models.sets.block_weights "
     "robust.friction.multipliers robust.friction.linear_uncertainty robust.friction.settling",
     "clarabel": "robust.synthesis.tuning.minimax",
     "jinja2": "robust.reports.page",

@@ -30,7 +30,7 @@ MISTAKES = [
     "_ = report.verdict + 1",
     "both.fs",  # a list of records
     "nlfrf.identify('run.csv')",  # a path is not a record
-    "robust.uncertainty(bla)",  # around which nominal?
+    "robust.uncertainty(bla, 3.0, weight=1.0)",  # weights
 ]
 
 

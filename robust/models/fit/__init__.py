@@ -6,5 +6,6 @@ orders           how many poles the FRF asks for
 rational         rational functions through complex data: vector fitting, starting poles, numerators
 refinement       a weight refined by its roots
 shared_poles     several inputs and outputs: poles shared by all entries, residues of low rank
+spectral         weights that are matrices: a convex program for the spectrum, a Riccati equation for its factor
 weights          weights that cover a radius: stable, minimum phase, as little above it as the order allows
 """

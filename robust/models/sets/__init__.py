@@ -1,7 +1,9 @@
 """Uncertainty sets for any number of channels: forms, radii, models.
 
 coprime          normalised coprime factors of a plant, and the plants that other factors make
+block_weights    the smallest W_l and W_r that hold several matrices, at each frequency, by a convex program
 build            `uncertainty`: the set around a nominal, from records or from a radius of one's own
+family           sets from families of plants of several channels, and `choose_form`
 forms            the forms of uncertainty, a row each: perturbed plant, sensitivity, discs of the loop
 interconnection  several uncertainties, joined by the names of their signals
 joint            the probability that a whole FRF lies in the set

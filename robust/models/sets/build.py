@@ -39,11 +39,13 @@ from robust.models.fit.nominal import (
     matrices_given,
     require_same_channels,
 )
-from robust.models.fit.weights import WeightOrderError, fit_weight
-from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, MATRIX_FORMS, Form
+from robust.models.fit.orders import scan_orders
+from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_family, is_full, make_family_set
+from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS, Form
 from robust.models.sets.joint import attach_records
 from robust.models.sets.model import UncertaintyModel, count_channels, format_channels, own_weights_call
 from robust.models.sets.radius import (
+    MIN_RADIUS_RATIO,
     Extrapolation,
     RadiusSpec,
     Scaling,
@@ -51,6 +53,8 @@ from robust.models.sets.radius import (
     checked_slope,
     disc_parts,
     element_parts,
+    fit_covering_weight,
+    fit_extrapolated,
     larger_neighbour,
     nominal_response,
     radius_in_form,
@@ -59,17 +63,16 @@ from robust.models.sets.radius import (
 )
 
 PADE_ORDER, PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
-FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
-#: Smallest over largest radius of the user: a plant equal to the nominal on a line would leave a zero.
-MIN_RADIUS_RATIO = 1e-6
 
 
 @keep_warnings
 def uncertainty(
     bla: Bla | AnySystem | Sequence[Bla | AnySystem | np.ndarray],
-    nominal: NominalFit | AnySystem | float,
+    nominal: NominalFit | AnySystem | float | None = None,
     *,
     form: str = DEFAULT_FORM,
+    weights: str = DIAGONAL,
+    omega_B: float | None = None,
     order: int | None = None,
     confidence: float = 0.95,
     simultaneous: bool = False,
@@ -93,16 +96,26 @@ def uncertainty(
     bla : nlfrf.Bla or list of them
         What was measured, of one or several channels; several levels, offsets or days make a plant family, with the
         largest radius of all. An FRF from elsewhere is a Bla by `nlfrf.bla_from_frf`, or by the `std` that
-        `fit_nominal` was given with it. Or, of one channel, a radius of your own: arrays (omega, radius), in rad/s and
-        the unit of the form, or a list of plants (FRFs, systems) that the set has to hold.
-    nominal : NominalFit, control system or control.FrequencyResponseData
-        The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
+        `fit_nominal` was given with it. Or a list of plants (FRFs, systems) that the set has to hold. Or, of one
+        channel, a radius of your own: arrays (omega, radius), in rad/s and the unit of the form.
+    nominal : NominalFit, control system or control.FrequencyResponseData, optional
+        The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only. Of a list
+        of plants of several channels it may be left out: a fit of their mean response. Of records of several channels
+        too: the fit that `scan_orders` takes.
     form : str
         "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of several
         channels "elements" (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at
-        a price of 10 %.
+        a price of 10 %. Of a list of plants of several channels also "output", "inverse-additive", "inverse-input" and
+        "inverse-output"; when not given, the first form of `choose_form`.
+    weights : str
+        "diagonal": one weight a channel. "full", of a list of plants of several channels: W_l and W_r are matrices, and
+        the set is smaller where deviations share a direction.
+    omega_B : float, optional
+        Bandwidth [rad/s] of the loop for which the form is chosen, of a list of plants of several channels; the middle
+        of their band when not given.
     order : int, optional
-        Order of the weight, or of each of them; when not given, the lowest within 3 dB of its radius, up to 8.
+        Order of the weight, or of each of them; when not given, the lowest within 3 dB of its radius, up to 8, and 4 of
+        a family of plants of several channels.
     confidence : float
         Probability per line (or for all lines together when `simultaneous`).
     simultaneous : bool
@@ -128,7 +141,14 @@ def uncertainty(
     Raises
     ------
     ValueError
-        A form or class that does not exist, an inverse form where the radius reaches |G|, an order too low.
+        A form or class that does not exist, an inverse form where the radius reaches |G|, an order too low, plants
+        that no set of the form holds.
+
+    Notes
+    -----
+    A set of a list of plants of several channels has the least tr W_l W_l* + tr W_r* W_r at each frequency, before the
+    fit. So scale inputs and outputs first (SP 1.4). Every plant lies inside, which is checked: systems at all their
+    poles, far outside the band and at the peaks between, FRFs on their lines.
 
     References
     ----------
@@ -156,8 +176,29 @@ def uncertainty(
     ('robust', 4.99)
     """
     bla = bla_of_fit(bla, nominal)
+    rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
+    order = None if order is None else require_integer("order", order, least=0)
+    if find_family(bla):
+        if simultaneous or systematic is not None or W1 is not None or W2 is not None:
+            raise ValueError("simultaneous, systematic, W1 and W2 must be left out where plants are given: of a Bla")
+        return make_family_set(
+            bla,
+            nominal,
+            form=form,
+            weights=weights,
+            order=FAMILY_ORDER if order is None else order,
+            rules=rules,
+            perturbation=perturbation,
+            omega_B=omega_B,
+        )
+    if is_full(weights) or omega_B is not None:
+        raise ValueError("weights and omega_B must be left out but for a family of plants of several channels")
     recorded: list[Bla] = matrices_given(bla)
     several = bool(recorded)
+    if nominal is None and not several:
+        raise ValueError("nominal must be given but for plants or records of several channels: see fit_nominal")
+    if nominal is None:
+        nominal = scan_orders(recorded).fit
     given = nominal.G if isinstance(nominal, NominalFit) else nominal
     if not several and count_channels(given) != (1, 1):
         raise ValueError(
@@ -181,7 +222,7 @@ def uncertainty(
             perturbation=perturbation,
         )
         return replace(in_form(form=ELEMENTS), alternative_form=in_form(form=ADDITIVE))
-    require_choice("form", form, (*MATRIX_FORMS, AUTO) if several else tuple(FORMS))
+    require_choice("form", form, (*RECORD_FORMS, AUTO) if several else tuple(FORMS))
     spec = RadiusSpec(
         p=require_probability("confidence", confidence),
         simultaneous=bool(simultaneous),
@@ -190,10 +231,6 @@ def uncertainty(
     )
     nominal, delay = nominal_of_several_channels(nominal, recorded[0]) if several else nominal_of_one_channel(nominal)
     dt = sampling_time_of(nominal)
-    rules, order = (
-        Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above)),
-        order if order is None else require_integer("order", order, least=0),
-    )
     make = partial(UncertaintyModel, nominal=nominal, form=form, delay=delay, perturbation=perturbation)
     if not several:
         if own := set_of_user(bla, nominal, form=FORMS[form], rules=rules, dt=dt, order=order, spec=spec):
@@ -322,31 +359,6 @@ def block_set(
         "W2": scaling[1],
         **known,
     }
-
-
-def fit_covering_weight(
-    omega: np.ndarray, radius: np.ndarray, *, order: int | None, rules: Extrapolation, dt: float
-) -> control.StateSpace:
-    """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
-    if radius.max() < FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
-        return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
-
-
-def fit_extrapolated(
-    lines: np.ndarray, covered: Sequence[np.ndarray], rules: Extrapolation, *, order: int | None, dt: float
-) -> control.StateSpace:
-    """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too."""
-    omega, radius = covered
-    try:
-        return fit_weight(omega, radius, order=order, dt=dt, band=(lines[0], lines[-1])).W
-    except WeightOrderError as error:
-        if rules.below == rules.above == 0:
-            raise
-        raise WeightOrderError(
-            f"{error} Outside the measured lines the radius was continued ({rules}), which a weight of low order "
-            'cannot follow: above="flat" and below="flat" keep it level there'
-        ) from None
 
 
 def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:

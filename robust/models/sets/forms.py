@@ -227,9 +227,121 @@ FORMS = {
         ),
     )
 }
-#: Forms of a plant with several inputs and outputs; `model` says what they are.
-AUTO = "auto"  # two forms at a time, of which a check may take the better
-MATRIX_FORMS = ELEMENTS, ADDITIVE, INPUT = ("elements", "additive", "input")
+
+
+# ---- Forms of a plant with several inputs and outputs; matrices G, G_p, S, T below are (..., n, n) responses.
+
+
+@value
+class MatrixForm:
+    """One way in which W_l Delta W_r, a full block, enters a plant of several channels.
+
+    Fields
+    ------
+    name : str
+        What users call it.
+    reads, acts : "u" or "y"
+        The signals of the plant that W_r reads and that W_l Delta acts on: those of its input or of its output.
+    inverse : bool
+        Delta closes a loop: what it acts on is taken off a signal that it reads behind that place.
+    deviation : (G_p, G) -> W_l Delta W_r that turns G into G_p.
+    weighed : (G, S, T) -> the matrix from W_l to W_r in the loop of G with the controller that makes S and T.
+    one_channel : str
+        The form of one channel that it is there.
+    matlab_expression : str
+        The uncertain plant in MATLAB's Robust Control Toolbox.
+    """
+
+    name: str
+    reads: str
+    acts: str
+    inverse: bool
+    deviation: Callable[[Array, Array], Array]
+    weighed: Callable[[Array, Array, Array], Array]
+    one_channel: str
+    matlab_expression: str
+
+    @property
+    def needs_square_plant(self) -> bool:
+        """Return whether its deviation takes the inverse of a plant."""
+        return (self.reads, self.acts, self.inverse) != ("u", "y", False)
+
+
+def divide_right(X: Array, Y: Array) -> Array:
+    """Return X Y^-1 of (..., n, n) matrices."""
+    return np.swapaxes(np.linalg.solve(np.swapaxes(Y, -1, -2), np.swapaxes(X, -1, -2)), -1, -2)
+
+
+#: Name -> row, of the forms with a full block (SP 8.2.3).
+BLOCK_FORMS = {
+    form.name: form
+    for form in (
+        MatrixForm(
+            name="additive",
+            reads="u",
+            acts="y",
+            inverse=False,
+            deviation=lambda G_p, G: G_p - G,
+            weighed=lambda G, S, T: np.linalg.pinv(G) @ T,
+            one_channel="additive",
+            matlab_expression="G + Wl * Delta * Wr",
+        ),
+        MatrixForm(
+            name="input",
+            reads="u",
+            acts="u",
+            inverse=False,
+            deviation=lambda G_p, G: np.linalg.solve(G, G_p - G),
+            weighed=lambda G, S, T: T,
+            one_channel="multiplicative",
+            matlab_expression="G * (eye(nu) + Wl * Delta * Wr)",
+        ),
+        MatrixForm(
+            name="output",
+            reads="y",
+            acts="y",
+            inverse=False,
+            deviation=lambda G_p, G: divide_right(G_p - G, G),
+            weighed=lambda G, S, T: T,
+            one_channel="multiplicative",
+            matlab_expression="(eye(ny) + Wl * Delta * Wr) * G",
+        ),
+        MatrixForm(
+            name="inverse-additive",
+            reads="y",
+            acts="u",
+            inverse=True,
+            deviation=lambda G_p, G: divide_right(np.linalg.solve(G_p, G - G_p), G),
+            weighed=lambda G, S, T: S @ G,
+            one_channel="inverse-additive",
+            matlab_expression="feedback(G, Wl * Delta * Wr)",
+        ),
+        MatrixForm(
+            name="inverse-input",
+            reads="u",
+            acts="u",
+            inverse=True,
+            deviation=lambda G_p, G: np.linalg.solve(G_p, G - G_p),
+            weighed=lambda G, S, T: S,
+            one_channel="inverse-multiplicative",
+            matlab_expression="G * feedback(eye(nu), Wl * Delta * Wr)",
+        ),
+        MatrixForm(
+            name="inverse-output",
+            reads="y",
+            acts="y",
+            inverse=True,
+            deviation=lambda G_p, G: divide_right(G - G_p, G_p),
+            weighed=lambda G, S, T: S,
+            one_channel="inverse-multiplicative",
+            matlab_expression="feedback(eye(ny), Wl * Delta * Wr) * G",
+        ),
+    )
+}
+AUTO = "auto"  # forms of which one is taken later: by a check, or by the measure of `choose_form`
+ELEMENTS, ADDITIVE, INPUT = "elements", "additive", "input"
+#: Those that a set has, and those among them that one made of records has.
+MATRIX_FORMS, RECORD_FORMS = (ELEMENTS, *BLOCK_FORMS), (ELEMENTS, ADDITIVE, INPUT)
 #: The form that is meant where none is named.
 DEFAULT_FORM = "multiplicative"
 
@@ -241,7 +353,8 @@ def reduce_to_one_channel(
     if form not in MATRIX_FORMS or len(right) != 1 or len(left) != (form != ELEMENTS) or radius.ndim != 2:
         return {}
     weight = in_series(*right, *left) if left else right[0]
-    return {"form": DEFAULT_FORM if form == INPUT else ADDITIVE, "weight": weight, "radius": np.prod(radius, axis=0)}
+    one = ADDITIVE if form == ELEMENTS else BLOCK_FORMS[form].one_channel
+    return {"form": one, "weight": weight, "radius": np.prod(radius, axis=0)}
 
 
 def relative_radius(form: str, w: Array, size: Array) -> Array:

@@ -9,12 +9,16 @@ One input and one output: a disc about G at every frequency, with what the disc 
     inverse-additive        G / (1 + w G Delta)              r / (|G| (|G| - r))
     coprime                 (N + Delta_N)/(M + Delta_M)      r / sqrt((1 + |G|^2)(1 + (|G| - r)^2)), G and r scaled
 
-Several channels, with diagonal W_l and W_r:
+Several channels, with W_l and W_r diagonal or full:
 
     form                    set of plants, gain of every Delta at most one     blocks
     elements                G_ji + w_ji Delta_ji                               n_y n_u numbers
     additive                G + W_l Delta W_r                                  one full n_y by n_u
     input                   G (I + W_l Delta W_r)                              one full n_u by n_u, for a square G
+    output                  (I + W_l Delta W_r) G                              one full n_y by n_y, for a square G
+    inverse-additive        G (I + W_l Delta W_r G)^-1                         one full n_u by n_y, for a square G
+    inverse-input           G (I + W_l Delta W_r)^-1                           one full n_u by n_u, for a square G
+    inverse-output          (I + W_l Delta W_r)^-1 G                           one full n_y by n_y, for a square G
 
               +---- W_r <--+
               |            |                additive: d is added to y
@@ -70,11 +74,14 @@ from robust.models.fit.weights import cover_sampled
 from robust.models.sets.coprime import invertible_scaling, require_below_one
 from robust.models.sets.forms import (
     ADDITIVE,
+    BLOCK_FORMS,
     ELEMENTS,
     FORMS,
     INPUT,
     MATRIX_FORMS,
     PERTURBATIONS,
+    RECORD_FORMS,
+    divide_right,
     reduce_to_one_channel,
 )
 from robust.models.sets.interconnection import Block, UncertainSystem
@@ -103,7 +110,7 @@ class UncertaintyModel:
         Stable and proper; |weight| >= radius on every line. None with several channels.
     form : str
         "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime"; with several channels
-        "elements", "additive" or "input".
+        "elements", "additive", "input", "output", "inverse-additive", "inverse-input" or "inverse-output".
     omega : (W,) ndarray
         Frequencies of the radius [rad/s].
     radius : (W,) or (n, W) ndarray
@@ -138,8 +145,9 @@ class UncertaintyModel:
     records : tuple of RecordSummary
         What is remembered of each record: its lines, FRF and scatter for `validate`, its level for `predict_level`.
     left, right : tuple of control.StateSpace
-        Stable weights W_l and W_r of several channels, one a channel. Of "elements" the n_y n_u weights stand in
-        `right`, columns of G one after the other, and `left` is empty.
+        Stable weights W_l and W_r of several channels, one a channel; or one square matrix each, whose rows in `radius`
+        are the gains of its rows (W_l) or of its columns (W_r). Of "elements" the n_y n_u weights stand in `right`,
+        columns of G one after the other, and `left` is empty.
     inputs, outputs : tuple of str
         Names of the channels.
     alternative_form : UncertaintyModel, optional
@@ -221,7 +229,7 @@ class UncertaintyModel:
         held, is_frf = self.__dict__, isinstance(self.nominal, control.FrequencyResponseData)
         if self.left or self.right:
             for name in ("left", "right"):
-                held[name] = tuple(state_space(name, weight) for weight in getattr(self, name))
+                held[name] = tuple(multivariable(name, weight) for weight in getattr(self, name))
             G = held["nominal"] = multivariable("nominal", self.nominal)
             if one := (G.ninputs, G.noutputs) == (1, 1) and reduce_to_one_channel(
                 self.form, self.left, right=self.right, radius=self._given_radius()
@@ -263,20 +271,29 @@ class UncertaintyModel:
         """Return the radius that was given, else that of the weights."""
         if self.radius is not None:
             return np.asarray(self.radius)
-        rows = [np.abs(response(weight, np.asarray(self.omega, dtype=float))) for weight in self.weights]
-        return rows[0] if self.is_single else np.array(rows)
+        rows = self.weight_gains(np.asarray(self.omega, dtype=float))
+        return rows[0] if self.is_single else rows
 
     def _check_blocks(self) -> None:
         """Refuse weights of several channels that are not as many as the form has."""
         n_y, n_u = self.n_outputs, self.n_inputs
-        wanted = {ELEMENTS: (0, n_y * n_u), ADDITIVE: (n_y, n_u), INPUT: (n_u, n_u)}[self.form]
-        if (len(self.left), len(self.right)) != wanted:
+        if self.form == ELEMENTS:
+            wanted = 0, n_y * n_u
+        else:
+            row, size = BLOCK_FORMS[self.form], {"u": n_u, "y": n_y}
+            wanted = size[row.acts], size[row.reads]
+            if row.needs_square_plant and n_y != n_u:
+                raise ValueError(
+                    f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}"
+                )
+        given = tuple(sum(weight.noutputs for weight in side) for side in (self.left, self.right))
+        each = {"left": self.left, "right": self.right}
+        odd = next((n for n, side in each.items() for weight in side if weight.noutputs != weight.ninputs), None)
+        if odd or given != wanted or (self.form == ELEMENTS and len(self.right) != wanted[1]):
             raise ValueError(
                 f"left and right must hold {wanted[0]} and {wanted[1]} weights for the {self.form} form, "
-                f"got {len(self.left)} and {len(self.right)}"
+                + (f"got {odd} that is not square" if odd else f"got {given[0]} and {given[1]}")
             )
-        if self.form == INPUT and n_y != n_u:
-            raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
         other = self.alternative_form
         if other is not None and other.confidence != self.confidence:
             raise ValueError(
@@ -287,7 +304,8 @@ class UncertaintyModel:
         """Refuse radii, weights and parts that do not fit each other or the nominal."""
         omega, dt = self.omega, 0.0 if self.measured_only else timebase(self.nominal)
         radius = require_real_array("radius", self._given_radius(), ndim=1 if self.is_single else 2)
-        shape = omega.shape if self.is_single else (len(self.weights), omega.size)
+        gains = self.weight_gains(omega)
+        shape = omega.shape if self.is_single else gains.shape
         if radius.shape != shape:
             raise ValueError(f"radius must have one value per frequency, the shape {shape}, got {radius.shape}")
         if np.any(radius <= 0):
@@ -297,14 +315,16 @@ class UncertaintyModel:
             raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
         names = ["weight"] if self.is_single else [f"left[{k}]" for k in range(len(self.left))]
         names += [f"right[{k}]" for k in range(len(self.right))]
-        for name, weight, row in zip(names, self.weights, np.atleast_2d(radius), strict=True):
+        for name, weight in zip(names, self.weights, strict=True):
             if weight.nstates and not self.measured_only and timebase(weight) != dt:
                 raise ValueError(
                     f"{name} must have the sampling time of the nominal, {dt:g} s, got {timebase(weight):g} s"
                 )
             if not is_stable(weight):
                 raise ValueError(f"{name} must be stable, got a pole at {rightmost_pole(weight):.4g}")
-            cover = np.abs(response(weight, omega)) / row
+        rows_of = [name for name, weight in zip(names, self.weights, strict=True) for _ in range(weight.noutputs)]
+        for name, gain, row in zip(rows_of, gains, np.atleast_2d(radius), strict=True):
+            cover = gain / row
             if cover.min() < 1 - 1e-6:
                 raise ValueError(
                     f"{name} must cover its radius, |weight| >= radius, got a ratio of {cover.min():g} "
@@ -377,7 +397,25 @@ class UncertaintyModel:
         """Return the blocks of Delta, as `mu_upper` takes them."""
         if self.form == ELEMENTS:
             return [(1, 1)] * (self.n_outputs * self.n_inputs)
-        return [(1, 1)] if self.is_single else [(len(self.right), len(self.left))]
+        return [(1, 1)] if self.is_single else [self.block_shape]
+
+    @property
+    def block_shape(self) -> tuple[int, int]:
+        """Return how many signals the full block of several channels reads and drives."""
+        return sum(weight.noutputs for weight in self.right), sum(weight.ninputs for weight in self.left)
+
+    @property
+    def has_full_weights(self) -> bool:
+        """Return whether a weight is a matrix that is not diagonal by its making."""
+        return any(weight.noutputs > 1 for weight in self.weights)
+
+    def weight_gains(self, omega: np.ndarray) -> np.ndarray:
+        """Return (n, W) gains of the rows of W_l and, behind them, of the columns of W_r; |w| of one channel."""
+        sides = [(self.left, 1), (self.weights[len(self.left) :], 0)]
+        parts = [
+            np.linalg.norm(response_by_channel(weight, omega), axis=axis) for side, axis in sides for weight in side
+        ]
+        return np.concatenate(parts)
 
     @property
     def shaping(self) -> control.StateSpace:
@@ -437,29 +475,40 @@ class UncertaintyModel:
 
         Of one channel up to the phase of the weight; of "elements" each number stands in its place.
         """
-        sizes = [np.abs(response(weight, omega)) for weight in self.weights]
         if self.is_single:
             if FORMS[self.form].depends_on_units:  # at a pole too: it is as far from zero as a plant can be
                 W = response(self.shaping, omega)
                 G, nominal = W * replace_infinite(G), W * replace_infinite(nominal)
-            return FORMS[self.form].deviation(G, nominal) / sizes[0]
-        deviation, n = G - nominal, len(self.left)
+            return FORMS[self.form].deviation(G, nominal) / np.abs(response(self.weight, omega))
         if self.form == ELEMENTS:
-            return deviation / np.reshape(sizes, (self.n_inputs, self.n_outputs, -1)).transpose(2, 1, 0)
-        if self.form == INPUT:
-            deviation = np.linalg.solve(nominal, deviation)
-        return deviation / np.transpose(sizes[:n])[:, :, None] / np.transpose(sizes[n:])[:, None, :]
+            sizes = self.weight_gains(omega).reshape(self.n_inputs, self.n_outputs, -1)
+            return (G - nominal) / sizes.transpose(2, 1, 0)
+        deviation = BLOCK_FORMS[self.form].deviation(G, nominal)
+        if not self.has_full_weights:
+            left, right = np.split(self.weight_gains(omega).T, [len(self.left)], axis=1)
+            return deviation / left[:, :, None] / right[:, None, :]
+        W_l, W_r = (np.moveaxis(response_by_channel(side, omega), 2, 0) for side in self.side_weights())
+        return np.linalg.solve(W_l, divide_right(deviation, W_r))
+
+    def side_weights(self) -> tuple[control.StateSpace, control.StateSpace]:
+        """Return W_l and W_r as systems, of several channels; of "elements" the left one passes every signal."""
+        dt = self.nominal.dt
+        passed = control.StateSpace([], [], [], np.eye(len(self.right)), dt)
+        return block_diagonal(list(self.left), dt) if self.left else passed, block_diagonal(list(self.right), dt)
 
     def entry_radius(self, omega: np.ndarray) -> np.ndarray:
-        """Return (n_y, n_u, W) the largest deviation of each entry from the nominal over the set."""
+        """Return (n_y, n_u, W) the largest deviation of each entry from the nominal over the set.
+
+        Of an inverse form a bound of it, infinite where the set is.
+        """
         require_several_channels(self, "have entries", "nominal and radius say it of one")
-        right = np.array([np.abs(response(weight, omega)) for weight in self.right])
         if self.form == ELEMENTS:
-            return np.swapaxes(right.reshape(self.n_inputs, self.n_outputs, -1), 0, 1)
-        left = np.array([np.abs(response(weight, omega)) for weight in self.left])
-        if self.form == INPUT:  # row j of G W_l Delta W_r
-            left = np.sqrt(np.einsum("jkw,kw->jw", np.abs(response_by_channel(self.nominal, omega)) ** 2, left**2))
-        return left[:, None] * right
+            return np.swapaxes(self.weight_gains(omega).reshape(self.n_inputs, self.n_outputs, -1), 0, 1)
+        n_z, n_d = self.block_shape
+        P = response_by_channel(self.open_loop(), omega)
+        around = np.linalg.norm(np.moveaxis(P[:n_z, :n_d], 2, 0), 2, axis=(1, 2))  # Delta in a loop of its own
+        amplified = np.divide(1.0, 1 - around, out=np.full(around.size, np.inf), where=around < 1)
+        return amplified * np.linalg.norm(P[n_z:, :n_d], axis=1)[:, None] * np.linalg.norm(P[:n_z, n_d:], axis=0)
 
     def contains(self, plant: AnySystem) -> bool:
         """Return whether an FRF (or a system, on the lines) lies in the set at every one of its frequencies."""
@@ -516,32 +565,38 @@ class UncertaintyModel:
         require_several_channels(self, "have its perturbations pulled out", "check takes one")
         G, dt = self.nominal, self.nominal.dt
         n_y, n_u = self.n_outputs, self.n_inputs
+        W_l, W_r = self.side_weights()
         if self.form == ELEMENTS:  # column i of G after the other: read u_i, act on y_j
             reads, acts = np.repeat(np.eye(n_u), n_y, axis=0), np.tile(np.eye(n_y), n_u)
-            W_l: control.StateSpace = control.StateSpace([], [], [], np.eye(n_y * n_u), dt)
+            from_y = on_u = inverse = False
         else:
-            reads, W_l = np.eye(n_u), block_diagonal(list(self.left), dt)
-            acts = np.eye(n_y) if self.form == ADDITIVE else np.eye(n_u)
-        W_r = block_diagonal(list(self.right), dt)
-        m = W_l.ninputs
-        into = acts if self.form == INPUT else np.zeros((n_u, acts.shape[1]))  # of d behind W_l into G
-        onto = np.zeros((n_y, acts.shape[1])) if self.form == INPUT else acts
+            row = BLOCK_FORMS[self.form]
+            from_y, on_u, inverse = row.reads == "y", row.acts == "u", row.inverse
+            reads, acts = np.eye(W_r.ninputs), (-1.0 if inverse else 1.0) * np.eye(W_l.noutputs)
+        none = np.zeros(((n_y if on_u else n_u), W_l.noutputs))
+        into, onto = (acts, none) if on_u else (none, acts)  # of d behind W_l into G, and onto y
+        # what W_r reads, from the states of G, d behind W_l and u; in an inverse form behind the place where d acts
+        of_states = reads @ G.C if from_y else np.zeros((len(reads), G.nstates))
+        of_d = reads @ ((G.D @ into + inverse * onto) if from_y else inverse * into)
+        of_u = reads @ (G.D if from_y else np.eye(n_u))
         A = block_diag(G.A, W_l.A, W_r.A)
-        A[: G.nstates, G.nstates : G.nstates + W_l.nstates] = G.B @ into @ W_l.C
+        behind = slice(G.nstates, G.nstates + W_l.nstates)
+        A[: G.nstates, behind] = G.B @ into @ W_l.C
+        A[behind.stop :, : G.nstates], A[behind.stop :, behind] = W_r.B @ of_states, W_r.B @ of_d @ W_l.C
         B = np.block(
             [
                 [G.B @ into @ W_l.D, G.B],
                 [W_l.B, np.zeros((W_l.nstates, n_u))],
-                [np.zeros((W_r.nstates, m)), W_r.B @ reads],
+                [W_r.B @ of_d @ W_l.D, W_r.B @ of_u],
             ]
         )
         C = np.block(
             [
-                [np.zeros((W_r.noutputs, G.nstates + W_l.nstates)), W_r.C],
+                [W_r.D @ of_states, W_r.D @ of_d @ W_l.C, W_r.C],
                 [G.C, (onto + G.D @ into) @ W_l.C, np.zeros((n_y, W_r.nstates))],
             ]
         )
-        D = np.block([[np.zeros((W_r.noutputs, m)), W_r.D @ reads], [(onto + G.D @ into) @ W_l.D, G.D]])
+        D = np.block([[W_r.D @ of_d @ W_l.D, W_r.D @ of_u], [(onto + G.D @ into) @ W_l.D, G.D]])
         return control.StateSpace(A, B, C, D, dt)
 
     def loop(self, K: Controller, *, w_P: Weight | None = None) -> UncertainSystem:
@@ -620,6 +675,15 @@ def require_several_channels(model: UncertaintyModel, purpose: str, instead: str
     """Refuse a set of one input and one output, and name what to take instead."""
     if model.is_single:
         raise ValueError(f"model must be of several channels to {purpose}, got one of one input and output: {instead}")
+
+
+def require_record_form(model: UncertaintyModel, purpose: str) -> None:
+    """Refuse a set of several channels that no record makes: another form, or weights that are matrices."""
+    if model.form not in RECORD_FORMS or model.has_full_weights:
+        raise ValueError(
+            f"model must have the form {', '.join(RECORD_FORMS[:-1])} or {RECORD_FORMS[-1]} and one weight a channel "
+            f"{purpose}, got {model.form}{' with weights that are matrices' * model.has_full_weights}"
+        )
 
 
 def describe_no_set(thing: object) -> str:

@@ -21,6 +21,7 @@ from robust._base.types import Weight
 from robust.lti.grids import interpolate_frf
 from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import frequency_response, state_space
+from robust.models.fit.weights import WeightOrderError, fit_weight
 from robust.models.sets.forms import INPUT, Form
 
 #: What a radius is made of.
@@ -30,6 +31,9 @@ COVARIANCE_WINDOW = (
     9  # lines over which a covariance is averaged, relative to |G|: an order of weights does not follow scatter
 )
 DECADES_ABOVE = 2.0
+FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
+#: Smallest over largest radius of plants that were given: one equal to the nominal on a line would leave a zero.
+MIN_RADIUS_RATIO = 1e-6
 
 
 @value
@@ -77,6 +81,31 @@ def checked_slope(name: str, rule: str | float) -> float:
 def describe_slope(rule: float) -> str:
     """Describe the extrapolation rule."""
     return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
+
+
+def fit_covering_weight(
+    omega: np.ndarray, radius: np.ndarray, *, order: int | None, rules: Extrapolation, dt: float
+) -> control.StateSpace:
+    """Return a weight over a radius: a number where that is flat and nothing rises outside the band."""
+    if radius.max() < FLAT_RATIO * radius.min() and rules.below == rules.above == 0:
+        return control.StateSpace([], [], [], [[radius.max()]], dt)
+    return fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt)
+
+
+def fit_extrapolated(
+    lines: np.ndarray, covered: Sequence[np.ndarray], rules: Extrapolation, *, order: int | None, dt: float
+) -> control.StateSpace:
+    """Fit a weight over (omega, radius) that were continued outside the lines; where it fails, name that rule too."""
+    omega, radius = covered
+    try:
+        return fit_weight(omega, radius, order=order, dt=dt, band=(lines[0], lines[-1])).W
+    except WeightOrderError as error:
+        if rules.below == rules.above == 0:
+            raise
+        raise WeightOrderError(
+            f"{error} Outside the measured lines the radius was continued ({rules}), which a weight of low order "
+            'cannot follow: above="flat" and below="flat" keep it level there'
+        ) from None
 
 
 def nominal_response(nominal: control.StateSpace | control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ from robust.lti.lti import frequency_response_matrices, response, timebase, with
 from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
 from robust.models.sets.measured import add_hold_and_delay
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_record_form
 from robust.models.sets.radius import RadiusSpec, block_radii_of_record
 from robust.synthesis.fixed.one_loop import LoopOptions, design_loop
 from robust.synthesis.fixed.plants import DiscsOnLines
@@ -216,6 +216,7 @@ def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> M
             right=diagonal_matrices(right),
             radius=np.zeros(G.shape),
         )
+    require_record_form(plant, "to tune its loops one by one (dk_iteration takes every form)")
     N = plant.nominal
     modes = structure_grid(N)
     low, high = min(modes[1], plant.omega[0]), max(modes[-1], plant.omega[-1])

@@ -22,7 +22,7 @@ from robust.lti.sampling import delay_samples, delayed, hold_correction, hold_re
 from robust.models.fit.nominal import frd
 from robust.models.sets.forms import ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import frf_sampling_time, parts_on_lines, warn_of_unknown_hold
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_record_form
 from robust.synthesis.tuning.blocks import signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
@@ -264,6 +264,7 @@ def is_bounded(perturbation: Perturbation) -> np.ndarray:
 
 def perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray], Perturbation]:
     """Return the set of a model of several channels, in its own form."""
+    require_record_form(model, "to tune a controller for its perturbations (dk_iteration takes every form)")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
     elements = model.form == ELEMENTS  # column i of G after the other, as in `UncertaintyModel.open_loop`
     reads = np.repeat(np.eye(n_u), n_y, axis=0) if elements else np.eye(n_u)

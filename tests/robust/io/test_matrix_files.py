@@ -78,7 +78,7 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     assert "left and right must hold 2 and 2 weights" in refusal(left=whole["left"][:1])
     assert 'simultaneous must have type "boolean"' in refusal(simultaneous=1)
     assert 'inputs[0] must have type "string", got 1' in refusal(inputs=[1, 2])
-    assert 'form must be one of "elements", "additive", "input", got 3' in refusal(form=3)
+    assert 'form must be one of "elements", "additive", "input", "output", "inverse-additive", ' in refusal(form=3)
     text = (tmp_path / "m.json").read_text()
     for cut in (10, len(text) // 2, len(text) - 3):
         (tmp_path / "cut.json").write_text(text[:cut])
@@ -119,7 +119,7 @@ def test_matlab_reads_a_model(form, tmp_path):
     assert loader.startswith("function [Gu, G, model] = load_stage(file)")
     assert not re.search(r"NAME|FILE\b|ELEMENTS|INPUT", loader)
     assert "strcmp(model.form, 'elements')" in loader
-    opened = len(re.findall(r"^\s*(?:function|if|for)\b", loader, re.MULTILINE))
+    opened = len(re.findall(r"^\s*(?:function|if|for|switch)\b", loader, re.MULTILINE))
     assert len(re.findall(r"^\s*end\s*$", loader, re.MULTILINE)) == opened
     robust.io.export_matlab(K, tmp_path / "K.mat")
     kept = loadmat(tmp_path / "K.mat", squeeze_me=True, struct_as_record=False)["content"].K

@@ -136,6 +136,18 @@ def stage_frm(noise=0.02, seed=1):
     return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=100, lines=ms.lines), transient="none"), G
 
 
+def test_a_nominal_of_records_is_found_when_it_is_left_out():
+    """A scan of orders finds the four poles of the continuous plant near those of the stage."""
+    frm, truth = stage_frm()
+    model = robust.uncertainty([frm], form="elements", order=2, above="flat")
+    away = model.normalized_distance(
+        frm.omega, np.moveaxis(truth(np.exp(1j * frm.omega * 0.01)), 2, 0), np.moveaxis(model.at(frm.omega), 2, 0)
+    )
+    assert np.mean(away <= 1) > 0.9
+    with pytest.raises(ValueError, match="nominal must be given but for plants or records of several channels"):
+        robust.uncertainty(frm.entry(0, 0))
+
+
 @pytest.mark.parametrize("form", ["elements", "additive", "input"])
 def test_from_a_measured_matrix_to_a_verdict(form):
     frm, truth = stage_frm()

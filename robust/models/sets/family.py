@@ -1,0 +1,555 @@
+"""Sets from families of plants of several channels: systems, FRFs, or both, with a nominal that is given or found.
+
+At each frequency the smallest W_l and W_r that hold the deviation of every member (`block_weights`), then stable
+minimum-phase weights over them. The forms are compared by one measure: sigma(W_r X W_l), largest over frequency. X is
+what Delta meets in the loop: T, S, G^-1 T or S G of a loop with T = omega_B/(s + omega_B) in every channel. Below one
+that loop is robust for the set (SP 8.6), and the form of the smallest measure asks least of a controller.
+
+Members need not have stable deviations: where they and the nominal have as many poles in the right half plane (in an
+inverse form as many zeros), det(I + L) of each winds as that of the nominal does, as in the proof for a stable Delta.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+
+import control
+import numpy as np
+
+from nlfrf import DataWarning
+from nlfrf._base.arguments import data_warning, require_choice, require_positive, short_form
+from nlfrf._base.values import value
+from robust._base.types import AnySystem
+from robust._base.warnings import DesignWarning
+from robust.lti.connections import block_diagonal
+from robust.lti.grids import structure_grid
+from robust.lti.lti import poles as poles_of
+from robust.lti.lti import response_by_channel, timebase, to_s_plane, zeros
+from robust.lti.realisation import frequency_response, multivariable
+from robust.lti.stability import unstable_poles
+from robust.models.fit.nominal import NominalFit, fit_nominal
+from robust.models.fit.spectral import fit_matrix_weights
+from robust.models.sets.block_weights import smallest_block_weights
+from robust.models.sets.forms import AUTO, BLOCK_FORMS, DEFAULT_FORM, ELEMENTS, MATRIX_FORMS
+from robust.models.sets.model import UncertaintyModel, count_channels
+from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_covering_weight
+
+WEIGHTS = DIAGONAL, FULL = ("diagonal", "full")
+N_LINES, BAND_RATIO = 50, 30.0  # lines over the band of all poles, and how far they go beyond it
+HALF_WIDTHS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # lines at a resonance
+MAX_LINES = 160
+FAR_RATIOS = np.array([10.0, 100.0, 1e3, 1e4])  # how far outside the band of all poles members are looked at, too
+MAX_CONDITION = 1e9  # of a plant whose inverse is more than rounding
+MAX_RISE = 100.0  # of a deviation out there over the largest on the lines: it has no limit
+MAX_ROUNDS = 3  # of adding the frequencies where a member lies outside between the lines
+CLOSE_LIFT = 1.02  # what remains is then lifted
+N_REFINEMENTS, N_BETWEEN, PEAK_SHARE = 3, 13, 0.97  # of the dense lines, around each peak that is near the largest
+LIFT = 1 + 1e-6  # beyond what the refined peaks ask for
+FAMILY_ORDER = 4  # of the weights, when none is given
+MAX_LIFT = 1.5  # more says that no proper weight of the order holds the deviations
+#: Poles of a nominal that is found; the first whose misfit is below this share of the spread of the family.
+NOMINAL_ORDERS, MISFIT_SHARE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16), 0.1
+MIN_SPREAD = 1e-3  # of the largest entry on a line, which a spread counts as at least
+
+
+@value
+class Family:
+    """Members and nominal of a family on common lines, with the systems among them.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Lines [rad/s].
+    G_p : (M, W, n_y, n_u) complex ndarray
+        Members.
+    G : (W, n_y, n_u) complex ndarray
+        The nominal.
+    nominal : control.StateSpace
+    systems : tuple of control.StateSpace
+        Members that are known at every frequency.
+    """
+
+    omega: np.ndarray
+    G_p: np.ndarray
+    G: np.ndarray
+    nominal: control.StateSpace
+    systems: tuple[control.StateSpace, ...]
+
+    @property
+    def is_parametric(self) -> bool:
+        """Return whether every member is known at every frequency."""
+        return len(self.systems) == len(self.G_p)
+
+    def deviations(self, form: str) -> np.ndarray:
+        """Return (M, W, n, m) the W_l Delta W_r of each member; a refusal where the form has none for one of them."""
+        row, (n_y, n_u) = BLOCK_FORMS[form], self.G.shape[1:]
+        if row.needs_square_plant and n_y != n_u:
+            raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
+        roots, kind = (right_zeros, "zeros") if row.inverse else (right_poles, "poles")
+        counts = [roots(system) for system in (self.nominal, *self.systems)]
+        if len(set(counts)) > 1:
+            raise ValueError(
+                f"form must be {'one that is not' if row.inverse else 'an'} inverse where the number of {kind} in the "
+                f"right half plane differs, got {form} with {counts[0]} of the nominal and {min(counts[1:])} to "
+                f"{max(counts[1:])} of the plants"
+            )
+        if row.needs_square_plant:
+            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], self.G_p])) < MAX_CONDITION, axis=0)
+            if singular.any():
+                raise ValueError(
+                    f"form must be elements or additive for a plant that is as good as singular, got {form} and one at "
+                    f"{self.omega[singular.argmax()]:.4g} rad/s"
+                )
+        E = row.deviation(self.G_p, self.G)
+        ends, members, nominal = decided_responses(form, self, self.ends)
+        far = row.deviation(members, nominal) if ends.size else np.zeros(0)
+        if not np.isfinite(E).all() or np.max(np.abs(far), initial=0.0) > MAX_RISE * np.abs(E).max():
+            raise ValueError(
+                f"form must leave every deviation finite at all frequencies, got {form}, in which one is not"
+            )
+        return E
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Return frequencies [rad/s] far outside the lines, below the Nyquist frequency."""
+        dt = timebase(self.nominal)
+        ends = np.concatenate([self.omega[0] / FAR_RATIOS, self.omega[-1] * FAR_RATIOS])
+        return ends[ends < np.pi / dt] if dt else ends
+
+
+def decided_responses(form: str, family: Family, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the frequencies at which rounding leaves the deviations of systems, with members and nominal there.
+
+    Far outside the band a plant may be as good as singular, and what its inverse would say is rounding.
+    """
+    shape = (len(family.systems), omega.size, *family.G.shape[1:])
+    members = np.array([on_lines(system, omega) for system in family.systems]).reshape(shape)
+    nominal = on_lines(family.nominal, omega)
+    if form != ELEMENTS and BLOCK_FORMS[form].needs_square_plant:
+        with np.errstate(all="ignore"):
+            decided = np.all(np.linalg.cond(np.concatenate([nominal[None], members])) < MAX_CONDITION, axis=0)
+        omega, members, nominal = omega[decided], members[:, decided], nominal[decided]
+    return omega, members, nominal
+
+
+@value
+class FormRanking:
+    """Forms of uncertainty for a family, the best first; `best` is that one.
+
+    Fields
+    ------
+    omega_B : float
+        Bandwidth of the loop they are compared in [rad/s].
+    forms : tuple of str
+    measures : (n,) ndarray
+        Largest sigma(W_r X W_l) over frequency, X the T or S that the form meets; below one the loop is robust.
+    omega : (n,) ndarray
+        Where that is [rad/s].
+    refused : tuple of str
+        Why the other forms have no set.
+
+    References
+    ----------
+    SP 8.6.1 (8.53 to 8.58).
+
+    Examples
+    --------
+    >>> print(FormRanking(omega_B=1.0, forms=("output", "additive"), measures=[0.3, 0.8], omega=[2.0, 1.0]))
+    output    0.300 at 2 rad/s
+    additive  0.800 at 1 rad/s
+    """
+
+    omega_B: float
+    forms: tuple[str, ...]
+    measures: np.ndarray
+    omega: np.ndarray
+    refused: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> str:
+        """Return the form of the smallest measure."""
+        return self.forms[0]
+
+    def __str__(self) -> str:
+        width = max(map(len, self.forms))
+        rows = zip(self.forms, self.measures, self.omega, strict=True)
+        return "\n".join([f"{form:{width}}  {size:.3f} at {omega:.4g} rad/s" for form, size, omega in rows])
+
+
+def choose_form(
+    plants: Sequence[AnySystem],
+    nominal: NominalFit | AnySystem | None = None,
+    *,
+    omega_B: float,
+    weights: str = DIAGONAL,
+) -> FormRanking:
+    """Rank the forms of uncertainty for a family of plants by what they ask of a loop of given bandwidth.
+
+    Parameters
+    ----------
+    plants : list of control.StateSpace, TransferFunction or FrequencyResponseData
+        The family, of several channels.
+    nominal : NominalFit or control system, optional
+        Plant in the middle; found when not given, as in `uncertainty`.
+    omega_B : float
+        Bandwidth of the loop [rad/s]: T = omega_B/(s + omega_B) in every channel.
+    weights : str
+        "diagonal" or "full", as in `uncertainty`.
+
+    Returns
+    -------
+    FormRanking
+
+    Raises
+    ------
+    ValueError
+        Plants that do not fit each other, or for which no form has a set.
+
+    References
+    ----------
+    SP 8.2.3 and 8.6.1 (8.53 to 8.57: robust stability of the six forms).
+
+    Examples
+    --------
+    Gains of both outputs that are up to 20 % wrong, behind an ill-conditioned plant: uncertainty of its output.
+
+    >>> G = control.ss([[-1.0]], [[1.0, -1.0]], [[1.0], [1.2]], np.eye(2) * 0.01)
+    >>> plants = [control.ss(G.A, G.B, np.diag(k) @ G.C, np.diag(k) @ G.D) for k in ([0.8, 1.2], [1.2, 0.8])]
+    >>> choose_form(plants, G, omega_B=1.0).best
+    'output'
+    """
+    family = make_family(plants, nominal)
+    return rank_forms(family, require_positive("omega_B", omega_B), full=is_full(weights))
+
+
+def rank_forms(family: Family, omega_B: float, *, full: bool) -> FormRanking:
+    """Return `choose_form` of a family on its lines."""
+    s = 1j * family.omega / omega_B
+    S, T = ((x[:, None, None] * np.eye(family.G.shape[1])) for x in (s / (1 + s), 1 / (1 + s)))
+    found, refused = [], []
+    for form, row in BLOCK_FORMS.items():
+        try:
+            L, R = smallest_block_weights(family.deviations(form), full=full)
+        except ValueError as error:
+            refused.append(f"{form}: {error}")
+            continue
+        left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)
+        X = row.weighed(family.G, S, T)
+        size = np.linalg.norm(np.swapaxes(right, 1, 2).conj() @ X @ left, 2, (1, 2))
+        traces = np.einsum("wii->w", L).real
+        found.append((float(f"{size.max():.3g}"), traces.max() / traces.min(), form, size.max(), size.argmax()))
+    if not found:
+        raise ValueError(f"plants must have a set in one of the forms, got none: {'; '.join(refused)}")
+    found.sort()  # of equal ones the form whose weight is flattest comes first
+    _, _, forms, measures, at = zip(*found, strict=True)
+    return FormRanking(
+        omega_B=omega_B,
+        forms=forms,
+        measures=np.array(measures),
+        omega=family.omega[list(at)],
+        refused=tuple(refused),
+    )
+
+
+def is_full(weights: str) -> bool:
+    """Return whether the weights are to be matrices, of the argument of that name."""
+    return require_choice("weights", weights, WEIGHTS) == FULL
+
+
+def is_matrix_plant(part: object) -> bool:
+    """Return whether it is a system or an FRF of several inputs or outputs."""
+    kinds = control.FrequencyResponseData, control.StateSpace, control.TransferFunction
+    return isinstance(part, kinds) and count_channels(part) != (1, 1)
+
+
+def find_family(given: object) -> list[AnySystem]:
+    """Return the plants of several channels that were given, one or many; none if it is anything else."""
+    many = list(given) if isinstance(given, list | tuple) else [given]
+    if not any(map(is_matrix_plant, many)):
+        return []
+    other = next((one for one in many if not is_matrix_plant(one)), None)
+    if other is not None:
+        raise ValueError(f"bla must be all plants of several channels (systems or FRFs), got {short_form(other)}")
+    return many
+
+
+def make_family(plants: object, nominal: NominalFit | AnySystem | None) -> Family:
+    """Return the family on its lines: those of its FRFs, which have to be the same, else those of its poles."""
+    many = find_family(plants)
+    if not many:
+        raise ValueError(f"plants must be systems or FRFs of several inputs and outputs, got {short_form(plants)}")
+    shape = count_channels(many[0])
+    frfs = [plant for plant in many if isinstance(plant, control.FrequencyResponseData)]
+    systems = [multivariable("bla", plant) for plant in many if not isinstance(plant, control.FrequencyResponseData)]
+    given = None if nominal is None else nominal_system(nominal)
+    known = systems if given is None else [given, *systems]
+    dt = timebase(known[0]) if known else float(frfs[0].dt or 0)
+    if frfs:
+        omega = np.asarray(frfs[0].omega, dtype=float)
+        if any(len(frf.omega) != omega.size or not np.allclose(frf.omega, omega, rtol=1e-9) for frf in frfs):
+            raise ValueError("bla must be FRFs on the same lines, got others: interpolate them first")
+    else:
+        omega = lines_of_systems(known)
+    G_p = members_on_lines(many, omega, tuple(known), shape)
+    if given is None:
+        given = find_nominal(G_p, omega, dt)
+    if count_channels(given) != shape:
+        raise ValueError(
+            f"nominal must have {shape[0]} outputs and {shape[1]} inputs as the plants, "
+            f"got {given.noutputs} and {given.ninputs}"
+        )
+    return Family(omega=omega, G_p=G_p, G=on_lines(given, omega), nominal=given, systems=tuple(systems))
+
+
+def nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
+    """Return a nominal that was given as a system."""
+    if isinstance(nominal, NominalFit):
+        nominal = nominal.G
+    if isinstance(nominal, control.FrequencyResponseData):
+        raise ValueError("nominal must be a system or a NominalFit for plants of several channels, got an FRF")
+    return multivariable("nominal", nominal)
+
+
+def members_on_lines(
+    many: Sequence[AnySystem], omega: np.ndarray, clocks: tuple[AnySystem, ...], shape: tuple[int, int]
+) -> np.ndarray:
+    """Return (M, W, n_y, n_u) responses of the members."""
+    return np.array([np.moveaxis(frequency_response("bla", plant, omega, clocks, shape)[1], 2, 0) for plant in many])
+
+
+def on_lines(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """Return (W, n_y, n_u) response."""
+    return np.moveaxis(response_by_channel(system, omega), 2, 0)
+
+
+def lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
+    """Return frequencies (W,) [rad/s] over the band of all poles and beyond, close at each resonance."""
+    dt = max(map(timebase, systems))
+    s = np.concatenate([to_s_plane(poles_of(system), timebase(system)) for system in systems])
+    s = s[np.isfinite(s) & (np.abs(s) > 0)]
+    size = np.abs(s) if s.size else np.ones(1)
+    size = size[(size > np.median(size) * 1e-6) & (size < np.median(size) * 1e6)]
+    top = np.pi / dt * (1 - 1e-9) if dt else np.inf
+    sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
+    at = (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * HALF_WIDTHS).ravel()
+    at = np.sort(at)[:: max(1, at.size // (MAX_LINES - N_LINES) + 1)] if at.size > MAX_LINES - N_LINES else at
+    low, high = size.min() / BAND_RATIO, min(size.max() * BAND_RATIO, top)
+    omega = np.concatenate([np.geomspace(low, high, N_LINES), at])
+    return np.unique(omega[(omega >= low) & (omega <= high)])
+
+
+def find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.StateSpace:
+    """Fit the mean response of the members by the lowest order whose misfit is small beside their spread."""
+    mean = G_p.mean(axis=0)
+    spread = np.abs(G_p - mean).max(axis=0)
+    spread = np.maximum(
+        spread, MIN_SPREAD * np.abs(mean).max(axis=(1, 2), keepdims=True)
+    )  # of an entry that is zero, too
+    rows, columns = spread.max(axis=2, keepdims=True), spread.max(axis=1, keepdims=True)
+    std = np.moveaxis(MISFIT_SHARE * rows * columns / rows.max(axis=1, keepdims=True), 0, 2)
+    best: control.StateSpace | None = None
+    least = np.inf
+    for n in NOMINAL_ORDERS:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DataWarning)  # of an order that is tried
+                fit = fit_nominal(control.frd(np.moveaxis(mean, 0, 2), omega), n_poles=n, std=std, dt=dt)
+        except ValueError:  # more parameters than lines
+            break
+        misfit = float(np.sqrt(np.mean(np.abs(fit.residual / std) ** 2)))
+        if misfit < 0.8 * least:  # a pole more has to pay
+            best, least = fit.G, misfit
+        if misfit < 1:
+            break
+    if best is None:
+        raise ValueError(f"nominal must be given for FRFs on {omega.size} lines, which are too few to find one")
+    if least > 1 / MISFIT_SHARE:
+        data_warning(
+            f"nominal must be near the middle of the plants for a small set, and the one that was found is "
+            f"{MISFIT_SHARE * least:.2g} times their spread away from it: give one",
+            DesignWarning,
+        )
+    return best
+
+
+def right_poles(system: control.StateSpace) -> int:
+    """Return how many poles lie strictly outside the stability region."""
+    return unstable_poles(system, timebase(system))
+
+
+def right_zeros(system: control.StateSpace) -> int:
+    """Return how many finite zeros lie strictly outside the stability region."""
+    found, dt = zeros(system), timebase(system)
+    return int(np.sum(np.abs(found) > 1 + 1e-9 if dt else found.real > 1e-9 * (1 + np.abs(found))))
+
+
+def make_family_set(
+    plants: object,
+    nominal: NominalFit | AnySystem | None,
+    *,
+    form: str,
+    weights: str,
+    order: int,
+    rules: Extrapolation,
+    perturbation: str,
+    omega_B: float | None,
+) -> UncertaintyModel:
+    """Return the set of a family, in the form that was asked for or in the one of the smallest measure."""
+    family, full, chosen = make_family(plants, nominal), is_full(weights), ""
+    n = len(family.G_p)
+    if not np.any(np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))):
+        raise ValueError("bla must hold a plant beside the nominal, got none that differs")
+    if form in (AUTO, DEFAULT_FORM):
+        bandwidth = (
+            float(np.sqrt(family.omega[0] * family.omega[-1]))
+            if omega_B is None
+            else require_positive("omega_B", omega_B)
+        )
+        ranking = rank_forms(family, bandwidth, full=full)
+        form = ranking.best
+        chosen = f"; of {len(ranking.forms)} forms that of the least weight times |T| or |S| at {bandwidth:.3g} rad/s"
+    require_choice("form", form, (*MATRIX_FORMS, AUTO))
+    if form == ELEMENTS and full:
+        raise ValueError('weights must be "diagonal" for elements, which have a weight each, got "full"')
+    if family.is_parametric:
+        rules = Extrapolation()
+    for round_ in range(MAX_ROUNDS):
+        model = fit_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
+        omega, distances = distances_of_members(model, family)
+        outside = distances.max(axis=1) > CLOSE_LIFT
+        if not outside.any() or round_ == MAX_ROUNDS - 1:
+            break
+        family = add_lines(family, omega[distances[outside].argmax(axis=1)])
+    lift, at = float(distances.max()), float(omega[distances.max(axis=0).argmax()])
+    if not lift < MAX_LIFT:
+        raise ValueError(
+            f"form and order must leave stable proper weights over every deviation, got {form} of order {order} with a "
+            f"plant {lift:.3g} times as far from the nominal as they reach, at {at:.3g} rad/s"
+        )
+    where = f"{omega.size} frequencies" if family.is_parametric else f"their {family.omega.size} lines"
+    words = f"{n} plants that were given, each inside at {where}{chosen}"
+    return lift_set(model, max(lift, 1.0) * LIFT, source=words, extrapolation=describe_outside(family, rules))
+
+
+def describe_outside(family: Family, rules: Extrapolation) -> str:
+    """Describe what is known outside the lines."""
+    return "plants known at every frequency" if family.is_parametric else str(rules)
+
+
+def add_lines(family: Family, omega: np.ndarray) -> Family:
+    """Return a family of systems on more lines."""
+    lines = np.unique(np.concatenate([family.omega, omega]))
+    members = np.array([on_lines(system, lines) for system in family.systems])
+    return Family(
+        omega=lines, G_p=members, G=on_lines(family.nominal, lines), nominal=family.nominal, systems=family.systems
+    )
+
+
+def fit_set(
+    family: Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str
+) -> UncertaintyModel:
+    """Return the set with weights over the smallest ones on the lines; the assumption outside them is of W_l."""
+    dt, omega = timebase(family.nominal), family.omega
+    if form == ELEMENTS:
+        rows = np.abs(family.G_p - family.G).max(axis=0).transpose(2, 1, 0).reshape(-1, omega.size)
+        rows = np.maximum(rows, MIN_RADIUS_RATIO * rows.max())
+        right = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows)
+        return UncertaintyModel(
+            nominal=family.nominal,
+            form=form,
+            omega=omega,
+            radius=rows,
+            right=right,
+            perturbation=perturbation,
+        )
+    E = family.deviations(form)
+    L, R = smallest_block_weights(E, full=full)
+    size = np.einsum("wii->w", L).real
+    L = L * np.maximum(1.0, MIN_RADIUS_RATIO**2 * size.max() / size)[:, None, None]
+    scale = np.einsum("wii->w", R).real[:, None, None] / R.shape[1]  # the size stands in W_l
+    L, R = L * scale, R / scale
+    rows = np.sqrt([*np.einsum("wii->iw", L).real, *np.einsum("wii->iw", R).real])
+    n = L.shape[1]
+    if full:
+        lines = extend_lines(omega, rules, dt)
+        W_l, W_r = fit_matrix_weights(
+            lines.omega,
+            E[:, lines.nearest] * lines.factor[:, None, None],
+            L=L[lines.nearest] * lines.factor[:, None, None] ** 2,
+            R=R[lines.nearest],
+            order=order,
+            dt=dt,
+        )
+        left, right = (W_l,), (W_r,)
+        rows = np.minimum(rows, gains_of_weights(W_l, W_r, omega))
+    else:
+        left = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows[:n])
+        right = tuple(fit_covering_weight(omega, row, order=order, rules=Extrapolation(), dt=dt) for row in rows[n:])
+    return UncertaintyModel(
+        nominal=family.nominal, form=form, omega=omega, radius=rows, left=left, right=right, perturbation=perturbation
+    )
+
+
+@value
+class ExtendedLines:
+    """Frequencies, the line that is nearest to each, and the factor by which a deviation is larger than there."""
+
+    omega: np.ndarray
+    nearest: np.ndarray
+    factor: np.ndarray
+
+
+def extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> ExtendedLines:
+    """Return lines continued outside the band by a rule; as they are where it is flat, as the fit is by itself."""
+    if rules.below == rules.above == 0:
+        return ExtendedLines(omega=omega, nearest=np.arange(omega.size), factor=np.ones(omega.size))
+    wide, factor = rules.extrapolate(omega, np.ones(omega.size), dt)
+    nearest = np.clip(np.arange(wide.size) - int(np.sum(wide < omega[0])), 0, omega.size - 1)
+    return ExtendedLines(omega=wide, nearest=nearest, factor=factor)
+
+
+def gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """Return (n + m, W) gains of the rows of W_l and of the columns of W_r."""
+    sides = (response_by_channel(W, omega) for W in (W_l, W_r))
+    return np.concatenate([np.linalg.norm(side, axis=axis) for side, axis in zip(sides, (1, 0), strict=True)])
+
+
+def distances_of_members(model: UncertaintyModel, family: Family) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (W,) [rad/s] and the size (M, W) of the Delta of each member there.
+
+    Of systems those of all poles and weights, dense at each resonance; of FRFs their lines.
+    """
+    omega = family.omega
+    if not family.is_parametric:
+        return omega, model.normalized_distance(omega, family.G_p, family.G)
+
+    def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        decided, members, nominal = decided_responses(model.form, family, omega)
+        return decided, model.normalized_distance(decided, members, nominal)
+
+    every = [family.nominal, *family.systems, *model.weights]
+    omega = np.unique(
+        np.concatenate([omega, structure_grid(block_diagonal(every, family.nominal.dt))[1:], family.ends])
+    )
+    omega, found = sizes(omega)
+    for _ in range(N_REFINEMENTS):
+        largest = found.max(axis=0)
+        inner = np.flatnonzero((largest[1:-1] >= largest[:-2]) & (largest[1:-1] >= largest[2:])) + 1
+        inner = inner[largest[inner] > PEAK_SHARE * largest.max()]
+        between = np.geomspace(omega[inner - 1], omega[inner + 1], N_BETWEEN)[1:-1].ravel()
+        new, more = sizes(np.setdiff1d(between, omega))
+        order = np.argsort(np.concatenate([omega, new]))
+        omega, found = np.concatenate([omega, new])[order], np.concatenate([found, more], axis=1)[:, order]
+    return omega, found
+
+
+def lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
+    """Return a set that is larger by a factor, with what is said of it."""
+    raised = tuple(
+        control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, w.dt, remove_useless_states=False)
+        for w in model.left or model.right
+    )
+    left, right = (raised, model.right) if model.left else ((), raised)
+    return replace(model, left=left, right=right, source=source, extrapolation=extrapolation)
