@@ -1,6 +1,6 @@
 """
-22. A family of matrix plants: from a file of eight plants to a controller with a verified proof
-================================================================================================
+22. A family of matrix plants: from a file of eight plants to a verified proof
+==============================================================================
 
 Two zones of an oven, heated apart and coupled by the wall between them, at eight operating points: load, fan and the
 second heater each at two values. The set that holds all eight, in the form that asks least of the loop, and one

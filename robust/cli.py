@@ -29,7 +29,6 @@ from nlfrf._base.command import (
 )
 from nlfrf._base.files import LOAD_OPTIONS, command_signature, require_file_of, require_writable, write_text
 from robust._base.states import FrictionVerdict
-from robust.models.sets.forms import DEFAULT_FORM
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
 certificates, models, pid, sampling, from_options, drive_check, shaping_page, gains_file = (
@@ -156,11 +155,12 @@ def model(
     print(nominal)
     if words:
         print(words)
+    chosen: dict[str, Any] = {} if form is None else {"form": form}
     with spinner("fitting the weight"):
         result = robust.uncertainty(
             blas,
             nominal,
-            form=form or DEFAULT_FORM,
+            **chosen,
             order=order,
             confidence=confidence,
             simultaneous=simultaneous,

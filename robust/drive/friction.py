@@ -178,8 +178,7 @@ class DriveFriction:
 
     def __str__(self) -> str:
         not_run = f"not simulated: {self.unsimulated}" if self.unsimulated else ""
-        first = [one for one in (str(self.simulated or ""), not_run) if one]
-        return "\n".join([*first, self.describe_proof()])
+        return "\n".join(filter(None, [str(self.simulated or ""), self.describe_proof(), not_run]))
 
     def describe_proof(self) -> str:
         """Say what was read and what is proved."""

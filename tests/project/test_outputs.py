@@ -25,6 +25,7 @@ COMMANDS = (
     "nlfrf identify plain-run.npz --design ms.npz -o {}",
     "nlfrf identify mid.csv -o {}",
     "nlfrf identify multi.npz -o {}",
+    "nlfrf inspect mid.csv --picture {}",
     "nlfrf plot bla.npz -o {}",
     "nlfrf reproduce --realizations 10 -o {}",
     "nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o {}",

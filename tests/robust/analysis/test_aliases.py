@@ -176,7 +176,7 @@ def test_no_confidence_is_spoken_of_where_none_is_known():
     text = str(check(model, 0.5))
     assert "STATISTICALLY ROBUST" in text
     assert "at its confidence" not in text
-    assert "no confidence is known" in " ".join(text.split())
+    assert "how surely the machine is one of them is unknown" in " ".join(text.split())
     assert "nan" not in text
 
 
