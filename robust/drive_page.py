@@ -107,7 +107,7 @@ def traces_section(found: DriveCheck, records: Sequence[Record], names: Sequence
     from nlfrf import plot
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", nlfrf.DataWarning)  # the check has said them
+        warnings.simplefilter("ignore", nlfrf.DataWarning)  # they stand among those of the check
         blas = [nlfrf.identify(record) for record in records]
     return Section(
         name="traces",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -32,7 +32,6 @@ from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import to_plain, value
 from robust._base.states import State, Verdict
-from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
@@ -68,8 +67,6 @@ AGREE = 0.5
 LOW_LINES, HELD = 6, 0.5
 #: Factors on kp that are tried where the model is unstable, the mildest first.
 TRIED_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.05, 20.0)
-#: Orders of the weight that are tried.
-WEIGHT_ORDERS = (4, 6, 8)
 #: What a drive does not say of its currents.
 AMPERE_NOTE = ". A is rms or peak, the same in kp and in the force constant"
 #: Why friction that creeps is not read as a class whose rest can be proved.
@@ -613,7 +610,7 @@ def check_drive(
         friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
     advance()
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
-    machine = set_around(machine_bla, replace(nominal, warnings=()))
+    machine = uncertainty(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = check(model, K, delay=settings.delay)
     stiffness_unit = ratio_unit(unit, base)
@@ -677,12 +674,9 @@ def simulate_drive(
     friction: DriveFriction, settings: DriveSettings, *, model: UncertaintyModel, report: RobustnessReport, masses: int
 ) -> DriveFriction:
     """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
-    force = friction.force
-    reason = (
-        reason_against_simulation(force, settings, masses)
-        if report.nominally_stable
-        else ("the linear loop is unstable")
-    )
+    force, reason = friction.force, reason_against_simulation(friction.force, settings, masses)
+    if not report.nominally_stable:
+        reason = "the linear loop is unstable"
     if reason or force is None:
         return replace(friction, unsimulated=reason)
     S_most = max(report.peak, report.S_worst)
@@ -691,8 +685,10 @@ def simulate_drive(
         found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
         return found.robustly_stable >= report.robustly_stable and found.S_worst <= S_most
 
-    found = with_advice(simulate_rest(force, settings), force, settings, keeps)
-    return replace(friction, simulated=found)
+    found = simulate_rest(force, settings)
+    if found.ended <= found.amplitudes.size / 2:
+        return replace(friction, unsimulated=f"the integration came to its end in {found.ended} runs only")
+    return replace(friction, simulated=with_advice(found, force, settings, keeps))
 
 
 def count_steps(progress: Callable[[int, int], object] | None, total: int) -> Callable[[], None]:
@@ -940,15 +936,6 @@ def doubt_of_approximation(settings: DriveSettings) -> Doubt | None:
         f"an approximation: the position loop runs once in {settings.position_every} periods, and this is its mean "
         "over the phase; nothing is proved of the drive itself",
     )
-
-
-def set_around(bla: nlfrf.Bla, nominal: control.StateSpace | NominalFit) -> UncertaintyModel:
-    """Return the set of plants around a nominal, its weight of the lowest order that is not far above the radius."""
-    for order in WEIGHT_ORDERS[:-1]:
-        with warnings.catch_warnings(), suppress(ValueError, DesignWarning):
-            warnings.simplefilter("error", DesignWarning)
-            return uncertainty(bla, nominal, order=order)
-    return uncertainty(bla, nominal, order=WEIGHT_ORDERS[-1])
 
 
 def behind_lag(machine: control.StateSpace, lag: float) -> control.StateSpace:

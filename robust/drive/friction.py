@@ -21,7 +21,7 @@ from robust.drive.settings import DriveSettings
 from robust.drive.simulation import SimulatedRest
 from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
 from robust.friction.classes import AnyFriction, FrictionAtPorts
-from robust.friction.force import FrictionForce, encoder_step
+from robust.friction.force import FrictionForce, edge_of_level, friction_of_period
 from robust.friction.identification import FrictionFit, identify_friction
 from robust.friction.in_motion import SlidingFit
 from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
@@ -30,7 +30,6 @@ from robust.friction.prove import FrictionProof, prove_friction
 from robust.friction.two_masses import interval_at_port, machines_with_load
 from robust.friction.units import format_length, format_plain
 from robust.io.certificates import prove_all
-from robust.lti.sampling import hold_correction
 
 #: Levels from which friction is read.
 FEWEST_LEVELS = 3
@@ -48,9 +47,6 @@ BOUNDED_NOTE = (
     "is not judged. The bound is of the nominal linear model of these traces, not of its set, with the friction where "
     "the motor acts."
 )
-#: Peak of the acceleration that a step of the encoder makes below omega, over omega^2 of it; share of the force that it
-#: may take; and share of the Nyquist frequency beyond which the correction of a hold grows without limit.
-STEP_PEAK, MOST_STEPS, LAST_SHARE = 0.139, 0.02, 0.8
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
 MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
 
@@ -376,18 +372,10 @@ def judge_friction(
 def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> np.ndarray:
     """(2, N) position [m] and friction force [N] over the mean period of a record at rest, each from its mean.
 
-    The force is what mass and viscous friction leave of the command, up to where a step of the encoder is small in it.
+    Up to where a step of the encoder is small in the force.
     """
-    u, y = (np.asarray(one)[0].mean(axis=0) for one in (record.u, record.y))
-    omega = 2 * np.pi * record.f0 * np.arange(u.size // 2 + 1)
-    held = np.exp(-1j * omega * machine.delay) / hold_correction(omega, record.hold, fs=record.fs, dt=0.0)
-    steps = STEP_PEAK * machine.mass * encoder_step(record) * omega**2
-    edge = max(float(omega[steps < MOST_STEPS * np.ptp(u) / 2][-1]), 2 * np.pi * record.f0 * record.lines.excited[-1])
-    kept = omega <= min(edge, LAST_SHARE * omega[-1])
-    kept[0] = False  # neither where the axis stands nor the mean force is known
-    U, Y = np.fft.rfft(u) * kept, np.fft.rfft(y) * kept
-    force = U * held + (machine.mass * omega**2 - 1j * omega * max(machine.damping, 0.0)) * Y
-    return np.stack([np.fft.irfft(Y, n=y.size), np.fft.irfft(force, n=u.size)])
+    f, Y = friction_of_period(record, machine, edge_of_level(record, machine))
+    return np.stack([np.fft.irfft(Y, n=f.size), f])
 
 
 def bound_any_friction(

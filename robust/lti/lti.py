@@ -145,6 +145,11 @@ def balance_matrix(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return scaled, weights
 
 
+def divide_right(X: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """Return X Y^-1 of (..., n, n) matrices."""
+    return np.swapaxes(np.linalg.solve(np.swapaxes(Y, -1, -2), np.swapaxes(X, -1, -2)), -1, -2)
+
+
 def scale_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Scale the states by powers of two, which makes rows and columns of A alike in size."""
     A, weights = balance_matrix(A)

@@ -278,20 +278,14 @@ def write_friction_claim(
 
     units : of `K0` and `microdamping`.
     """
-    write_sealed(
-        path,
-        {
-            "schema": SCHEMA,
-            "version": VERSION,
-            "units": {"dt": "s", "delay": "s", "bristle_time": "s", "rates": "rad/s", **units},
-            "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
-            + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
-            "claim": claim_to_dict(claim),
-            "found": list(found),
-            **({} if read_from is None else {"read from": read_from}),
-            **({"warnings": list(warnings)} if warnings else {}),
-        },
-    )
+    entries = {
+        "units": {"dt": "s", "delay": "s", "bristle_time": "s", "rates": "rad/s", **units},
+        "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
+        + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
+        "claim": claim_to_dict(claim),
+        **({} if read_from is None else {"read from": read_from}),
+    }
+    write_sealed(path, SCHEMA, VERSION, entries, found=found, warnings=warnings)
 
 
 def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:

@@ -14,7 +14,7 @@ import control
 import numpy as np
 from scipy.linalg import block_diag, solve_continuous_are
 
-from robust.lti.lti import response_by_channel
+from robust.lti.lti import divide_right, response_by_channel
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import order_roots
 from robust.models.fit.rational import partial_fractions
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import cvxpy
 
 BAND_MARGIN = 3.0  # how far outside the lines a pole may lie
-POLE_SPACING = 0.1  # least relative distance between poles, for their fractions to differ: they are moved apart
+POLE_SPACING = 0.1  # least relative distance between poles, for their fractions to differ: nearer ones are moved
 ACTIVE_SHARE = 0.5  # of the largest gain at a line from which on a matrix is one that the fit has to hold
 LIFT = 1e-9
 RAISED = (1e-3, 3e-3, 0.01, 0.03, 0.1)  # of the trace, which is added in every direction for W to have an inverse
@@ -90,7 +90,7 @@ def fit_matrix_weights(
     W_l, V_r = sides  # W_r is the transpose of V_r: V V* over the conjugate of R
     W_r = control.StateSpace(V_r.A.T, V_r.C.T, V_r.B.T, V_r.D.T, dt, remove_useless_states=False)
     left, right = (np.moveaxis(response_by_channel(W, omega), 2, 0) for W in (W_l, W_r))
-    Delta = np.linalg.solve(left, np.swapaxes(np.linalg.solve(np.swapaxes(right, 1, 2), np.swapaxes(E, 2, 3)), 2, 3))
+    Delta = np.linalg.solve(left, divide_right(E, right))
     lift = float(np.linalg.norm(Delta, 2, (2, 3)).max()) * (1 + LIFT)
     return control.StateSpace(W_l.A, W_l.B, W_l.C * lift, W_l.D * lift, dt, remove_useless_states=False), W_r
 
@@ -98,8 +98,7 @@ def fit_matrix_weights(
 def largest_gains(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Return (...) gains of W_l^-1 E W_r^-1, with L = W_l W_l* and R = W_r* W_r positive definite."""
     left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)  # W_l, and W_r* as R = W_r* W_r
-    scaled = np.linalg.solve(left, E)
-    Delta = np.swapaxes(np.linalg.solve(right.conj(), np.swapaxes(scaled, -1, -2)), -1, -2)
+    Delta = divide_right(np.linalg.solve(left, E), np.swapaxes(right.conj(), -1, -2))
     return np.asarray(np.linalg.norm(Delta, 2, (-2, -1)))
 
 

@@ -546,7 +546,7 @@ def distances_of_members(model: UncertaintyModel, family: Family) -> tuple[np.nd
 
 
 def lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
-    """Return a set that is larger by a factor, with what is said of it."""
+    """Return a set that is larger by a factor, with its source and extrapolation."""
     raised = tuple(
         control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, w.dt, remove_useless_states=False)
         for w in model.left or model.right

@@ -22,6 +22,7 @@ import numpy as np
 from nlfrf._base.arguments import inverse_unit
 from nlfrf._base.values import value
 from robust.lti.connections import feedback, in_parallel, in_series, inverse_system, one_plus
+from robust.lti.lti import divide_right
 from robust.models.sets.coprime import chord, coprime_phase_offset, plant_of_perturbed_factors, tangent, tangent_system
 
 Array = np.ndarray
@@ -265,11 +266,6 @@ class MatrixForm:
     def needs_square_plant(self) -> bool:
         """Return whether its deviation takes the inverse of a plant."""
         return (self.reads, self.acts, self.inverse) != ("u", "y", False)
-
-
-def divide_right(X: Array, Y: Array) -> Array:
-    """Return X Y^-1 of (..., n, n) matrices."""
-    return np.swapaxes(np.linalg.solve(np.swapaxes(Y, -1, -2), np.swapaxes(X, -1, -2)), -1, -2)
 
 
 #: Name -> row, of the forms with a full block (SP 8.2.3).

@@ -60,6 +60,7 @@ from robust.lti.connections import block_diagonal, in_series, lower_lft, require
 from robust.lti.lti import (
     SAMPLING_TOLERANCE,
     common_sampling_time,
+    divide_right,
     is_clockless,
     replace_infinite,
     require_sampling_time,
@@ -81,7 +82,6 @@ from robust.models.sets.forms import (
     MATRIX_FORMS,
     PERTURBATIONS,
     RECORD_FORMS,
-    divide_right,
     reduce_to_one_channel,
 )
 from robust.models.sets.interconnection import Block, UncertainSystem

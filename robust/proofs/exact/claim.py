@@ -235,18 +235,12 @@ def write_claim(
     warnings: Sequence[str] = (),
 ) -> None:
     """Write a claim with how it was found and what was warned of; the digest covers everything else in the file."""
-    write_sealed(
-        path,
-        {
-            "schema": SCHEMA,
-            "version": VERSION,
-            "units": {"dt": "s", "delay": "s"},
-            "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
-            "claim": claim_to_dict(claim),
-            "found": list(found),
-            **({"warnings": list(warnings)} if warnings else {}),
-        },
-    )
+    entries = {
+        "units": {"dt": "s", "delay": "s"},
+        "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
+        "claim": claim_to_dict(claim),
+    }
+    write_sealed(path, SCHEMA, VERSION, entries, found=found, warnings=warnings)
 
 
 def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
@@ -257,8 +251,19 @@ def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
     return claim_from_dict(entries["claim"])
 
 
-def write_sealed(path: str | os.PathLike[str], entries: JsonObject) -> None:
-    """Write entries as JSON with a digest that covers all of them."""
+def write_sealed(
+    path: str | os.PathLike[str],
+    schema: str,
+    version: int,
+    entries: JsonObject,
+    *,
+    found: Sequence[Mapping[str, object]],
+    warnings: Sequence[str],
+) -> None:
+    """Write a certificate as JSON: what it claims, how that was found, warnings, and a digest that covers all of it."""
+    entries = {"schema": schema, "version": version} | entries | {"found": list(found)}
+    if warnings:
+        entries |= {"warnings": list(warnings)}
     write_text(path, json.dumps(entries | {"digest": content_digest(entries)}, indent=1, allow_nan=False) + "\n")
 
 

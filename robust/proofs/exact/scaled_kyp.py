@@ -207,20 +207,14 @@ def write_scaled_claims(
     warnings: Sequence[str] = (),
 ) -> None:
     """Write claims by their subjects, the form and the delay of the set they are about, and how they were found."""
-    write_sealed(
-        path,
-        {
-            "schema": SCHEMA,
-            "version": VERSION,
-            "units": {"dt": "s", "delay": "s"},
-            "loop": "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point",
-            "form": form,
-            "delay": float(delay),
-            "claims": [{"subject": name} | scaled_claim_to_dict(claim) for name, claim in claims.items()],
-            "found": list(found),
-            **({"warnings": list(warnings)} if warnings else {}),
-        },
-    )
+    entries = {
+        "units": {"dt": "s", "delay": "s"},
+        "loop": "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point",
+        "form": form,
+        "delay": float(delay),
+        "claims": [{"subject": name} | scaled_claim_to_dict(claim) for name, claim in claims.items()],
+    }
+    write_sealed(path, SCHEMA, VERSION, entries, found=found, warnings=warnings)
 
 
 @value

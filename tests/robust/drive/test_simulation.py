@@ -1,11 +1,15 @@
 """An axis as it was read, run under its drive: what it does in the end, and which change of the drive is advised."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import nlfrf
 from robust.drive import DriveSettings
+from robust.drive.check import simulate_drive
+from robust.drive.friction import DriveFriction
 from robust.drive.simulation import (
     FEWEST,
     RUNS,
@@ -113,5 +117,24 @@ def test_one_run_alone_is_no_hunting():
     found = SimulatedRest(laws=("rigid",), amplitudes=one, periods=np.full(RUNS, np.nan))
     assert not found.hunts
     assert f"rests in {RUNS - 1} of {RUNS} runs" in str(found)
+    one[4] = np.nan  # the integration did not come to its end
+    found = replace(found, amplitudes=one)
+    assert not found.hunts
+    assert (found.ended, found.amplitude) == (RUNS - 1, 1e-5)
+    assert f"rests in {RUNS - 2} of {RUNS - 1} runs" in str(found)
+    assert "1 more came to no end" in " ".join(str(found).split())
     one[: FEWEST - 1] = 1e-5
     assert SimulatedRest(laws=("rigid",), amplitudes=one, periods=np.full(RUNS, 0.1)).hunts
+
+
+def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
+    run = nlfrf.rig.run_servo
+    monkeypatch.setattr(
+        nlfrf.rig, "run_servo", lambda axis, **_: replace(run(axis, position=np.zeros(8)), diverged=True)
+    )
+    found = simulate_rest(force(3.0), SETTINGS)
+    assert (found.ended, found.count, found.hunts) == (0, 0, False)
+    report = SimpleNamespace(nominally_stable=True, robustly_stable=True, peak=2.0, S_worst=1.2)
+    known = simulate_drive(DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, masses=1)
+    assert known.simulated is None
+    assert "came to its end in 0 runs only" in str(known)
