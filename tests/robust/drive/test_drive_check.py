@@ -31,6 +31,7 @@ from robust.drive.check import (
 from robust.drive.friction import force_over_position, friction_behind_lag, largest_added_delay
 from robust.drive_page import write_drive_page
 from robust.lti.sampling import hold_correction
+from robust.tuning import LowPass
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -455,7 +456,7 @@ def test_a_file_holds_what_the_settings_hold(tmp_path):
     assert found.kv == pytest.approx(2000 / 60)
     assert (found.kp, found.kp_unit, found.limit, found.velocity_feedforward) == (2.5, "Nm/(rad/s)", 12.0, 0.8)
     assert [slot.kind for slot in found.filters] == ["low-pass", "biquad"]
-    assert np.allclose(found.filters[0].section(8000), robust.drive.low_pass(1000, zeta=0.6).section(8000))
+    assert np.allclose(found.filters[0].section(8000), LowPass(omega=2 * np.pi * 1000, zeta=0.6).section(8000))
 
 
 @pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3, 7e-3, 10e-3, 25e-3, 0.1, 0.4, 2.0])
