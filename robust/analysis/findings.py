@@ -101,7 +101,7 @@ class Margins:
     Examples
     --------
     >>> margins = Margins(disk=1.0)
-    >>> round(margins.disk_gain, 3), round(np.degrees(margins.disk_phase), 1)
+    >>> round(margins.disk_gain, 3), round(float(np.degrees(margins.disk_phase)), 1)
     (3.0, 53.1)
     """
 
