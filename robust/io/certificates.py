@@ -20,13 +20,14 @@ from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
+from robust.analysis.findings import Proofs
 from robust.analysis.lmi_proofs import perturbation_loop
 from robust.analysis.loop import assemble_loop
 from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
-from robust.friction.exact.claim import FrictionClaim, read_friction_claim, write_friction_claim
+from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
 from robust.friction.levels import FrictionClass, require_si
 from robust.friction.linear_uncertainty import friction_frequency_test
@@ -40,14 +41,13 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.claim import LoopClaim, Matrices, differing_fields, read_claim, to_matrices, write_claim
+from robust.proofs.exact.claim import LoopClaim, Matrices, to_matrices
+from robust.proofs.exact.claim_files import differing_fields, read_claim, write_claim
 from robust.proofs.exact.loops import Verification, verify_loop
 from robust.proofs.exact.scaled_kyp import (
     ScaledClaim,
     ScaledFile,
-    read_scaled_claims,
     verify_scaled_file,
-    write_scaled_claims,
 )
 
 
@@ -68,13 +68,15 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     if isinstance(report, (FrictionProof, SaturatedProof)) and report.certificate is not None:
         save_friction_proof(report, path)
         return
-    proofs = [c for c in getattr(report, "certificates", ()) if c.holds]
-    found = [c for c in proofs if isinstance(c.claim, LoopClaim)]
+    known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
+    proofs = [c for c in known.certificates if c.holds]
+    found = [c.claim for c in proofs if isinstance(c.claim, LoopClaim)]
     scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim)}
     how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
     warned = getattr(report, "warnings", ())
     if isinstance(report, RobustnessReport) and scaled and not found:
-        write_scaled_claims(path, scaled, form=report.form, delay=report.delay, found=how, warnings=warned)
+        given = report.given
+        write_claim(path, ScaledFile(claims=scaled, form=given.form, delay=given.delay), found=how, warnings=warned)
         return
     if not found:
         raise ValueError(
@@ -82,9 +84,9 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
             + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else short_form(report))
         )
     claim = replace(
-        found[0].claim,
-        claims=tuple(name for c in found for name in c.claim.claims),
-        scaling=found[-1].claim.scaling,
+        found[0],
+        claims=tuple(name for claim in found for name in claim.claims),
+        scaling=found[-1].scaling,
     )
     write_claim(path, claim, found=how, warnings=warned)
 
@@ -100,7 +102,7 @@ def save_friction_proof(
     units = proof.friction.units
     if basis is not None:
         read_from = {"evidence": basis.description, "files": list(basis.sources)}
-    write_friction_claim(
+    write_claim(
         path,
         certificate.claim,
         found=[{"subject": certificate.subject, "found by": certificate.method}],
@@ -112,7 +114,10 @@ def save_friction_proof(
 
 def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ScaledFile:
     """Return what a certificate claims, of a loop, of several channels or of a machine with friction."""
-    return read_friction_claim(path) or read_scaled_claims(path) or read_claim(path)
+    found = read_claim(path, FrictionClaim) or read_claim(path, ScaledFile) or read_claim(path, LoopClaim)
+    if found is None:
+        raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
+    return found
 
 
 def verify_certificate(

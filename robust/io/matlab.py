@@ -21,7 +21,6 @@ from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
-from robust.proofs.exact.scaled_kyp import SCHEMA as PROOF_SCHEMA
 from robust.proofs.exact.scaled_kyp import ScaledClaim, ScaledFile, scaling_matrices
 from robust.proofs.search.certificate import SCALED_KYP
 
@@ -67,7 +66,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ScaledFile | Co
     if isinstance(content, UncertaintyModel):
         struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
     elif isinstance(content, (RobustnessReport, ScaledFile)):
-        struct, script = {"kind": PROOF_SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
+        struct, script = {"kind": ScaledFile.SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
     else:
         K = as_controller("content", content)
         struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **sections_by_name(K)}, CONTROLLER_LOADER
@@ -124,7 +123,7 @@ def proof_structs(content: RobustnessReport | ScaledFile) -> np.ndarray:
     if isinstance(content, ScaledFile):
         claims = content.claims
     else:
-        proofs = [c for c in content.certificates if c.holds]
+        proofs = [c for c in content.proofs.certificates if c.holds]
         claims = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim)}
     if not claims:
         raise ValueError(f"content must hold a proof by {SCALED_KYP} to be written for MATLAB, got none")

@@ -28,7 +28,7 @@ from robust.lti.sampling import discretize
 from robust.lti.stability import is_stable
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
-from robust.mu.gain import worst_gain
+from robust.mu.gain import gain_bound
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 from robust.synthesis.reduction import balanced_candidates
@@ -149,7 +149,7 @@ def prefilter(
 def prefilter_matrix(
     model: UncertaintyModel, K: Controller, *, reference: Weight, effort: float, delay: float
 ) -> Prefilter:
-    """Return the prefilter of several channels, its error over the set bounded by `worst_gain`.
+    """Return the prefilter of several channels, its error over the set bounded by `gain_bound`.
 
     With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]. F makes [N11 N12 F; N21 E] of
     it, with the error E = T_ref - (I - S) F.
@@ -175,7 +175,7 @@ def prefilter_matrix(
         certificate=found.certificate,
         omega=omega,
         error=np.linalg.norm(error, 2, axis=(0, 1)),
-        error_worst=worst_gain(np.concatenate([N[:, :-n], with_F], axis=1), system.structure),
+        error_worst=gain_bound(np.concatenate([N[:, :-n], with_F], axis=1), system.structure),
     )
 
 
@@ -299,7 +299,7 @@ class Feedforward:
     >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
-    >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))
+    >>> found = feedforward_filter(model, 2.0, control.tf([1], [0.5, 1]))
     >>> bool(found.error.max() < found.error_worst.max() < 0.1 < found.error_without.max())
     True
     """
@@ -314,7 +314,7 @@ class Feedforward:
     error_without: np.ndarray
 
 
-def feedforward(
+def feedforward_filter(
     model: UncertaintyModel, K: Controller, reference: LinearSystem, *, effort: float = 1e-3, delay: float = 0.0
 ) -> Feedforward:
     """Find what is to be added to u so that a loop follows a reference model, and what the set makes of the result.
@@ -350,7 +350,7 @@ def feedforward(
     >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
-    >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))     # F = (s + 1)/(s/2 + 1): sqrt(5/2) at 2 rad/s
+    >>> found = feedforward_filter(model, 2.0, control.tf([1], [0.5, 1]))   # (s + 1)/(s/2 + 1): sqrt(5/2) at 2 rad/s
     >>> round(float(found.F.dcgain()), 2), bool(abs(abs(found.F(2j)) - np.sqrt(5 / 2)) < 0.02)
     (1.0, True)
     """
