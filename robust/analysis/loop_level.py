@@ -651,7 +651,7 @@ def predict_level(
         y_measured=measured[1],
         u_state=find_state(totals["u"], *measured[0]),
         y_state=find_state(totals["y"], *measured[1]),
-        unit=model.unit,
+        unit=model.origin.unit,
     )
 
 

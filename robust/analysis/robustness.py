@@ -49,8 +49,9 @@ from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles, winding_number
 from robust.models.sets.measured import (
     FrfSource,
-    add_hold_and_delay,
     frf_sampling_time,
+    hold_and_delay_factor,
+    origin_of,
     parts_on_lines,
     warn_of_unknown_hold,
 )
@@ -76,10 +77,12 @@ def check_lines(
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
         require_sampling_time("w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K))
-    encirclements, clear = winding_number(omega, add_hold_and_delay(model, omega, G=G, dt=dt, delay=delay), K=K, dt=dt)
+    encirclements, clear = winding_number(
+        omega, G * hold_and_delay_factor(model, omega, dt=dt, delay=delay), K=K, dt=dt
+    )
     at, lines = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1]))), omega
     measured, w, W = (interpolate_frf(at, lines, part) for part in (G, w, W))
-    G = add_hold_and_delay(model, at, G=measured, dt=dt, delay=delay)
+    G = measured * hold_and_delay_factor(model, at, dt=dt, delay=delay)
     W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
     wanted = n_unstable + unstable_poles(K, dt)
     stable, has_set = clear and encirclements == wanted, bool(np.isfinite(w).all())
@@ -99,7 +102,7 @@ def check_lines(
         "demand": w_P,
         "delay": delay,
         "band": omega[[0, -1]],
-        "unit": getattr(model, "unit", ""),
+        "unit": getattr(origin_of(model), "unit", ""),
         "confidence": describe_confidence(model),
     }
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
@@ -207,7 +210,7 @@ def check(
         "demand": loop.w_P,
         "delay": float(delay),
         "band": model.omega[[0, -1]],
-        "unit": model.unit,
+        "unit": model.origin.unit,
         "confidence": describe_confidence(model),
     }
     claim = stability_claim(model, K, w_P=loop.w_P, delay=delay)

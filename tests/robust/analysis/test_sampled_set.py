@@ -12,8 +12,10 @@ from robust.analysis.aliases import aliases_of_set
 from robust.analysis.robustness import check_matrix
 from robust.analysis.sampled_set import sampled_set
 from robust.lti.lti import response, response_by_channel
+from robust.models.sets.records import Origin
 
 T = 0.02
+RECORDED = Origin(hold="zoh", fs=5e3)
 OMEGA = np.geomspace(0.5, 100, 40)
 
 
@@ -27,9 +29,7 @@ def number(x):
 
 def made(G, form, left, right):
     radius = np.array([np.abs(response(weight, OMEGA)) for weight in (*left, *right)])
-    return UncertaintyModel(
-        nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, hold="zoh", fs=5e3
-    )
+    return UncertaintyModel(nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, origin=RECORDED)
 
 
 LAG = control.ss(control.tf([2], [0.3, 1]))
@@ -60,7 +60,7 @@ def test_every_sampled_plant_of_the_continuous_set_is_in_the_sampled_one(form):
 def test_two_equal_loops_are_one():
     """G, W and K times one: the bound of mu is rs of one channel, with every alias, but for what the weights add."""
     w, K = rising(0.2), number(1.5)
-    one = UncertaintyModel(LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), hold="zoh", fs=5e3)
+    one = UncertaintyModel(LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), origin=RECORDED)
     two = made(TWICE, "input", (w, w), (number(1.0), number(1.0)))
     discrete = control.StateSpace([], [], [], K.D, T)
     both = control.StateSpace([], [], [], K.D * np.eye(2), T)
@@ -119,7 +119,7 @@ def test_one_channel_ends_in_the_verdict_of_one_channel(form, of_plant, of_contr
     G = sampled(LAG, T) if of_plant else LAG
     w = number(0.3) if form == "multiplicative" or of_plant else ROLL
     w = control.StateSpace(w.A, w.B, w.C, w.D, of_plant)
-    one = UncertaintyModel(G, w, form, OMEGA, np.abs(response(w, OMEGA)), perturbation="LTI", hold="zoh", fs=5e3)
+    one = UncertaintyModel(G, w, form, OMEGA, np.abs(response(w, OMEGA)), perturbation="LTI", origin=RECORDED)
     verdicts = set()
     for gain in (0.3, 60.0):
         K = control.StateSpace([], [], [], [[gain]], of_controller)
