@@ -106,6 +106,11 @@ class Origin:
         Sampling frequency of the record [Hz]; nan where there is none.
     unit : str
         Unit of y over u, of one channel.
+
+    Examples
+    --------
+    >>> Origin(source="a drawing", unit="m/N").extrapolation
+    'not stated'
     """
 
     source: str = "not stated"
