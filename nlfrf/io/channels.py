@@ -100,7 +100,8 @@ class Channels:
         array = self.arrays.get(full)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             listed = ", ".join(sorted(self.signals)) or "none"
-            noted = "; ".join(f"{one!r} {why}" for one, why in self.notes.items() if one == name or not self.signals)
+            named = [name] if name in self.notes else [] if full in self.arrays else list(self.notes)[:3]
+            noted = "; ".join(f"{one!r} {self.notes[one]}" for one in named)
             raise ValueError(
                 f"{parameter} must name a signal of {file!r}, one of {listed}; got {name!r}"
                 + (f"; {noted}" if noted else "")

@@ -47,7 +47,7 @@ def values_of_nlfrf():
     u = np.repeat(two.u[:, :, None], 2, axis=2)
     several = nlfrf.Record(u=u, y=u[::-1], fs=256, lines=two.lines)
     frm = nlfrf.identify(replace(several, y=several.y + 0.1 * several.u**3))
-    yield from (two, several, frm, nlfrf.bla.singular_values(frm), nlfrf.bla.rga(frm))
+    yield from (two, several, frm)
     yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
     with tempfile.TemporaryDirectory() as folder:
         nlfrf.save(record, Path(folder) / "record.mat")
