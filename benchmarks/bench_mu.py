@@ -14,11 +14,12 @@ import time
 
 import numpy as np
 
+import robust
 from benchmarks.timing import best
 from robust import dk_iteration, hinfsyn
 from robust.lti.connections import lower_lft
 from robust.lti.lti import evaluate_transfer
-from robust.mu import certify_mu, mu_lower, mu_upper, worst_gain, worst_gain_bounds
+from robust.mu.gain import gain_bound
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
@@ -59,9 +60,9 @@ def distillation(peer, every):
     omega = np.geomspace(1e-3, 1e2, 61)
     matrices = evaluate_transfer(loop.A, loop.B, loop.C, loop.D, 1j * omega)
     N = np.moveaxis(matrices, 0, 2)
-    mine = mu_upper(N, WITH_PERFORMANCE).value
-    seconds = best(lambda: mu_upper(N, WITH_PERFORMANCE))
-    print(f"mu_upper, SP 8.11.3: 61 frequencies in {1e3 * seconds:.1f} ms, {1e3 * seconds / 61:.3f} ms each")
+    mine = robust.mu.upper(N, WITH_PERFORMANCE).value
+    seconds = best(lambda: robust.mu.upper(N, WITH_PERFORMANCE))
+    print(f"robust.mu.upper, SP 8.11.3: 61 frequencies in {1e3 * seconds:.1f} ms, {1e3 * seconds / 61:.3f} ms each")
     text = json.dumps({"N": np.stack([matrices.real, matrices.imag], axis=-1).tolist()})
     done = subprocess.run([peer, "-c", PEER, str(every)], input=text, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -99,11 +100,11 @@ def random_blocks():
         [(2, 2, "real"), (2, 2, "repeated"), (1, 2)],
     ):
         few = random_family(blocks, 30)
-        bound = mu_upper(few, blocks).value
-        upper = best(lambda few=few, blocks=blocks: mu_upper(few, blocks), 1) / 30
-        found = mu_lower(few, blocks).value
-        each = best(lambda few=few, blocks=blocks: mu_lower(few, blocks), 1) / 30
-        many = np.maximum(found, mu_lower(few, blocks, n_starts=150, rng=1).value)
+        bound = robust.mu.upper(few, blocks).value
+        upper = best(lambda few=few, blocks=blocks: robust.mu.upper(few, blocks), 1) / 30
+        found = robust.mu.lower(few, blocks).value
+        each = best(lambda few=few, blocks=blocks: robust.mu.lower(few, blocks), 1) / 30
+        many = np.maximum(found, robust.mu.lower(few, blocks, n_starts=150, rng=1).value)
         print(
             f"{blocks}: upper {1e3 * upper:.2f} ms each, lower {1e3 * each:.1f} ms each; lower over upper "
             f"{(found / bound).min():.3f} at least, {np.median(found / bound):.3f} in the middle; over that of many "
@@ -122,14 +123,14 @@ def worst_gains():
     ):
         N = random_family(blocks, 400, 2)
         rows, cols = (sum(b[k] for b in blocks) for k in (0, 1))
-        N = N / mu_upper(N[:rows, :cols], blocks).value * np.random.default_rng(1).uniform(0.3, 0.9, 400)
-        seconds = best(lambda N=N, blocks=blocks: worst_gain(N, blocks), 1)
+        N = N / robust.mu.upper(N[:rows, :cols], blocks).value * np.random.default_rng(1).uniform(0.3, 0.9, 400)
+        seconds = best(lambda N=N, blocks=blocks: gain_bound(N, blocks), 1)
         begin = time.process_time()
-        found = worst_gain_bounds(N[:, :, :40], blocks)
+        found = robust.mu.worst_gain(N[:, :, :40], blocks)
         both = time.process_time() - begin
         ratio = found.lower / found.upper
         print(
-            f"worst_gain, {blocks}: 400 frequencies in {seconds:.2f} s; with a worst case "
+            f"robust.mu.worst_gain, {blocks}: 400 frequencies in {seconds:.2f} s; with a worst case "
             f"{1e3 * both / 40:.1f} ms each, which has {ratio.min():.3f} of the bound at least, "
             f"{np.median(ratio):.4f} in the middle"
         )
@@ -139,10 +140,11 @@ def certificates():
     """Seconds of the proofs between frequencies."""
     loop = lower_lft(plant(), controller())
     for level in (5.79, 5.783, 5.77):
-        found = certify_mu(loop, WITH_PERFORMANCE, level)
-        seconds = best(lambda level=level: certify_mu(loop, WITH_PERFORMANCE, level), 3)
+        found = robust.mu.certify(loop, WITH_PERFORMANCE, level)
+        seconds = best(lambda level=level: robust.mu.certify(loop, WITH_PERFORMANCE, level), 3)
         print(
-            f"certify_mu, mu < {level}: {found.holds}, {len(found.intervals)} intervals, {seconds:.2f} s {found.reason}"
+            f"robust.mu.certify, mu < {level}: {found.holds}, {len(found.intervals)} intervals, "
+            f"{seconds:.2f} s {found.reason}"
         )
 
 

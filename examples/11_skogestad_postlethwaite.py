@@ -69,7 +69,7 @@ compare("Example 2.17: gamma; here of order two, from the FRF", "1.37", f"{fixed
 # %%
 # Example 8.5: the structured singular value depends on the structure.
 M = np.array([[2.0, 2.0], [-1.0, -1.0]])[:, :, None]
-sizes = [float(robust.mu.mu_upper(M, b).value[0]) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
+sizes = [float(robust.mu.upper(M, b).value[0]) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
 compare("Example 8.5: full block, two numbers, one number twice", "3.162 3 1", " ".join(f"{m:.3f}" for m in sizes))
 
 # %%
@@ -82,7 +82,7 @@ w_I, w_P = (1j * w + 0.2) / (0.5j * w + 1), (0.5j * w + 0.05) / (1j * w)
 one, inverse = np.eye(2)[:, :, None], np.linalg.inv(G_0[:, :, 0])[:, :, None]
 top = np.concatenate([-w_I * T * one, -w_I * T * lag * inverse], axis=1)
 N = np.concatenate([top, np.concatenate([w_P * S / lag * G_0, w_P * S * one], axis=1)])
-mu = robust.mu.mu_upper(N, [(1, 1), (1, 1), (2, 2)]).value
+mu = robust.mu.upper(N, [(1, 1), (1, 1), (2, 2)]).value
 peaks = f"{np.abs(w_P * S).max():.2f} {np.abs(w_I * T).max():.2f} {mu.max():.2f}"
 compare("Section 8.11.3: nominal performance, robust stability, mu", "0.5 0.53 5.78", peaks)
 

@@ -34,7 +34,7 @@ from robust.lti.lti import (
 from robust.lti.realisation import multivariable
 from robust.lti.stability import winding_number
 from robust.models.sets.model import UncertaintyModel
-from robust.mu.upper import mu_upper, refine_grid
+from robust.mu.scalings import refine_grid, upper
 from robust.proofs.search.stability import decide_stability
 
 
@@ -348,7 +348,7 @@ def smallest_margin(
     blocks = [(1, 1)] * block[0].size
     if isinstance(S, control.FrequencyResponseData):
         omega = np.asarray(S.omega)
-        mu = mu_upper(np.asarray(S.frdata)[block] + shift[:, :, None], blocks).value
+        mu = upper(np.asarray(S.frdata)[block] + shift[:, :, None], blocks).value
     else:
         some = block[1][0]
         M = control.StateSpace(S.A, S.B[:, some], S.C[some], S.D[block] + shift, S.dt)

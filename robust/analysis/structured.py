@@ -1,7 +1,7 @@
 """Check of a loop with several uncertainties: nominal stability, bounds by mu, certificates (SP 8.9, 8.10).
 
 The upper bound of mu over a grid decides what is worth proving, the lower bound gives a counter-example. Only
-`certify_mu` and `certify_scaled`, which hold between the frequencies, make a proof.
+`robust.mu.certify` and `certify_scaled`, which hold between the frequencies, make a proof.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from robust.lti.lti import response_by_channel
 from robust.lti.stability import StabilityResult
 from robust.models.sets.interconnection import UncertainSystem
 from robust.mu.blocks import block_structure, blocks_with_kinds
-from robust.mu.certify import certify_mu
-from robust.mu.lower import search_perturbation
+from robust.mu.certification import certify
 from robust.mu.parameters import Crossing, ParameterMargin, find_crossing, parameter_margin
-from robust.mu.upper import mu_bound_at, refine_grid
+from robust.mu.perturbations import search_perturbation
+from robust.mu.scalings import mu_bound_at, refine_grid
 from robust.proofs.search.certificate import Certificate, failed_certificate
 from robust.proofs.search.intervals import SLACK
 from robust.proofs.search.scaled_kyp import certify_scaled
@@ -381,7 +381,7 @@ def prove_bound(
     operators = [block.kind != "real" and block.perturbation == "operator" for block in system.blocks.values()]
     one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
     if one_full_block or not any(operators):
-        return replace(certify_mu(N, blocks, 1.0, solver=solver, time_cap=left), subject=subject)
+        return replace(certify(N, blocks, 1.0, solver=solver, time_cap=left), subject=subject)
     given = blocks_with_kinds(blocks)
     cut = [(*block[:2], "full") if operator else block for block, operator in zip(given, operators, strict=False)]
     cut += given[len(operators) :]  # performance

@@ -30,10 +30,10 @@ from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels, is_within_set, require_parametric
 from robust.models.sets.perturbations import perturbed_plant, with_phase, with_phases
-from robust.mu.bounds import worst_gain_bounds
-from robust.mu.gain import worst_gain
-from robust.mu.lower import mu_lower
-from robust.mu.upper import refine_grid
+from robust.mu.both_bounds import worst_gain
+from robust.mu.gain import gain_bound
+from robust.mu.perturbations import lower
+from robust.mu.scalings import refine_grid
 from robust.proofs.search.stability import decide_stability
 
 
@@ -217,7 +217,7 @@ def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | N
         dt = timebase(model.nominal)
         found = []
         peaks = np.unique(np.clip(omega[np.argsort(-gain)[:N_PEAKS]], *phase_band(omega, dt)))
-        deltas = worst_gain_bounds(system.N, system.structure, peaks).delta
+        deltas = worst_gain(system.N, system.structure, peaks).delta
         for k, at in enumerate(peaks):
             one = interpolate_perturbation(deltas[:, :, k], float(at), dt, full=model.form != ELEMENTS)
             found.append((performance_gain(system, one, float(at)), float(at), one))
@@ -247,7 +247,7 @@ def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None)
 def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bound the largest gain from inputs to outputs over the set: frequencies [rad/s], and the bound."""
     omega = gain_grid(system, lines)
-    return omega, worst_gain(response_by_channel(system.N, omega), system.structure)
+    return omega, gain_bound(response_by_channel(system.N, omega), system.structure)
 
 
 def gain_grid(system: UncertainSystem, lines: np.ndarray) -> np.ndarray:
@@ -362,7 +362,7 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> BreakingPer
     dt = timebase(N)
     # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
     some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *phase_band(omega, dt)))
-    found = mu_lower(response_by_channel(N, some), system.structure, n_starts=3)
+    found = lower(response_by_channel(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:
         raise ValueError("K must react to the plant at all for a perturbation to break the loop, got one that does not")

@@ -172,7 +172,6 @@ def largest_stiffness(loop: FrictionLoop, rates: np.ndarray, *, rho: float, top:
 
 BLOCK_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
 MIN_SHARE = 1e-7  # share of a row that the solver has to leave
-TIME_CAP = 10.0
 SOLVER_TOLERANCE = 1e-9  # of M, added where it makes the form larger: what the solver may have left open
 NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
 
@@ -277,7 +276,7 @@ def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
     for i, form in enumerate(block_at_ends(M)):
         p, cross, r = (x - bounds[i] * y for x, y in zip(form, sector_form(rho), strict=True))
         constraints.append(cp.SOC(p + r, cp.hstack([2 * cross, p - r])))
-    solve_program(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", TIME_CAP)
+    solve_program(cp.Problem(cp.Maximize(share), constraints), "CLARABEL")
     if theta.value is None or share.value is None or not share.value > MIN_SHARE:
         return None
     return np.asarray(theta.value)

@@ -37,7 +37,6 @@ DECAYS = (0.9, 0.6, 0.3)
 STRICT = 1e-7
 #: Of the bound: what makes up for rounding, judged afterwards.
 ROUNDED_UP = 1 + 1e-6
-TIME_CAP = 20.0
 
 
 @value(copy=False)
@@ -165,7 +164,7 @@ def settle_at_rate(
         constraints += [one for P in b for one in within(P)]
     for i, jump in enumerate(jumps):
         constraints.append(storage[i - 1][3] - jump.T @ storage[i][0] @ jump >> STRICT * np.eye(n))
-    solve_program(cp.Problem(cp.Minimize(reach), constraints), "CLARABEL", TIME_CAP)
+    solve_program(cp.Problem(cp.Minimize(reach), constraints), "CLARABEL")
     if reach.value is None or mu.value is None or any(P.value is None for b in storage for P in b):
         return None
     found = np.array([[(P.value + P.value.T) / 2 for P in b] for b in storage])

@@ -1,12 +1,12 @@
 """The structured singular value: upper and lower bounds, certificates, real parameters.
 
-blocks      the structure: which blocks, which scalings commute with it
-bounds      both bounds of mu or of a worst gain in one call, of systems too
-certify     a level of mu proved at every frequency
-gain        the worst gain over a set: its bound, and a perturbation that attains it
-lower       lower bounds: a perturbation that makes the loop singular, verified
-parameters  margins and bounds for real parameters
-upper       upper bounds by scalings, refined around their peaks
+blocks         the structure: which blocks, which scalings commute with it
+both_bounds    both bounds of mu or of a worst gain in one call, of systems too
+certification  a level of mu proved at every frequency
+gain           the worst gain over a set: its bound, and a perturbation that attains it
+parameters     margins and bounds for real parameters
+perturbations  lower bounds: a perturbation that makes the loop singular, verified
+scalings       upper bounds by scalings, refined around their peaks
 """
 
 import lazy_loader

@@ -1,10 +1,9 @@
-from .bounds import StructuredBounds as StructuredBounds
-from .bounds import mu_bounds as mu_bounds
-from .bounds import worst_gain_bounds as worst_gain_bounds
-from .certify import certify_mu as certify_mu
-from .gain import worst_gain as worst_gain
-from .lower import mu_lower as mu_lower
+from .both_bounds import StructuredBounds as StructuredBounds
+from .both_bounds import bounds as bounds
+from .both_bounds import worst_gain as worst_gain
+from .certification import certify as certify
 from .parameters import ParameterMargin as ParameterMargin
 from .parameters import parameter_margin as parameter_margin
-from .upper import MuBound as MuBound
-from .upper import mu_upper as mu_upper
+from .perturbations import lower as lower
+from .scalings import MuBound as MuBound
+from .scalings import upper as upper

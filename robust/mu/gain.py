@@ -15,8 +15,8 @@ import numpy as np
 
 from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, block_structure
-from robust.mu.lower import MOVES, align_perturbation, search_perturbation, without_real_blocks
-from robust.mu.upper import (
+from robust.mu.perturbations import MOVES, align_perturbation, search_perturbation, without_real_blocks
+from robust.mu.scalings import (
     bound_from_scalings,
     conjugate_transpose,
     response_matrices,
@@ -31,40 +31,11 @@ ROUNDING_MARGINS = (1e-9, 1e-7, 1e-5, 1e-3)
 MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
 
 
-def worst_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
+def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     """Return an upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
 
-    `worst_gain_bounds` takes systems too, and returns the perturbation that attains the gain which was found.
-
-    Parameters
-    ----------
-    N : (n_out, n_in, W) ndarray
-        Response; the first outputs and inputs belong to the perturbations, the others are the performance.
-    blocks : list
-        The perturbations, of size at most one, as for `mu_upper`.
-
-    Returns
-    -------
-    (W,) ndarray
-        Bound on the largest singular value over the set at each frequency;
-        inf where the perturbations may make the loop singular.
-
-    Raises
-    ------
-    ValueError
-        Blocks that leave nothing for the performance.
-
-    References
-    ----------
-    SP 8.10.3 (skewed mu); Packard & Doyle 1993.
-
-    Examples
-    --------
-    S of L = 1 with 50 % uncertain gain: at worst 1/(1 + 0.5).
-
-    >>> N = np.array([[-0.5 * 0.5, 0.5], [-0.5 * 0.5, 0.5]])[:, :, None]
-    >>> round(float(worst_gain(N, [(1, 1)])[0]), 6)
-    0.666667
+    N (n_out, n_in, W): its first outputs and inputs belong to the perturbations, of size at most one, the others are
+    the performance. inf where the perturbations may make the loop singular.
     """
     M = response_matrices("N", N)
     rows, cols = block_structure("blocks", blocks).shape

@@ -22,9 +22,9 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
 from robust.mu.blocks import BlockStructure, structure_for
-from robust.mu.certify import certify_by_intervals
-from robust.mu.lower import search_perturbation
-from robust.mu.upper import refine_grid, upper_bound
+from robust.mu.certification import certify_by_intervals
+from robust.mu.perturbations import search_perturbation
+from robust.mu.scalings import refine_grid, upper_bound
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 
@@ -290,7 +290,7 @@ def parameter_margin(
     N_ss : control.StateSpace
         Stable system that the perturbation closes (`UncertainSystem.loop`), continuous or discrete.
     blocks : list
-        As for `mu_upper`, at least one of them real. Real blocks are cut, complex ones are taken whole.
+        As for `upper`, at least one of them real. Real blocks are cut, complex ones are taken whole.
     gap : float
         Relative distance between what is proved and what breaks the loop.
     time_cap : float
@@ -323,7 +323,7 @@ def parameter_margin(
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     gap, deadline = require_positive("gap", gap), time.monotonic() + require_positive("time_cap", time_cap)
     if "real" not in s.kinds:
-        raise ValueError("blocks must hold a real one, got none: certify_mu is for complex ones")
+        raise ValueError("blocks must hold a real one, got none: robust.mu.certify is for complex ones")
     nominal = decide_stability(N)
     if not nominal.stable:
         raise ValueError(f"N_ss must be stable, got one that is {nominal}")

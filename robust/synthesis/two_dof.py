@@ -28,7 +28,7 @@ from robust.lti.sampling import discretize
 from robust.lti.stability import is_stable
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
-from robust.mu.gain import worst_gain
+from robust.mu.gain import gain_bound
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 from robust.synthesis.reduction import balanced_candidates
@@ -149,7 +149,7 @@ def prefilter(
 def prefilter_matrix(
     model: UncertaintyModel, K: Controller, *, reference: Weight, effort: float, delay: float
 ) -> Prefilter:
-    """Return the prefilter of several channels, its error over the set bounded by `worst_gain`.
+    """Return the prefilter of several channels, its error over the set bounded by `gain_bound`.
 
     With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]. F makes [N11 N12 F; N21 E] of
     it, with the error E = T_ref - (I - S) F.
@@ -175,7 +175,7 @@ def prefilter_matrix(
         certificate=found.certificate,
         omega=omega,
         error=np.linalg.norm(error, 2, axis=(0, 1)),
-        error_worst=worst_gain(np.concatenate([N[:, :-n], with_F], axis=1), system.structure),
+        error_worst=gain_bound(np.concatenate([N[:, :-n], with_F], axis=1), system.structure),
     )
 
 

@@ -6,6 +6,7 @@ combination of its four Bernstein coefficients; coordinates are changed exactly,
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from itertools import pairwise
@@ -302,7 +303,7 @@ ACTUATOR_CLAIM = "the actuator stays within reach"
 BITS = 512
 
 
-def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verification:
+def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Verification:
     """Prove a claim on a machine with friction again, from its numbers as rationals.
 
     Not verified is a result, not an error: each part with its reason.
@@ -330,7 +331,7 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
     return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
 
 
-def verify_settling(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verification:
+def verify_settling(claim: FrictionClaim, *, time_cap: float = math.inf) -> Verification:
     """Prove the bound of a claim again, from its numbers as rationals."""
     deadline = time.monotonic() + time_cap
     own = claim.settling

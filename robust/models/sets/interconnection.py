@@ -3,7 +3,8 @@
     systems   any control systems with named inputs and outputs: an input is the sum of all outputs of its name
     blocks    drives = Delta (size reads), |Delta| <= 1: where a perturbation reads, where it acts, how large it is
 
-What comes out is N with the perturbations pulled out, cut for `mu_upper`, `certify_mu` and `check_structure`.
+What comes out is N with the perturbations pulled out, cut for `robust.mu.upper`, `robust.mu.certify`
+and `check_structure`.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class Block:
 
     @property
     def shape(self) -> tuple[int, int] | tuple[int, int, str]:
-        """Return the block as `mu_upper` takes it: rows, columns, and the kind where it is not full."""
+        """Return the block as `robust.mu.upper` takes it: rows, columns, and the kind where it is not full."""
         lengths = (len(self.reads), len(self.drives))
         return lengths if self.kind == "full" else (*lengths, self.kind)
 
@@ -145,7 +146,7 @@ class UncertainSystem:
 
     @property
     def structure(self) -> list[tuple[int, int] | tuple[int, int, str]]:
-        """Return blocks as `mu_upper` takes them, for the part of N they close."""
+        """Return blocks as `robust.mu.upper` takes them, for the part of N they close."""
         return [block.shape for block in self.blocks.values()]
 
     @property

@@ -394,7 +394,7 @@ class UncertaintyModel:
 
     @property
     def structure(self) -> list[tuple[int, int]]:
-        """Return the blocks of Delta, as `mu_upper` takes them."""
+        """Return the blocks of Delta, as `robust.mu.upper` takes them."""
         if self.form == ELEMENTS:
             return [(1, 1)] * (self.n_outputs * self.n_inputs)
         return [(1, 1)] if self.is_single else [self.block_shape]
@@ -600,7 +600,7 @@ class UncertaintyModel:
         return control.StateSpace(A, B, C, D, dt)
 
     def loop(self, K: Controller, *, w_P: Weight | None = None) -> UncertainSystem:
-        """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure` and `mu_upper`.
+        """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure` and `robust.mu.upper`.
 
         Of several channels.
 
@@ -692,7 +692,7 @@ def describe_no_set(thing: object) -> str:
         return short_form(thing)
     return (
         "an UncertainSystem: check_structure(system) checks it, and print of its report gives the worst perturbation "
-        "found; worst_gain_bounds(system.N, system.structure, omega) bounds the largest gain"
+        "found; robust.mu.worst_gain(system.N, system.structure, omega) bounds the largest gain"
     )
 
 

@@ -25,8 +25,8 @@ from robust.models.fit.weights import minimum_phase
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.mu.blocks import BlockStructure, structure_for
-from robust.mu.certify import certify_mu
-from robust.mu.upper import mu_upper
+from robust.mu.certification import certify
+from robust.mu.scalings import upper
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 from robust.synthesis.hinf.design import describe_controller
@@ -133,8 +133,8 @@ def dk_iteration(
         A set of several channels; an `interconnection` without the controller; or a system from (what the perturbations
         and the performance drive, u) to (what they read, y).
     blocks : list
-        Of a system; as for `mu_upper`, the performance being a full block. Repeated and real blocks are designed for as
-        full complex ones, and judged as what they are.
+        As for `robust.mu.upper`, of a system; the performance is a full block. Repeated and real blocks are designed
+        for as full complex ones, and judged as what they are.
     n_y, n_u : int
         Of a system or an interconnection: how many of the last outputs are measured, of the last inputs controlled.
     w_P, w_u : control system or float, optional
@@ -229,7 +229,7 @@ def dk_iteration(
             reason = "mu did not fall any more"
             break
     CL = lower_lft(P, best.K) if np.isfinite(best.mu) else None
-    certificate = None if CL is None else certify_mu(CL, blocks, 1.01 * best.mu)
+    certificate = None if CL is None else certify(CL, blocks, 1.01 * best.mu)
     return replace(best, history=tuple(history), certificate=certificate, reason=reason, CL=CL)
 
 
@@ -307,7 +307,7 @@ def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks,
     """Return the loop with a controller, by the upper bound of mu with the structure as it is."""
     N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
-    curve = mu_upper(response_by_channel(N, at), blocks).value
+    curve = upper(response_by_channel(N, at), blocks).value
     return DkDesign(K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason="")
 
 
@@ -342,9 +342,9 @@ def fit_scalings(
     omega, dt = found.omega, timebase(P)
     response_ = response_by_channel(lower_lft(P, found.K), omega)
     full = [(r.stop - r.start, c.stop - c.start) for r, c in zip(s.rows, s.cols, strict=True)]
-    upper = mu_upper(response_, full).scaling
-    assert upper is not None
-    d = np.array([np.abs(upper[0][row.start, row.start]) for row in s.rows])
+    own = upper(response_, full).scaling
+    assert own is not None
+    d = np.array([np.abs(own[0][row.start, row.start]) for row in s.rows])
     before = scaling_sizes(scaling, omega)
     d = before * (d / d[-1] / before) ** stretch
     goal = scaled_gains(response_, d, s)

@@ -22,8 +22,8 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.mu.gain import worst_gain
-from robust.mu.upper import conjugate_transpose, mu_upper
+from robust.mu.gain import gain_bound
+from robust.mu.scalings import conjugate_transpose, upper
 
 #: Distance 1 - |N11|^2 below which the worst case goes on as a tangent, so that a start outside has a slope.
 NEAR_ONE = 1e-6
@@ -172,7 +172,7 @@ def scalings_of_mu(N: np.ndarray, blocks: Blocks, level: np.ndarray) -> np.ndarr
     scaled = N.copy()
     scaled[:, rows:] /= level[:, None, None]
     structure = [*blocks, (N.shape[1] - rows, N.shape[2] - columns)]
-    found = mu_upper(np.moveaxis(scaled, 0, 2), structure).scaling
+    found = upper(np.moveaxis(scaled, 0, 2), structure).scaling
     assert found is not None
     D = np.abs(np.einsum("iiw->iw", found[0]))
     first = np.cumsum([0, *(block[0] for block in blocks)])
@@ -182,10 +182,10 @@ def scalings_of_mu(N: np.ndarray, blocks: Blocks, level: np.ndarray) -> np.ndarr
 def largest_gain(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     """Return (W,) the bound with the best scalings at every frequency; inf where no scalings prove the loop stable.
 
-    The program of `worst_gain` leaves up to a thousandth where rounding is in its way. The scalings of mu at that level
+    The program of `gain_bound` leaves up to a thousandth where rounding is in its way. The scalings of mu at that level
     prove the rest.
     """
-    gain = worst_gain(np.moveaxis(N, 0, 2), list(blocks))
+    gain = gain_bound(np.moveaxis(N, 0, 2), list(blocks))
     known = np.flatnonzero(np.isfinite(gain) & (gain > 0))
     if known.size:
         d = scalings_of_mu(N[known], blocks, gain[known])

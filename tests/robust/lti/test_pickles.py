@@ -109,7 +109,7 @@ def values_of_robust():
     yield from (robust.synthesis.prefilter(small, PI, lag), robust.check(small, PI).certificates[0].verify())
     yield robust.reduce_controller(control.tf([1], [1e-4, 1]) * control.tf([3], [1e-3, 1]), small)
     yield robust.mu.parameter_margin(control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")])
-    yield from (robust.mu.mu_upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
+    yield from (robust.mu.upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
 
 
 def same(a, b):

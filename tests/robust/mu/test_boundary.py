@@ -5,9 +5,9 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust.analysis import check_structure
 from robust.models import Block, interconnection
-from robust.mu import certify_mu
 
 
 def turned(rng, A, B, C):
@@ -64,4 +64,4 @@ def test_the_slack_is_on_mu_and_not_on_a_norm_near_one():
     """mu(0) = 1 - 1e-7 with a real parameter: below one, and not by the slack that a proof in doubles has."""
     for below, holds in ((1e-7, False), (1e-4, True)):
         N = control.ss([[-1.0]], [[1.0]], [[1 - below]], [[0.0]])
-        assert certify_mu(N, [(1, 1, "real")]).holds == holds
+        assert robust.mu.certify(N, [(1, 1, "real")]).holds == holds

@@ -4,8 +4,9 @@ import cvxpy
 import numpy as np
 import pytest
 
-from robust.mu import mu_upper, worst_gain, worst_gain_bounds
+import robust
 from robust.mu.blocks import block_structure
+from robust.mu.gain import gain_bound
 from tests.robust.mu.test_mu import random_matrix, size
 
 FAMILIES = [
@@ -22,7 +23,7 @@ def stable_family(blocks, W, seed=0):
     rng = np.random.default_rng(seed)
     rows, cols = size(blocks)
     N = random_matrix(rng, (rows + 2, cols + 2), W)
-    return N / mu_upper(N[:rows, :cols], blocks).value * rng.uniform(0.3, 0.9, W)
+    return N / robust.mu.upper(N[:rows, :cols], blocks).value * rng.uniform(0.3, 0.9, W)
 
 
 def gain_by_cvxpy(M, blocks):
@@ -48,16 +49,16 @@ def gain_by_cvxpy(M, blocks):
 @pytest.mark.filterwarnings("ignore:Solution may be inaccurate")  # the last digits
 def test_the_program_of_cvxpy_has_the_same_value(blocks):
     N = stable_family(blocks, 3)
-    assert worst_gain(N, blocks) == pytest.approx([gain_by_cvxpy(N[:, :, k], blocks) for k in range(3)], rel=1e-5)
+    assert gain_bound(N, blocks) == pytest.approx([gain_by_cvxpy(N[:, :, k], blocks) for k in range(3)], rel=1e-5)
 
 
 @pytest.mark.parametrize("blocks", FAMILIES, ids=str)
 def test_skewed_mu_is_one_where_the_outputs_are_divided_by_the_gain(blocks):
-    """`mu_upper` finds no smaller one; with real blocks it may find less than the program does."""
+    """`robust.mu.upper` finds no smaller one; with real blocks it may find less than the program does."""
     N = stable_family(blocks, 40, seed=1)
-    gain, rows = worst_gain(N, blocks), size(blocks)[0]
+    gain, rows = gain_bound(N, blocks), size(blocks)[0]
     N[rows:] /= gain
-    mu = mu_upper(N, [*blocks, (2, 2)]).value
+    mu = robust.mu.upper(N, [*blocks, (2, 2)]).value
     assert np.all(mu >= 1 - 1e-5)
     assert "real" in str(blocks) or mu == pytest.approx(1.0, rel=1e-6)
 
@@ -65,7 +66,7 @@ def test_skewed_mu_is_one_where_the_outputs_are_divided_by_the_gain(blocks):
 @pytest.mark.parametrize("blocks", FAMILIES, ids=str)
 def test_the_worst_case_lies_in_the_set_and_has_its_gain(blocks):
     N = stable_family(blocks, 12, seed=2)
-    found, (rows, cols) = worst_gain_bounds(N, blocks), size(blocks)
+    found, (rows, cols) = robust.mu.worst_gain(N, blocks), size(blocks)
     s = block_structure("blocks", blocks)
     of_structure = np.zeros((cols, rows))
     for k in range(12):
@@ -80,14 +81,14 @@ def test_the_worst_case_lies_in_the_set_and_has_its_gain(blocks):
                 assert np.array_equal(delta[col, row], delta[col, row][0, 0] * np.eye(row.stop - row.start))
             assert kind != "real" or not delta[col, row].imag.any()
         assert not delta[of_structure == 0].any()
-    assert np.array_equal(found.upper, np.maximum(worst_gain(N, blocks), found.lower))
+    assert np.array_equal(found.upper, np.maximum(gain_bound(N, blocks), found.lower))
     assert np.median(found.lower / found.upper) > 0.99
 
 
 def test_no_perturbation_that_is_drawn_has_a_larger_gain_than_the_worst_case():
     """One real number beside a complex one: a scan of the real one, the complex one at any phase."""
     N = stable_family([(1, 1, "real"), (1, 1)], 6, seed=3)
-    found = worst_gain_bounds(N, [(1, 1, "real"), (1, 1)])
+    found = robust.mu.worst_gain(N, [(1, 1, "real"), (1, 1)])
     t, phase = (each.ravel() for each in np.meshgrid(np.linspace(-1, 1, 81), np.exp(2j * np.pi * np.arange(90) / 90)))
     delta = np.zeros((t.size, 2, 2), complex)
     delta[:, 0, 0], delta[:, 1, 1] = t, phase
@@ -100,6 +101,6 @@ def test_no_perturbation_that_is_drawn_has_a_larger_gain_than_the_worst_case():
 
 def test_where_the_set_makes_the_loop_singular_the_gain_has_no_bound():
     N = np.array([[2.0, 1.0], [1.0, 1.0]])
-    found = worst_gain_bounds(N, [(1, 1)])
+    found = robust.mu.worst_gain(N, [(1, 1)])
     assert (found.lower[0], found.upper[0]) == (np.inf, np.inf)
     assert found.delta[0, 0, 0] == pytest.approx(0.5)

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
+import robust
 from robust.lti.connections import lower_lft
 from robust.lti.lti import evaluate_transfer
-from robust.mu import certify_mu, mu_lower, mu_upper
-from robust.mu.upper import bound_from_scalings
+from robust.mu.scalings import bound_from_scalings
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
 
 SP_8_5 = np.array([[2, 2], [-1, -1]])[:, :, None]
@@ -40,7 +40,7 @@ def size(blocks):
 )
 def test_sp_example_8_5(blocks, mu):
     """SP Example 8.5: M = [[2, 2], [-1, -1]] has mu 3.162 (full), 3 (diagonal), 1 (scalar)."""
-    upper, lower_ = mu_upper(SP_8_5, blocks), mu_lower(SP_8_5, blocks)
+    upper, lower_ = robust.mu.upper(SP_8_5, blocks), robust.mu.lower(SP_8_5, blocks)
     assert upper.value[0] == pytest.approx(mu, rel=1e-6)
     assert lower_.value[0] == pytest.approx(mu, rel=1e-6)
 
@@ -50,25 +50,25 @@ def test_the_distillation_column():
     N = lower_lft(plant(), controller())
     omega = np.unique(np.append(np.geomspace(1e-3, 1e2, 200), 1.46))
     response = along(N, omega)
-    rp, rs = mu_upper(response, WITH_PERFORMANCE).value, mu_upper(response[:2, :2], BLOCKS).value
+    rp, rs = robust.mu.upper(response, WITH_PERFORMANCE).value, robust.mu.upper(response[:2, :2], BLOCKS).value
     np_ = np.linalg.svd(np.moveaxis(response[2:, 2:], 2, 0), compute_uv=False)[:, 0]
     assert np_.max() == pytest.approx(0.5, abs=1e-4)
     assert rs.max() == pytest.approx(0.526, abs=2e-3)
     assert rp.max() == pytest.approx(5.782, abs=5e-4)
     assert omega[rp.argmax()] == pytest.approx(1.46, rel=0.05)
-    below = mu_lower(response[:, :, ::20], WITH_PERFORMANCE).value
+    below = robust.mu.lower(response[:, :, ::20], WITH_PERFORMANCE).value
     assert np.all(below >= 0.999 * rp[::20])
 
 
 def test_between_the_frequencies_of_the_distillation_column():
     N = lower_lft(plant(), controller())
-    certificate = certify_mu(N, WITH_PERFORMANCE, 5.79)
+    certificate = robust.mu.certify(N, WITH_PERFORMANCE, 5.79)
     assert certificate.holds
     ends = certificate.intervals
     assert ends[0, 0] == 0
     assert ends[-1, 1] == np.inf
     assert np.array_equal(ends[1:, 0], ends[:-1, 1])
-    refused = certify_mu(N, WITH_PERFORMANCE, 5.77)
+    refused = robust.mu.certify(N, WITH_PERFORMANCE, 5.77)
     assert not refused.holds
     assert "at 0.2" in refused.reason  # 1.46 rad/s are 0.232 Hz
 
@@ -77,7 +77,7 @@ def test_between_the_frequencies_of_the_distillation_column():
 def test_bounds_meet_on_three_complex_blocks(blocks):
     """2 s + f <= 3 (s repeated, f full blocks): mu equals its upper bound (Packard & Doyle 1993)."""
     N = random_matrix(np.random.default_rng(1), size(blocks), 40)
-    upper, below = mu_upper(N, blocks), mu_lower(N, blocks)
+    upper, below = robust.mu.upper(N, blocks), robust.mu.lower(N, blocks)
     assert np.all(below.value <= upper.value * (1 + 1e-9))
     assert np.all(below.value >= 0.99 * upper.value)
     for k in range(40):
@@ -89,8 +89,8 @@ def test_bounds_meet_on_three_complex_blocks(blocks):
 def test_delta_has_the_structure():
     blocks = [(2, 2, "real"), (2, 2, "repeated"), (1, 2)]
     N = random_matrix(np.random.default_rng(2), size(blocks), 10)
-    bound = mu_lower(N, blocks, n_starts=3)
-    assert np.all(bound.value <= mu_upper(N, blocks).value)
+    bound = robust.mu.lower(N, blocks, n_starts=3)
+    assert np.all(bound.value <= robust.mu.upper(N, blocks).value)
     for k in np.flatnonzero(bound.value > 0):
         d = bound.delta[:, :, k]
         assert np.array_equal(d[:2, :2], d[0, 0].real * np.eye(2))
@@ -102,7 +102,7 @@ def test_delta_has_the_structure():
 def test_the_scaling_shows_the_bound():
     blocks = [(1, 1), (2, 2, "repeated"), (1, 2)]
     N = random_matrix(np.random.default_rng(3), size(blocks), 5)
-    bound = mu_upper(N, blocks)
+    bound = robust.mu.upper(N, blocks)
     D_L, D_R, _ = bound.scaling
     for k in range(5):
         scaled = D_L[:, :, k] @ N[:, :, k] @ np.linalg.inv(D_R[:, :, k])
@@ -118,7 +118,7 @@ def test_rank_one_in_closed_form():
     blocks = [(1, 1), (2, 2), (2, 2)]
     parts = [np.s_[:1], np.s_[1:3], np.s_[3:]]
     mu = sum(np.linalg.norm(a[p]) * np.linalg.norm(b[p]) for p in parts)
-    assert mu_upper((a @ b.conj().T)[:, :, None], blocks).value[0] == pytest.approx(mu, rel=1e-6)
+    assert robust.mu.upper((a @ b.conj().T)[:, :, None], blocks).value[0] == pytest.approx(mu, rel=1e-6)
 
 
 def test_two_real_numbers_by_brute_force():
@@ -132,9 +132,9 @@ def test_two_real_numbers_by_brute_force():
         c2, c1 = np.linalg.det(N) * rays[0] * rays[1], -(N[0, 0] * rays[0] + N[1, 1] * rays[1])
         roots = np.concatenate([np.roots([p, q, 1.0]) for p, q in zip(c2, c1, strict=True)])
         smallest = np.abs(roots[np.abs(roots.imag) < 1e-12].real).min()
-        bound = mu_upper(N[:, :, None], [(1, 1, "real"), (1, 1, "real")]).value[0]
+        bound = robust.mu.upper(N[:, :, None], [(1, 1, "real"), (1, 1, "real")]).value[0]
         assert bound >= (1 / smallest) * (1 - 1e-6)
-        assert mu_lower(N[:, :, None], [(1, 1, "real")] * 2).value[0] == pytest.approx(1 / smallest, rel=1e-3)
+        assert robust.mu.lower(N[:, :, None], [(1, 1, "real")] * 2).value[0] == pytest.approx(1 / smallest, rel=1e-3)
         assert bound <= 1.15 / smallest
 
 
@@ -142,7 +142,7 @@ def test_one_real_number_beside_a_full_block_by_a_scan():
     """For each real number in turn the full block is a largest singular value: both bounds meet that."""
     blocks = [(1, 1, "real"), (2, 2)]
     N = random_matrix(np.random.default_rng(3), (3, 3), 8)
-    upper, below = mu_upper(N, blocks).value, mu_lower(N, blocks).value
+    upper, below = robust.mu.upper(N, blocks).value, robust.mu.lower(N, blocks).value
     t = np.linspace(-3, 3, 60_001)
     for k in range(8):
         M = N[:, :, k]
@@ -159,7 +159,7 @@ def test_real_numbers_of_rank_one_by_a_linear_program(n):
     rng = np.random.default_rng(n)
     a, b = random_matrix(rng, (n, 8), 1)[..., 0], random_matrix(rng, (n, 8), 1)[..., 0]
     N = a[:, None] * b[None]
-    bound = mu_lower(N, [(1, 1, "real")] * n)
+    bound = robust.mu.lower(N, [(1, 1, "real")] * n)
     for k in range(8):
         c = a[:, k] * b[:, k]
         sizes = np.hstack([np.eye(n), -np.ones((n, 1))]), np.hstack([-np.eye(n), -np.ones((n, 1))])
@@ -197,7 +197,7 @@ def smallest_real_numbers(N, rng, n_starts):
 def test_four_real_numbers_by_a_search_of_another_kind():
     """Random matrices, and the one of 200 where ascent alone stopped at 0.745 of what the search finds."""
     N = random_matrix(np.random.default_rng(3), (4, 4), 200)[..., [34, 0, 1, 2, 3, 4]]
-    bound = mu_lower(N, [(1, 1, "real")] * 4)
+    bound = robust.mu.lower(N, [(1, 1, "real")] * 4)
     rng = np.random.default_rng(0)
     searched = np.array([1 / smallest_real_numbers(each, rng, 12) for each in np.moveaxis(N, 2, 0)])
     assert (bound.value > 0.97 * searched).all()
@@ -213,7 +213,7 @@ def test_real_beats_complex_where_it_should():
     zeta, part = 0.01, 0.5
     omega = np.geomspace(0.3, 3, 400)
     N = (-part / (1 - omega**2 + 2j * zeta * omega))[None, None]
-    as_real, as_complex = (mu_upper(N, [(1, 1, *kind)]).value.max() for kind in (("real",), ()))
+    as_real, as_complex = (robust.mu.upper(N, [(1, 1, *kind)]).value.max() for kind in (("real",), ()))
     assert as_complex == pytest.approx(np.abs(N).max(), rel=1e-9)
     assert as_complex > 20
     # 1 + part delta - omega^2 never vanishes together with the damping: the real bound is zero at every omega > 0
@@ -226,26 +226,26 @@ def test_properties(seed, scale):
     rng = np.random.default_rng(seed)
     blocks = [[(1, 1), (2, 2)], [(1, 1)] * 3, [(2, 2, "repeated"), (1, 1)], [(1, 1, "real"), (2, 2)]][seed % 4]
     N = random_matrix(rng, (3, 3), 2)
-    value = mu_upper(N, blocks).value
+    value = robust.mu.upper(N, blocks).value
     matrices = np.moveaxis(N, 2, 0)
     rho, sigma = np.abs(np.linalg.eigvals(matrices)).max(axis=1), np.linalg.norm(matrices, 2, axis=(1, 2))
     assert np.all(value <= sigma * (1 + 1e-12))
     if seed % 4 != 3:
         assert np.all(value >= rho * (1 - 1e-9))
-    assert mu_upper(scale * N, blocks).value == pytest.approx(scale * value, rel=1e-3 if seed % 4 == 3 else 1e-6)
+    assert robust.mu.upper(scale * N, blocks).value == pytest.approx(scale * value, rel=1e-3 if seed % 4 == 3 else 1e-6)
     d = np.diag([3.0, 0.2, 0.2 if blocks[-1] == (2, 2) else 5.0])
     if blocks[0] != (2, 2, "repeated"):
         moved = np.moveaxis(d @ matrices @ np.linalg.inv(d), 0, 2)
-        assert mu_upper(moved, blocks).value == pytest.approx(value, rel=1e-3 if seed % 4 == 3 else 1e-6)
+        assert robust.mu.upper(moved, blocks).value == pytest.approx(value, rel=1e-3 if seed % 4 == 3 else 1e-6)
 
 
 def test_zero_and_huge_matrices():
-    assert mu_upper(np.zeros((2, 2, 3)), [(1, 1), (1, 1)]).value.tolist() == [0, 0, 0]
-    assert mu_lower(np.zeros((2, 2, 3)), [(1, 1), (1, 1)]).value.tolist() == [0, 0, 0]
+    assert robust.mu.upper(np.zeros((2, 2, 3)), [(1, 1), (1, 1)]).value.tolist() == [0, 0, 0]
+    assert robust.mu.lower(np.zeros((2, 2, 3)), [(1, 1), (1, 1)]).value.tolist() == [0, 0, 0]
     N = np.diag([1e150, 1e-150])[:, :, None]
-    assert mu_upper(N, [(1, 1), (1, 1)]).value[0] == pytest.approx(1e150, rel=1e-9)
+    assert robust.mu.upper(N, [(1, 1), (1, 1)]).value[0] == pytest.approx(1e150, rel=1e-9)
     N = np.array([[0.0, 1e9], [1e-9, 0.0]])[:, :, None]
-    assert mu_upper(N, [(1, 1), (1, 1)]).value[0] == pytest.approx(1.0, rel=1e-6)
+    assert robust.mu.upper(N, [(1, 1), (1, 1)]).value[0] == pytest.approx(1.0, rel=1e-6)
 
 
 def test_a_scaling_that_is_no_scaling_proves_nothing():
@@ -270,23 +270,23 @@ def test_certificates_of_random_systems(dt):
         )
         x = np.geomspace(1e-3, 1e3, 600)
         points = np.exp(2j * np.arctan(x)) if dt else 1j * x
-        peak = mu_upper(np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, points), 0, 2), blocks).value.max()
-        above = certify_mu(N, blocks, 1.02 * peak)
+        peak = robust.mu.upper(np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, points), 0, 2), blocks).value.max()
+        above = robust.mu.certify(N, blocks, 1.02 * peak)
         assert above.holds, above.reason
-        assert not certify_mu(N, blocks, 0.98 * peak).holds
+        assert not robust.mu.certify(N, blocks, 0.98 * peak).holds
 
 
 def test_a_peak_between_grid_points_is_not_missed():
     """A resonance of damping 1e-7: no grid sees it."""
     zeta = 1e-7
     N = control.ss(control.tf([2e-6], [1, 2 * zeta, 1]))
-    assert not certify_mu(N, [(1, 1)], 9.0).holds
-    assert certify_mu(N, [(1, 1)], 11.0).holds
+    assert not robust.mu.certify(N, [(1, 1)], 9.0).holds
+    assert robust.mu.certify(N, [(1, 1)], 11.0).holds
 
 
 @pytest.mark.parametrize("A", [0.0, 1e-3])
 def test_no_certificate_for_what_is_not_stable(A):
-    refused = certify_mu(control.ss([[A]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1)], 1e9)
+    refused = robust.mu.certify(control.ss([[A]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1)], 1e9)
     assert not refused.holds
     assert "not stable" in refused.reason
 
@@ -294,19 +294,22 @@ def test_no_certificate_for_what_is_not_stable(A):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: mu_upper(SP_8_5, [(1, 1)]), "blocks must add up to the 2 outputs and 2 inputs of N, got 1 rows"),
-        (lambda: mu_upper(SP_8_5, [(2, 1, "real")]), "blocks.0. must be square to be real, got 2 rows and 1"),
-        (lambda: mu_upper(SP_8_5, [(2, 2, "unreal")]), "must be of the kind 'full', 'repeated' or 'real'"),
-        (lambda: mu_upper(SP_8_5, [(0, 2)]), "blocks.0. must be .rows, cols. with whole numbers"),
-        (lambda: mu_upper(SP_8_5, "full"), "blocks must be a list"),
-        (lambda: mu_upper(SP_8_5[:, :, 0], [(2, 2)]), "N must be an array .outputs, inputs, frequencies."),
         (
-            lambda: mu_upper(control.ss(-1, 1, 1, 0), [(1, 1)]),
+            lambda: robust.mu.upper(SP_8_5, [(1, 1)]),
+            "blocks must add up to the 2 outputs and 2 inputs of N, got 1 rows",
+        ),
+        (lambda: robust.mu.upper(SP_8_5, [(2, 1, "real")]), "blocks.0. must be square to be real, got 2 rows and 1"),
+        (lambda: robust.mu.upper(SP_8_5, [(2, 2, "unreal")]), "must be of the kind 'full', 'repeated' or 'real'"),
+        (lambda: robust.mu.upper(SP_8_5, [(0, 2)]), "blocks.0. must be .rows, cols. with whole numbers"),
+        (lambda: robust.mu.upper(SP_8_5, "full"), "blocks must be a list"),
+        (lambda: robust.mu.upper(SP_8_5[:, :, 0], [(2, 2)]), "N must be an array .outputs, inputs, frequencies."),
+        (
+            lambda: robust.mu.upper(control.ss(-1, 1, 1, 0), [(1, 1)]),
             "got a StateSpace; give its response, N.1j . omega., or use",
         ),
-        (lambda: mu_lower(SP_8_5 * np.nan, [(2, 2)]), "N must be finite, got 4 nan"),
-        (lambda: certify_mu(control.ss(-1, 1, 1, 0), [(1, 1)], -1.0), "level must be positive"),
-        (lambda: certify_mu(control.ss(-1, 1, 1, 0), [(2, 1)], 1.0), "outputs and 1 inputs of N_ss, got 2 rows"),
+        (lambda: robust.mu.lower(SP_8_5 * np.nan, [(2, 2)]), "N must be finite, got 4 nan"),
+        (lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(1, 1)], -1.0), "level must be positive"),
+        (lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(2, 1)], 1.0), "outputs and 1 inputs of N_ss, got 2 rows"),
     ],
 )
 def test_refusals(call, message):
@@ -324,9 +327,9 @@ def test_no_certificate_under_a_perturbation_that_was_found():
         N = control.ss(A, rng.standard_normal((3, 3)), rng.standard_normal((3, 3)), rng.standard_normal((3, 3)))
         omega = w * (1 + zeta * np.linspace(-3, 3, 61))
         response = along(N, omega)
-        k = np.argsort(-mu_upper(response, blocks).value)[:2]
-        found = mu_lower(response[:, :, k], blocks, n_starts=2).value.max()
+        k = np.argsort(-robust.mu.upper(response, blocks).value)[:2]
+        found = robust.mu.lower(response[:, :, k], blocks, n_starts=2).value.max()
         if found > 0:
             seen += 1
-            assert not certify_mu(N, blocks, 0.99 * found).holds
+            assert not robust.mu.certify(N, blocks, 0.99 * found).holds
     assert seen >= 3

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from robust.mu import parameter_margin
+import robust
 
 
 def loop(rng, n, sizes, damping=0.1):
@@ -43,7 +43,7 @@ def judge(found, N, sizes, gap=0.05):
 def test_two_parameters_against_brute_force():
     sizes = (2, 2)
     N = loop(np.random.default_rng(0), 4, sizes, 0.4)
-    found = parameter_margin(N, [(2, 2, "real")] * 2)
+    found = robust.mu.parameter_margin(N, [(2, 2, "real")] * 2)
     judge(found, N, sizes)
     t = np.linspace(-1, 1, 201)
     edge = np.concatenate([np.column_stack([t, 0 * t + side]) for side in (-1, 1)])
@@ -56,7 +56,7 @@ def test_a_gap_of_27_per_cent_is_closed_by_cutting_the_box():
     """Three parameters in two places each: mu with real blocks alone proves 0.0423, and 0.0539 breaks the loop."""
     sizes = (2, 2, 2)
     N = loop(np.random.default_rng(2), 6, sizes)
-    found = parameter_margin(N, [(2, 2, "real")] * 3, time_cap=120)
+    found = robust.mu.parameter_margin(N, [(2, 2, "real")] * 3, time_cap=120)
     judge(found, N, sizes)
     assert len(found.boxes) > 1
     assert found.proved > 0.05
@@ -65,7 +65,7 @@ def test_a_gap_of_27_per_cent_is_closed_by_cutting_the_box():
 def test_a_parameter_that_breaks_between_the_lines_of_any_grid():
     """s^2 + 0.02 s + 1 + d: unstable for d < -1 at zero frequency; for d > -1 never."""
     N = control.ss([[0.0, 1.0], [-1.0, -0.02]], [[0.0], [-1.0]], [[1.0, 0.0]], [[0.0]])
-    found = parameter_margin(N, [(1, 1, "real")], gap=0.01)
+    found = robust.mu.parameter_margin(N, [(1, 1, "real")], gap=0.01)
     judge(found, N, (1,), 0.01)
     assert found.broken == pytest.approx(1.0, rel=1e-6)
     assert found.worst.tolist() == pytest.approx([-1.0])
@@ -75,18 +75,18 @@ def test_a_parameter_that_breaks_between_the_lines_of_any_grid():
 def test_beside_a_complex_block_and_sampled():
     """s + 5 - 2.5 d1 + 2 d2 with d2 complex: 5 of 4.5; the same sampled, as the bilinear map keeps it."""
     N = control.ss([[-5.0]], [[2.5, -2.0]], [[1.0], [1.0]], np.zeros((2, 2)))
-    found = parameter_margin(N, [(1, 1, "real"), (1, 1)])
+    found = robust.mu.parameter_margin(N, [(1, 1, "real"), (1, 1)])
     assert found.met
     assert found.broken == pytest.approx(5 / 4.5, rel=1e-3)
     assert found.proved <= 5 / 4.5
     discrete = control.sample_system(N, 0.1, method="bilinear")
-    again = parameter_margin(discrete, [(1, 1, "real"), (1, 1)])
+    again = robust.mu.parameter_margin(discrete, [(1, 1, "real"), (1, 1)])
     assert again.broken == pytest.approx(5 / 4.5, rel=1e-3)
 
 
 def test_the_time_cap_is_said():
     N = loop(np.random.default_rng(2), 6, (2, 2, 2))
-    found = parameter_margin(N, [(2, 2, "real")] * 3, time_cap=0.3, gap=1e-3)
+    found = robust.mu.parameter_margin(N, [(2, 2, "real")] * 3, time_cap=0.3, gap=1e-3)
     assert not found.met
     assert found.reason
     assert found.proved < found.broken
@@ -95,14 +95,14 @@ def test_the_time_cap_is_said():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda N: parameter_margin(N, [(1, 1)]), "blocks must hold a real one"),
-        (lambda N: parameter_margin(N, [(2, 2, "real")]), "blocks must add up"),
+        (lambda N: robust.mu.parameter_margin(N, [(1, 1)]), "blocks must hold a real one"),
+        (lambda N: robust.mu.parameter_margin(N, [(2, 2, "real")]), "blocks must add up"),
         (
-            lambda N: parameter_margin(control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")]),
+            lambda N: robust.mu.parameter_margin(control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")]),
             "must be stable",
         ),
-        (lambda N: parameter_margin(N, [(1, 1, "real")], gap=0), "gap must be positive"),
-        (lambda N: parameter_margin(N, [(1, 1, "real")], time_cap=-1), "time_cap must be positive"),
+        (lambda N: robust.mu.parameter_margin(N, [(1, 1, "real")], gap=0), "gap must be positive"),
+        (lambda N: robust.mu.parameter_margin(N, [(1, 1, "real")], time_cap=-1), "time_cap must be positive"),
     ],
 )
 def test_refusals(call, message):

@@ -5,13 +5,14 @@ import cvxpy
 import numpy as np
 import pytest
 
+import robust
 from robust import UncertaintyModel, check, dk_iteration, mixsyn, performance_weight
 from robust.lti.connections import lower_lft
 from robust.lti.lti import response
 from robust.lti.norms import to_discrete
 from robust.models.fit.weights import minimum_phase
-from robust.mu import certify_mu, mu_upper, worst_gain
 from robust.mu.blocks import block_structure
+from robust.mu.gain import gain_bound
 from robust.proofs.search.stability import decide_stability
 from tests.robust.mu.test_mu import along, random_matrix, size
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
@@ -26,9 +27,9 @@ def test_the_distillation_column():
     assert design.mu == second
     N = lower_lft(plant(), design.K)
     assert decide_stability(N).stable
-    assert mu_upper(along(N, np.geomspace(1e-4, 1e3, 200)), WITH_PERFORMANCE).value.max() <= 1.005 * design.mu
+    assert robust.mu.upper(along(N, np.geomspace(1e-4, 1e3, 200)), WITH_PERFORMANCE).value.max() <= 1.005 * design.mu
     assert design.certificate.holds
-    assert certify_mu(N, WITH_PERFORMANCE, 1.02 * design.mu).holds
+    assert robust.mu.certify(N, WITH_PERFORMANCE, 1.02 * design.mu).holds
 
 
 def column(form):
@@ -107,7 +108,7 @@ def test_scalings_are_minimum_phase_and_have_an_inverse():
 @pytest.mark.filterwarnings("ignore:Solution may be inaccurate")  # the last digits
 def test_a_program_finds_scalings_above_the_bound_and_none_below(blocks):
     N = random_matrix(np.random.default_rng(7), size(blocks), 2)
-    for M, upper in zip(np.moveaxis(N, 2, 0), mu_upper(N, blocks).value, strict=True):
+    for M, upper in zip(np.moveaxis(N, 2, 0), robust.mu.upper(N, blocks).value, strict=True):
         margins = [largest_margin(M, blocks, beta * upper) for beta in (1 - 2e-4, 1 + 2e-4)]
         assert margins[0] < 0 < margins[1]
 
@@ -136,13 +137,13 @@ def test_worst_gain_in_closed_form():
     S, T, w = 1 / (1 + L), L / (1 + L), 0.05 * np.abs(1 + 1j * omega)
     N = np.array([[-w * T, -w * T / L], [L * S, S]])
     exact = np.where(np.abs(w * T) < 1, np.abs(S) / np.maximum(1 - np.abs(w * T), 1e-9), np.inf)
-    assert worst_gain(N, [(1, 1)]) == pytest.approx(exact, rel=1e-5)
+    assert gain_bound(N, [(1, 1)]) == pytest.approx(exact, rel=1e-5)
 
 
 def test_worst_gain_of_the_distillation_column_is_seen_by_no_perturbation():
     N = lower_lft(plant(), controller())
     response_ = along(N, np.array([0.1, 1.0]))
-    gain = worst_gain(response_, [(1, 1), (1, 1)])
+    gain = gain_bound(response_, [(1, 1), (1, 1)])
     rng = np.random.default_rng(9)
     for k in range(2):
         M, reached = response_[:, :, k], 0.0
@@ -161,8 +162,8 @@ def test_worst_gain_of_the_distillation_column_is_seen_by_no_perturbation():
             "must add up to the 4 outputs and 4 inputs of P without",
         ),
         (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, order=-1), "order must be a whole number"),
-        (lambda: worst_gain(np.ones((2, 2, 1)), [(2, 2)]), "blocks must leave some of the 2 outputs"),
-        (lambda: certify_mu(control.ss([], [], [], [[1]]), [(1, 1)], solver="MOSEK"), "solver must be one of"),
+        (lambda: gain_bound(np.ones((2, 2, 1)), [(2, 2)]), "blocks must leave some of the 2 outputs"),
+        (lambda: robust.mu.certify(control.ss([], [], [], [[1]]), [(1, 1)], solver="MOSEK"), "solver must be one of"),
     ],
 )
 def test_refusals(call, message):

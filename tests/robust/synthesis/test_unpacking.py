@@ -48,7 +48,7 @@ def test_hinfsyn_and_dk_iteration_give_the_loop_that_they_closed():
     assert largest_gain(CL) <= gamma * (1 + 1e-6)
     K, CL, mu, info = robust.dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1)
     N = CL(1j * info.omega)
-    assert robust.mu.mu_upper(N, [(1, 1), (1, 1)]).value.max() == pytest.approx(mu, rel=1e-6)
+    assert robust.mu.upper(N, [(1, 1), (1, 1)]).value.max() == pytest.approx(mu, rel=1e-6)
 
 
 def test_a_design_on_the_lines_of_an_frf_has_no_closed_loop_in_states():

@@ -6,9 +6,9 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
-from robust.mu import certify_mu, mu_lower, mu_upper
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.scaled_kyp import ScaledClaim, scaled_claim_from_dict, scaled_claim_to_dict, verify_scaled
 from robust.proofs.search.certificate import SCALED_KYP
@@ -105,7 +105,10 @@ def test_both_solvers_prove_a_level_above_mu_and_none_below(blocks, dt, solver):
     """The lower bound of mu comes with the perturbation that breaks the loop: no level under it may be proved."""
     N = random_loop(np.random.default_rng(len(blocks) + blocks[0][0]), 4, blocks, dt)
     response = response_by_channel(N, structure_grid(N))
-    upper, lower = mu_upper(response, blocks).value.max(), mu_lower(response[:, :, ::10], blocks).value.max()
+    upper, lower = (
+        robust.mu.upper(response, blocks).value.max(),
+        robust.mu.lower(response[:, :, ::10], blocks).value.max(),
+    )
     assert certify_scaled(N, blocks, 2 * upper, solver=solver).verify().verified
     assert certify_scaled(N, blocks, 0.999 * lower, solver=solver) is None
 
@@ -113,7 +116,7 @@ def test_both_solvers_prove_a_level_above_mu_and_none_below(blocks, dt, solver):
 def test_mu_of_several_blocks_is_proved_over_the_rationals():
     """diag(1, 2)/(s + 1) in other units: mu of two scalars is two."""
     lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    proof = certify_mu(control.append(1e6 * lag, 2e-6 * lag), [(1, 1), (1, 1)], 1.001e6)
+    proof = robust.mu.certify(control.append(1e6 * lag, 2e-6 * lag), [(1, 1), (1, 1)], 1.001e6)
     assert (proof.holds, proof.method, proof.judged) == (True, SCALED_KYP, "proved, rigorous")
     assert proof.level == 1.001e6
     assert proof.verify().proved == ("stability", "structured singular value")

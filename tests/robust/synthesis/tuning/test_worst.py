@@ -84,7 +84,7 @@ def test_the_bound_with_scalings_is_the_largest_gain(blocks):
     rng = np.random.default_rng(5)
     N = random_loop(rng, blocks, (2, 1), 0.6)
     (bound,) = largest_gain(N[None], blocks)
-    perturbations = robust.mu.worst_gain_bounds(N, list(blocks))
+    perturbations = robust.mu.worst_gain(N, list(blocks))
     assert perturbations.lower[0] == pytest.approx(bound, rel=1e-5)
     reached = np.linalg.norm(closed_gain(N[None], np.moveaxis(perturbations.delta, 2, 0))[0], 2)
     assert reached <= bound * (1 + 1e-9)
@@ -253,6 +253,6 @@ def test_one_disc_in_a_channel_of_several_signals_is_exact():
         G, k = model.nominal(at), K(at)
         S = 1 / (1 + G * k)
         N = np.array([[-w * k * S, k * S, S], [-w * S, S, -G * S], [-w * k * S, k * S, S]])
-        bounds = robust.mu.worst_gain_bounds(N, [(1, 1)])
+        bounds = robust.mu.worst_gain(N, [(1, 1)])
         assert bounds.lower.max() == pytest.approx(6.0 * hard.ratio, rel=1e-6)
         assert design.met

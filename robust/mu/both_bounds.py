@@ -15,14 +15,14 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.lti.realisation import multivariable
 from robust.mu.blocks import structure_for
-from robust.mu.gain import search_worst_case, worst_gain
-from robust.mu.lower import mu_lower
-from robust.mu.upper import mu_upper, response_matrices
+from robust.mu.gain import gain_bound, search_worst_case
+from robust.mu.perturbations import lower
+from robust.mu.scalings import response_matrices, upper
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-N_STARTS = 6  # of `mu_lower`
+N_STARTS = 6  # of `lower`
 
 
 @value(copy=False)
@@ -48,8 +48,7 @@ class StructuredBounds:
 
     Examples
     --------
-    >>> bounds = mu_bounds(np.array([[2, 2], [-1, -1]]), [(1, 1), (1, 1)])
-    >>> print(bounds)
+    >>> print(bounds(np.array([[2, 2], [-1, -1]]), [(1, 1), (1, 1)]))
     mu between 3 and 3
     """
 
@@ -65,7 +64,7 @@ class StructuredBounds:
         return f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{at}"
 
 
-def mu_bounds(
+def bounds(
     N: AnySystem | np.ndarray, blocks: Blocks, omega: ArrayLike | None = None, *, rng: Seed = 0
 ) -> StructuredBounds:
     """Bound the structured singular value of a system from both sides.
@@ -75,7 +74,7 @@ def mu_bounds(
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
         What the perturbation closes; one matrix may be (n_out, n_in).
     blocks : list
-        As for `mu_upper`: (rows, cols) as N is cut, (n, n, "repeated") or (n, n, "real").
+        As for `upper`: (rows, cols) as N is cut, (n, n, "repeated") or (n, n, "real").
     omega : (W,) array_like, optional
         Frequencies [rad/s]. Of a system they are chosen from its poles when not given, of a frequency response they are
         its own, of an array they are a label.
@@ -85,7 +84,7 @@ def mu_bounds(
     Returns
     -------
     StructuredBounds
-        upper : that of `mu_upper`. lower, delta : those of `mu_lower`.
+        upper : that of `upper`. lower, delta : those of `lower`.
 
     Raises
     ------
@@ -99,21 +98,21 @@ def mu_bounds(
     Examples
     --------
     >>> N = control.ss([[-1.0]], [[1.0, 1.0]], [[2.0], [-1.0]], np.zeros((2, 2)))      # [2, 2; -1, -1]/(s + 1)
-    >>> bounds = mu_bounds(N, [(1, 1), (1, 1)], [0.0, 1.0])
-    >>> bounds.upper.round(3).tolist(), bounds.lower.round(3).tolist()
+    >>> found = bounds(N, [(1, 1), (1, 1)], [0.0, 1.0])
+    >>> found.upper.round(3).tolist(), found.lower.round(3).tolist()
     ([3.0, 2.121], [3.0, 2.121])
-    >>> abs(np.linalg.det(np.eye(2) - N(1j) @ bounds.delta[:, :, 1])).round(9).item()
+    >>> abs(np.linalg.det(np.eye(2) - N(1j) @ found.delta[:, :, 1])).round(9).item()
     0.0
     """
     omega, M = sampled_response(N, omega)
     structure_for("blocks", blocks, M.shape[:2])
-    found = mu_lower(M, blocks, n_starts=N_STARTS, rng=rng)
+    found = lower(M, blocks, n_starts=N_STARTS, rng=rng)
     assert found.delta is not None  # of a lower bound
-    upper = np.maximum(mu_upper(M, blocks).value, found.value)  # where they meet rounding may cross them
-    return StructuredBounds(omega=omega, lower=found.value, upper=upper, delta=found.delta)
+    above = np.maximum(upper(M, blocks).value, found.value)  # where they meet rounding may cross them
+    return StructuredBounds(omega=omega, lower=found.value, upper=above, delta=found.delta)
 
 
-def worst_gain_bounds(
+def worst_gain(
     N: AnySystem | np.ndarray, blocks: Blocks, omega: ArrayLike | None = None, *, rng: Seed = 0
 ) -> StructuredBounds:
     """Bound the worst gain over a set of perturbations from both sides, with a worst case.
@@ -121,19 +120,19 @@ def worst_gain_bounds(
     Parameters
     ----------
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
-        Its first outputs and inputs belong to the perturbations, the others are the performance; as for `mu_bounds`.
+        Its first outputs and inputs belong to the perturbations, the others are the performance; as for `bounds`.
     blocks : list
-        The perturbations, of size at most one, as for `mu_upper`.
+        The perturbations, of size at most one, as for `upper`.
     omega : (W,) array_like, optional
-        Frequencies [rad/s]; as for `mu_bounds`.
+        Frequencies [rad/s]; as for `bounds`.
     rng : Generator, int or None
         For the random starts of the lower bound.
 
     Returns
     -------
     StructuredBounds
-        upper : that of `worst_gain`. lower : the gain with `delta`, of size at most one. Both are inf where a
-        perturbation of the set makes the loop singular.
+        upper : skewed mu, by scalings. lower : the gain with `delta`, of size at most one. Both are inf
+        where a perturbation of the set makes the loop singular.
 
     Raises
     ------
@@ -149,17 +148,17 @@ def worst_gain_bounds(
     S of L = 1 with 50 % uncertain gain: at worst 1/(1 + 0.5), with the smallest gain.
 
     >>> N = np.array([[-0.5 * 0.5, 0.5], [-0.5 * 0.5, 0.5]])
-    >>> found = worst_gain_bounds(N, [(1, 1)])
+    >>> found = worst_gain(N, [(1, 1)])
     >>> found.lower.round(4).item(), found.upper.round(4).item(), found.delta.real.round(4).item()
     (0.6667, 0.6667, -1.0)
     """
     omega, M = sampled_response(N, omega)
-    upper = worst_gain(M, blocks)
-    lower, delta = search_worst_case(response_matrices("N", M), blocks, upper=upper, rng=random_generator("rng", rng))
+    bound = gain_bound(M, blocks)
+    reached, delta = search_worst_case(response_matrices("N", M), blocks, upper=bound, rng=random_generator("rng", rng))
     return StructuredBounds(
         omega=omega,
-        lower=lower,
-        upper=np.maximum(upper, lower),  # where they meet rounding may cross them
+        lower=reached,
+        upper=np.maximum(bound, reached),  # where they meet rounding may cross them
         delta=np.moveaxis(delta, 0, 2),
         quantity="worst gain",
     )

@@ -22,7 +22,7 @@ from robust.lti.lti import Matrices, response_by_channel, timebase
 from robust.lti.norms import continuous_image, real_block_crossings, well_conditioned
 from robust.lti.realisation import multivariable
 from robust.mu.blocks import BlockStructure, blocks_with_kinds, structure_for
-from robust.mu.upper import MuBound, upper_bound
+from robust.mu.scalings import MuBound, upper_bound
 from robust.proofs.exact.scaled_kyp import LEVEL
 from robust.proofs.search.certificate import SOLVERS, Certificate, failed_certificate
 from robust.proofs.search.intervals import SLACK, initial_cuts, interior_point, prove
@@ -35,7 +35,7 @@ SLACK_REAL = 1e-9  # of the norm with real blocks, for rounding in it; what N ma
 Scaling = tuple[np.ndarray, ...]
 
 
-def certify_mu(
+def certify(
     N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None, time_cap: float = 10.0
 ) -> Certificate:
     """Prove that the structured singular value of a system stays below a level at every frequency.
@@ -45,7 +45,7 @@ def certify_mu(
     N_ss : control.StateSpace
         Stable system that the perturbation closes, continuous or discrete.
     blocks : list
-        As for `mu_upper`.
+        As for `upper`.
     level : float
         With mu < level everywhere the loop is stable for every stable linear perturbation of the structure of gain at
         most 1/level (with a block for performance: and keeps its gain from there under level).
@@ -76,7 +76,7 @@ def certify_mu(
     --------
     >>> import control
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> certify_mu(control.append(lag, 2 * lag), [(1, 1), (1, 1)], 2.001).verify().verified
+    >>> certify(control.append(lag, 2 * lag), [(1, 1), (1, 1)], 2.001).verify().verified
     True
     """
     N = multivariable("N_ss", N_ss)
@@ -96,7 +96,7 @@ def certify_mu(
 
 
 def certify_by_intervals(N: control.StateSpace, blocks: Blocks, level: float, *, time_cap: float) -> Certificate:
-    """Return `certify_mu` of a stable system interval by interval, judged in floating point."""
+    """Return `certify` of a stable system interval by interval, judged in floating point."""
     subject, deadline = LEVEL, time.monotonic() + time_cap
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     real = bool(s.skew.size)

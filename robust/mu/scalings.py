@@ -50,7 +50,7 @@ class MuBound:
     SP Example 8.5: with one full block the structured singular value is the largest singular value.
 
     >>> M = np.array([[2.0, 2.0], [-1.0, -1.0]])[..., None]
-    >>> round(float(mu_upper(M, [(2, 2)]).value[0]), 3), round(float(mu_upper(M, [(1, 1), (1, 1)]).value[0]), 3)
+    >>> round(float(upper(M, [(2, 2)]).value[0]), 3), round(float(upper(M, [(1, 1), (1, 1)]).value[0]), 3)
     (3.162, 3.0)
     """
 
@@ -59,7 +59,7 @@ class MuBound:
     delta: np.ndarray | None = None
 
 
-def mu_upper(N: np.ndarray, blocks: Blocks) -> MuBound:
+def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
     """Return how large a structured perturbation has to be, at least, to make a loop singular: 1 over this bound.
 
     Parameters
@@ -92,7 +92,7 @@ def mu_upper(N: np.ndarray, blocks: Blocks) -> MuBound:
     SP Example 8.5: one full block 3.162, two of one by one 3, the same number in both 1.
 
     >>> M = np.array([[2, 2], [-1, -1]])[:, :, None]
-    >>> [round(float(mu_upper(M, b).value[0]), 3) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
+    >>> [round(float(upper(M, b).value[0]), 3) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
     [3.162, 3.0, 1.0]
     """
     return upper_bound(response_matrices("N", N), blocks)
@@ -127,7 +127,7 @@ def response_matrices(name: str, N: object) -> np.ndarray:
     if isinstance(N, control.lti.LTI):
         raise ValueError(
             f"{name} must be an array (outputs, inputs, frequencies), got a {type(N).__name__}; give its response, "
-            f"{name}(1j * omega), or use certify_mu, which bounds mu of a state space at all frequencies"
+            f"{name}(1j * omega), or use robust.mu.certify, which bounds mu of a state space at all frequencies"
         )
     M = np.asarray(N)
     if M.ndim != 3 or M.dtype.kind not in "fciu":

@@ -20,7 +20,7 @@ from nlfrf._base.types import Seed
 from nlfrf._base.values import value
 from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, structure_for
-from robust.mu.upper import MuBound, conjugate_transpose, optimal_scalings, response_matrices
+from robust.mu.scalings import MuBound, conjugate_transpose, optimal_scalings, response_matrices
 
 RACE, FINISH = 12, 400  # steps from every start, and from the best of them
 N_FINISHERS = 3
@@ -52,7 +52,7 @@ class Mode:
     right: np.ndarray
 
 
-def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) -> MuBound:
+def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) -> MuBound:
     """Return a structured perturbation that makes the loop singular, as small as found: mu is at least 1 over its size.
 
     Parameters
@@ -60,7 +60,7 @@ def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0)
     N : (n_out, n_in, W) ndarray
         Complex response that the perturbation closes.
     blocks : list
-        As for `mu_upper`.
+        As for `upper`.
     n_starts : int
         Random starts at each frequency, on top of the one from the singular vectors; with real blocks four times as
         many.
@@ -71,7 +71,7 @@ def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0)
     -------
     MuBound
         value : 1 over the largest singular value of delta, which has the structure and det(I - N delta) = 0, verified;
-        zero, and delta nan, where none was found. With real blocks it may stay below mu, and mu well below `mu_upper`.
+        zero, and delta nan, where none was found. With real blocks it may stay below mu, and mu well below `upper`.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def mu_lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0)
     Examples
     --------
     >>> M = np.array([[2, 2], [-1, -1]])[:, :, None]
-    >>> bound = mu_lower(M, [(1, 1), (1, 1)])
+    >>> bound = lower(M, [(1, 1), (1, 1)])
     >>> around = np.eye(2) - M[:, :, 0] @ bound.delta[:, :, 0]
     >>> round(float(bound.value[0]), 6), abs(np.linalg.det(around)).round(9).item()
     (3.0, 0.0)
