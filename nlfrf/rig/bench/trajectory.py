@@ -24,8 +24,8 @@ class Trajectory:
     ------
     t : (n,) ndarray
         Time [s].
-    signals : dict of str to ndarray
-        (n,) each, or (channels, n) where there are several. Of every machine `x`, `v` and `friction`: position,
+    signals : dict of str to (n,) ndarray
+        Each (n,), or (channels, n) where there are several. Of every machine `x`, `v` and `friction`: position,
         velocity and friction force of a rig or of a prescribed motion (which has the deflection `z` too), of the
         sensors of a loop, of motor and load of a servo axis.
 
