@@ -91,7 +91,7 @@ def stage_records(ms, *, friction=False, linear=False, gains=(0.0, 0.0), snrs=SN
         """Inputs and outputs of all experiments under noise that the controller sees."""
         u, y = np.empty((2, 2, M, total))
         for m in range(M):
-            drive(r[:, m], noise[:, m], cubic, LUGRE, friction, kp, kd, u[:, m], y[:, m], 8)
+            run(r[:, m], noise[:, m], cubic, LUGRE, friction, kp, kd, u[:, m], y[:, m], 8)
         return u, y
 
     def cut(s):

@@ -19,7 +19,7 @@ def contents(path: Path) -> Contents:
     """Read MATLAB v4 to v7 by SciPy, v7.3 as HDF5; objects (time series, tables) are named in the notes, not read."""
     found = read_in_own_process(str((hdf5 if is_version_73(path) else matlab_v5).__file__), path)
     arrays, units, clocks, notes = found
-    has_objects = "#subsystem#" in notes
+    has_objects = any(name == "#subsystem#" for name in notes)
     named = {name: CURE for name in notes if not name.startswith("#")}
     return arrays, units, clocks, named or ({OBJECTS: CURE} if has_objects else {})
 
