@@ -161,7 +161,7 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
     require_kind("frm", frm, Bla)
     G = np.moveaxis(frm.matrix, 2, 0)
     H = np.linalg.pinv(G)
-    C, gamma = np.moveaxis(frm.cov_bound, 2, 0), np.moveaxis(frm.gamma, 2, 0)
+    C, gamma = np.moveaxis(frm.cov.bound, 2, 0), np.moveaxis(frm.cov.gamma, 2, 0)
     n_y, n_u = G.shape[1:]
     adjoint = np.swapaxes(H, 1, 2).conj()
     left_null, right_null = np.eye(n_y) - G @ H, np.eye(n_u) - H @ G

@@ -8,13 +8,14 @@ realisation is a set of experiments, from which one matrix is made. Arrays are (
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import overload
 
 import numpy as np
 
 from nlfrf._base.arguments import data_warning, keep_warnings, require_choice, require_integer, short_form
 from nlfrf._base.numbers import power, squared_modulus
-from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, Covariances, DistortionLevels, Experiment
 from nlfrf.bla.channel_mismatch import warn_of_mismatch
 from nlfrf.bla.covariance import psd_difference
 from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frm
@@ -242,35 +243,37 @@ def assemble_bla(
     total = distortion.cov if R == 1 else frm.cov_scatter
     # one period does not separate them: noise counts as distortion
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
-    covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, cov_bound]
+    cov = Covariances(
+        gamma=gamma,
+        noise=frm.cov_noise,
+        total=total,
+        distortion=cov_distortion,
+        even=distortion.cov_even,
+        bound=cov_bound,
+    )
     if record.is_single:
-        covariances, gamma = [cov * gamma.real for cov in covariances], np.ones(gamma.shape)
-    cov_noise, cov_total, cov_distortion, cov_even, cov_bound = covariances
-    levels = output_levels(record, excited, residual)
+        cov = replace(cov.map(lambda part: part * gamma.real), gamma=np.ones(gamma.shape))
     return Bla(
+        f=grid.excited * record.f0,
+        G=frm.G,
         lines=grid,
         fs=record.fs,
-        n_samples=record.n_samples,
-        f=grid.excited * record.f0,
-        n_realizations=R,
-        n_experiments=excited.U.shape[1],
-        n_periods=excited.n_periods,
-        G=frm.G,
-        grid=grid.kind,
-        design="zippered" if excited.is_zippered else "orthogonal",
-        transient=treatment,
-        level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
-        gamma=gamma,
-        cov_noise=cov_noise,
-        cov_total=cov_total,
-        cov_distortion=cov_distortion,
-        cov_even=cov_even,
-        cov_bound=cov_bound,
-        dof=distortion.dof,
-        grid_factor=distortion.grid_factor if R == 1 else np.ones(grid.excited.size),
-        levels=levels,
-        typical=typical,
+        experiment=Experiment(
+            grid=grid.kind,
+            design="zippered" if excited.is_zippered else "orthogonal",
+            n_samples=record.n_samples,
+            n_realizations=R,
+            n_periods=excited.n_periods,
+            n_experiments=excited.U.shape[1],
+            transient=treatment,
+        ),
         hold=record.hold,
+        cov=cov,
+        dof=distortion.dof,
+        level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
+        grid_factor=distortion.grid_factor if R == 1 else np.ones(grid.excited.size),
+        levels=output_levels(record, excited, residual),
+        typical=typical,
         inputs=record.inputs,
         outputs=record.outputs,
         input_units=record.input_units,

@@ -27,7 +27,7 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
         which = f" of record {i + 1}" if len(records) > 1 else ""
         grid, u = record.lines, record.u[0, -1]
         rms = " ".join([f"{u.std():.4g}", *record.u_unit.split()])
-        kind = blas[i].grid if i < len(blas) else "given"
+        kind = blas[i].experiment.grid if i < len(blas) else "given"
         facts += [
             (
                 f"excitation{which}",
