@@ -131,7 +131,7 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
     angles = np.geomspace(SLOWEST, FASTEST, N_FREQUENCIES)
     behind = np.ones(angles.size, dtype=complex)
     for slot in like.filters:
-        behind *= response_at(realise_section(slot.section(like.fs), like.dt), angles)[0]
+        behind *= response_at(slot.system(like.dt), angles)[0]
     measured = response_at(K, angles) / (behind * like.output_factor(output_unit or like.output_unit))
     if not np.all(np.abs(measured) > 0):
         raise ValueError("K must act on every position that the drive reads, got a response of zero")

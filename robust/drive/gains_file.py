@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import tomllib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from nlfrf._base.arguments import require_known, short_form
+import numpy as np
+
+from nlfrf._base.arguments import require_known, require_positive, short_form
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.units import parse_quantity, split_quantity
 from robust._base.warnings import DesignWarning
-from robust.drive.filters import FilterSlot, biquad, low_pass, notch
 from robust.drive.settings import USUAL_KV, DriveSettings, is_unusual_gain
+from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch
 
 #: Entry of the file -> kind of quantity, as it is.
 NUMBERS = {
@@ -25,7 +27,12 @@ NUMBERS = {
 }
 #: Entries that are texts or whole numbers, as `DriveSettings` takes them.
 PLAIN = ("position_every", "encoder", "velocity_from", "position_unit", "load_unit", "unit_factor", "load_factor")
-FILTERS: dict[str, Callable[..., FilterSlot]] = {"notch": notch, "low_pass": low_pass, "biquad": biquad}
+#: Filters of a drive: their frequency is typed under their name, the other numbers under these, with these defaults.
+FILTERS: dict[str, dict[str, float]] = {
+    "notch": {"bandwidth": np.nan, "depth": 0.0},
+    "low_pass": {"zeta": LowPass.zeta},
+    "biquad": {"zeta": np.nan, "numerator_frequency": np.nan, "numerator_zeta": np.nan},
+}
 FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
     "numerator_frequency": "frequency",
     "numerator_zeta": "share",
@@ -39,7 +46,8 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
     ----------
     path : path
         With `fs`, `kv`, `kp`, and what else `DriveSettings` has; `delay` in ms in place of periods; filters in tables
-        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency, and the other numbers of that function. A
+        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency [Hz], and the other numbers: `bandwidth` and
+        `depth` of a notch; `zeta`; `zeta`, `numerator_frequency` and `numerator_zeta` of a biquad. A
         file without `lag` or `delay` stands for none, and for one period: the settings name both as assumed.
 
     Returns
@@ -117,7 +125,7 @@ def warn_of_unusual_gain(kv: float, written: Json) -> None:
         )
 
 
-def read_slot(given: Json) -> FilterSlot:
+def read_slot(given: Json) -> Filter:
     """One filter of the file."""
     kinds = [kind for kind in FILTERS if isinstance(given, Mapping) and kind in given]
     if len(kinds) != 1:
@@ -125,11 +133,15 @@ def read_slot(given: Json) -> FilterSlot:
     kind = kinds[0]
     if others := sorted(set(given) - {kind} - set(FILTER_NUMBERS)):
         raise ValueError(f"filters must have no entry {others[0]}; of {', '.join(FILTER_NUMBERS)} what {kind} takes")
-    numbers = {name: parse_quantity(name, FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
-    try:
-        slot: FilterSlot = FILTERS[kind](parse_quantity(kind, "frequency", given[kind]), **numbers)
-    except TypeError:
-        raise ValueError(
-            f"filters must have the numbers that {kind} takes, got {', '.join(numbers) or 'none'}"
-        ) from None
-    return slot
+    typed = {name: parse_quantity(name, FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
+    numbers = FILTERS[kind] | typed
+    if set(numbers) != set(FILTERS[kind]) or np.isnan(list(numbers.values())).any():
+        raise ValueError(f"filters must have the numbers that {kind} takes, got {', '.join(typed) or 'none'}")
+    f = require_positive(kind, parse_quantity(kind, "frequency", given[kind]))
+    omega = 2 * np.pi * f
+    if kind == "notch":
+        return Notch(omega=omega, width=numbers["bandwidth"] / f, depth=numbers["depth"])
+    if kind == "low_pass":
+        return LowPass(omega=omega, zeta=numbers["zeta"])
+    upper = 2 * np.pi * numbers.pop("numerator_frequency")
+    return Biquad(omega=omega, numerator_omega=upper, **numbers)

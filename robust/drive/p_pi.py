@@ -14,11 +14,11 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind
 from robust._base.warnings import DesignWarning
-from robust.drive.filters import bilinear_section
 from robust.drive.settings import DriveSettings
 from robust.lti.connections import in_series
 from robust.lti.lti import with_names
 from robust.lti.sampling import sampled
+from robust.synthesis.blocks import second_order_section
 
 
 def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
@@ -108,7 +108,7 @@ def behind_velocity_loop(settings: DriveSettings, scale: float) -> list[control.
     share = dt / settings.tn
     pi = control.StateSpace([[1.0]], [[1.0]], [[scale * share]], [[scale]], dt)
     gain = control.StateSpace([], [], [], [[scale]], dt)
-    return [pi if share else gain, *(realise_section(slot.section(settings.fs), dt) for slot in settings.filters)]
+    return [pi if share else gain, *(slot.system(dt) for slot in settings.filters)]
 
 
 def velocity_section(settings: DriveSettings) -> np.ndarray:
@@ -116,8 +116,7 @@ def velocity_section(settings: DriveSettings) -> np.ndarray:
     fs = settings.fs
     if settings.velocity_from == "observer":
         omega = 2 * np.pi * settings.observer_frequency
-        top, bottom = np.array([0.0, omega**2, 0.0]), np.array([1.0, 2 * omega, omega**2])
-        return bilinear_section(top, bottom, frequency=settings.observer_frequency, fs=fs)
+        return second_order_section([0.0, omega, 0.0], [1.0, 2.0, 1.0], 1 / np.tan(omega / fs / 2))
     share = 1 / (1 + settings.velocity_lag * fs)
     return np.array([share * fs, -share * fs, 0.0, 1.0, share - 1.0, 0.0])
 

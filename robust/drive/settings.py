@@ -21,7 +21,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.units import parse_gain_unit, position_factor
 from nlfrf._base.values import value
-from robust.drive.filters import FilterSlot
+from robust.synthesis.blocks import Filter
 
 #: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
 #: misread is off by a factor of 16.7 or 60.
@@ -50,8 +50,8 @@ class DriveSettings:
         Time constant of the current loop [s].
     delay_periods : float
         From sampling to the current set point changing, in periods of `fs`; any part of one, or several.
-    filters : tuple of FilterSlot
-        Between the velocity loop and the limit, from `notch`, `low_pass` and `biquad`.
+    filters : tuple of Notch, LowPass, Biquad
+        Between the velocity loop and the limit.
     position_every : int
         The position loop runs in every so many periods of the velocity loop.
     encoder : str
@@ -102,7 +102,7 @@ class DriveSettings:
     torque_constant: float = np.nan
     lag: float = 0.0
     delay_periods: float = 1.0
-    filters: tuple[FilterSlot, ...] = ()
+    filters: tuple[Filter, ...] = ()
     position_every: int = 1
     encoder: str = "motor"
     velocity_from: str = "differences"
@@ -134,7 +134,7 @@ class DriveSettings:
         require_choice("velocity_from", self.velocity_from, ("differences", "observer"))
         require_kind("filters", self.filters, tuple)
         for slot in self.filters:
-            require_kind("filters", slot, FilterSlot)
+            require_kind("filters", slot, Filter)
             slot.section(self.fs)
         if self.velocity_from == "observer" and not require_real("observer_frequency", self.observer_frequency) > 0:
             raise ValueError(f"observer_frequency must be positive, got {self.observer_frequency:g}")

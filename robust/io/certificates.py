@@ -26,7 +26,7 @@ from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
-from robust.friction.exact.claim import FrictionClaim, read_friction_claim, write_friction_claim
+from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
 from robust.friction.levels import FrictionClass, require_si
 from robust.friction.linear_uncertainty import friction_frequency_test
@@ -40,14 +40,13 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.claim import LoopClaim, Matrices, differing_fields, read_claim, to_matrices, write_claim
+from robust.proofs.exact.claim import LoopClaim, Matrices, to_matrices
+from robust.proofs.exact.claim_files import differing_fields, read_claim, write_claim
 from robust.proofs.exact.loops import Verification, verify_loop
 from robust.proofs.exact.scaled_kyp import (
     ScaledClaim,
     ScaledFile,
-    read_scaled_claims,
     verify_scaled_file,
-    write_scaled_claims,
 )
 
 
@@ -74,7 +73,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
     warned = getattr(report, "warnings", ())
     if isinstance(report, RobustnessReport) and scaled and not found:
-        write_scaled_claims(path, scaled, form=report.form, delay=report.delay, found=how, warnings=warned)
+        write_claim(path, ScaledFile(claims=scaled, form=report.form, delay=report.delay), found=how, warnings=warned)
         return
     if not found:
         raise ValueError(
@@ -100,7 +99,7 @@ def save_friction_proof(
     units = proof.friction.units
     if basis is not None:
         read_from = {"evidence": basis.description, "files": list(basis.sources)}
-    write_friction_claim(
+    write_claim(
         path,
         certificate.claim,
         found=[{"subject": certificate.subject, "found by": certificate.method}],
@@ -112,7 +111,10 @@ def save_friction_proof(
 
 def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ScaledFile:
     """Return what a certificate claims, of a loop, of several channels or of a machine with friction."""
-    return read_friction_claim(path) or read_scaled_claims(path) or read_claim(path)
+    found = read_claim(path, FrictionClaim) or read_claim(path, ScaledFile) or read_claim(path, LoopClaim)
+    if found is None:
+        raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
+    return found
 
 
 def verify_certificate(

@@ -21,7 +21,6 @@ from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
-from robust.proofs.exact.scaled_kyp import SCHEMA as PROOF_SCHEMA
 from robust.proofs.exact.scaled_kyp import ScaledClaim, ScaledFile, scaling_matrices
 from robust.proofs.search.certificate import SCALED_KYP
 
@@ -67,7 +66,7 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ScaledFile | Co
     if isinstance(content, UncertaintyModel):
         struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
     elif isinstance(content, (RobustnessReport, ScaledFile)):
-        struct, script = {"kind": PROOF_SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
+        struct, script = {"kind": ScaledFile.SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
     else:
         K = as_controller("content", content)
         struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **sections_by_name(K)}, CONTROLLER_LOADER

@@ -80,7 +80,7 @@ def random_blocks(rng, structure):
             {
                 "K": tuning.Gain(K=k, reads="e", drives="e_1"),
                 "lead": tuning.Lead(omega=3.0, reads="e_1", drives="e_2"),
-                "filter": tuning.Filter2(omega=20.0, reads="e_2", drives="u"),
+                "filter": tuning.LowPass(omega=20.0, reads="e_2", drives="u"),
             },
             "y",
         )

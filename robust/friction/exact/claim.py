@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field, fields
+from typing import Annotated, ClassVar
 
 import numpy as np
 
-from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
-from robust.proofs.exact.claim import Matrices, read_sealed, write_sealed
+from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.claim_files import WHOLE
 
 KINDS = ("Maxwell slip", "bristle")
-SYSTEMS = ("machine", "controller")
 
 
 @value
@@ -130,6 +129,13 @@ class FrictionClaim:
         Where Maxwell slip acts at several ports, those after the first. The filters of V and P follow port by port.
     """
 
+    SCHEMA: ClassVar[str] = "robust-friction-certificate"
+    UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s", "bristle_time": "s", "rates": "rad/s"}
+    LOOP: ClassVar[str] = (
+        "u = -K y, sat(-K y) with an actuator, sampled, delayed, held; p' = A p + B (u, -f), C p: measured, "
+        "displacement at the port"
+    )
+
     machine: Matrices
     controller: Matrices
     delay: float
@@ -145,7 +151,7 @@ class FrictionClaim:
     bounds: np.ndarray
     V: np.ndarray
     P: np.ndarray
-    counts: np.ndarray
+    counts: Annotated[np.ndarray, WHOLE]
     actuator: Actuator | None = None
     settling: Settling | None = None
     other_ports: tuple[PortClass, ...] = ()
@@ -189,106 +195,3 @@ class FrictionClaim:
             numbers = [np.ravel(getattr(self.actuator, one.name)) for one in fields(Actuator)]
             if not np.isfinite(np.concatenate(numbers)).all() or len(numbers[-1]) != len(numbers[-2]):
                 raise ValueError("actuator must have finite numbers and a weight for each filter, got something else")
-
-
-def claim_to_dict(claim: FrictionClaim) -> JsonObject:
-    """Return the claim as plain numbers and strings."""
-
-    def plain(part: Actuator | Settling | PortClass) -> JsonObject:
-        return {own.name: np.asarray(getattr(part, own.name)).tolist() for own in fields(part)}
-
-    found: JsonObject = {}
-    for entry in fields(claim):
-        part = getattr(claim, entry.name)
-        if isinstance(part, (Actuator, Settling)):
-            found[entry.name] = plain(part)
-        elif entry.name == "other_ports":
-            found[entry.name] = [plain(port) for port in part]
-        elif entry.name in SYSTEMS:
-            found[entry.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
-        else:
-            found[entry.name] = part.tolist() if isinstance(part, np.ndarray) else part
-    return found
-
-
-def claim_from_dict(given: object) -> FrictionClaim:
-    """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
-    names = {one.name for one in fields(FrictionClaim)}
-    if not isinstance(given, dict) or set(given) != names:
-        raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
-    try:
-        parts: JsonObject = {}
-        for name, part in given.items():
-            if name in SYSTEMS:
-                D = np.array(part["D"], dtype=float, ndmin=2)
-                n = len(part["A"])
-                shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n), "D": D.shape}
-                system = {key: np.array(part[key], dtype=float).reshape(shape) for key, shape in shapes.items()}
-                parts[name] = Matrices(**system, dt=float(part["dt"]))
-            elif name == "actuator":
-                own: JsonObject = {
-                    key: np.array(x, float) if isinstance(x, list) else float(x) for key, x in (part or {}).items()
-                }
-                parts[name] = Actuator(**own) if own else None
-            elif name == "settling":
-                rows = {key: np.array(x, float) if isinstance(x, list) else float(x) for key, x in (part or {}).items()}
-                parts[name] = Settling(**rows) if rows else None  # type: ignore[arg-type]
-            elif name == "other_ports":
-                parts[name] = tuple(port_from_dict(port) for port in part)
-            elif name == "kind":
-                parts[name] = str(part)
-            elif isinstance(part, list):
-                parts[name] = np.array(part, dtype=int if name == "counts" else float)
-            else:
-                parts[name] = float(part)
-        return FrictionClaim(**parts)
-    except (TypeError, KeyError, IndexError) as error:
-        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
-
-
-def port_from_dict(given: JsonObject) -> PortClass:
-    """Return the class at a port from plain numbers."""
-    numbers = {name: np.array(given[name], float) for name in (one.name for one in fields(PortClass))}
-    return PortClass(
-        K0=float(numbers["K0"]),
-        stiction=float(numbers["stiction"]),
-        bristle_time=float(numbers["bristle_time"]),
-        free=float(numbers["free"]),
-        rates=numbers["rates"],
-        weights=numbers["weights"],
-    )
-
-
-# ---- Proofs of a machine with friction as files that someone else can check: every number as given, and a digest.
-
-SCHEMA = "robust-friction-certificate"
-VERSION = 1
-
-
-def write_friction_claim(
-    path: str | os.PathLike[str],
-    claim: FrictionClaim,
-    *,
-    found: Sequence[Mapping[str, object]] = (),
-    read_from: JsonObject | None = None,
-    units: Mapping[str, str],
-    warnings: Sequence[str] = (),
-) -> None:
-    """Write a claim, how it was found, what it was read from and what was warned of; the digest covers all the rest.
-
-    units : of `K0` and `microdamping`.
-    """
-    entries = {
-        "units": {"dt": "s", "delay": "s", "bristle_time": "s", "rates": "rad/s", **units},
-        "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
-        + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
-        "claim": claim_to_dict(claim),
-        **({} if read_from is None else {"read from": read_from}),
-    }
-    write_sealed(path, SCHEMA, VERSION, entries, found=found, warnings=warnings)
-
-
-def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
-    """Return the claim of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
-    entries = read_sealed(path, SCHEMA, VERSION)
-    return None if entries is None else claim_from_dict(entries["claim"])

@@ -9,6 +9,7 @@ from flint import fmpq, fmpq_mat
 
 from nlfrf._base.values import value
 from robust.friction.exact.claim import FrictionClaim
+from robust.proofs.exact.matrices import identity
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
 Row: TypeAlias = list[fmpq | int]
@@ -58,15 +59,15 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
             [-D * c for c in C[0]] + [0] * (1 + waiting) + list(K["C"][0]) if s else [-D * c for c in C[0]]
         )
         command_row = command_row + [0] * (size - len(command_row))
-        rows = identity(size)
-        forces: Rows = [command_row, *identity(size)[n + 1 : own]]  # the new one, then those that wait, the oldest last
+        rows: Rows = [*identity(size).tolist()]
+        forces: Rows = [command_row, *rows[n + 1 : own]]  # the new one, then those that wait, the oldest last
         rows[n + 1 : own] = forces[:waiting]
         for i in range(s):
             rows[own + i] = [-K["B"][i][0] * c for c in C[0]] + [0] * (1 + waiting) + list(K["A"][i])
         spans, jumps = [T], [rows]
         if part > 0:
-            late = identity(size)
-            late[n] = identity(size)[n + waiting]
+            late: Rows = [*identity(size).tolist()]
+            late[n] = late[n + waiting]
             spans, jumps = [part, T - part], [rows, late]
         else:
             rows[n] = forces[waiting]
@@ -90,16 +91,11 @@ def split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
     return whole, left if left > near * T else fmpq(0)
 
 
-def identity(n: int) -> Rows:
-    """Rows of the identity."""
-    return [[int(i == j) for j in range(n)] for i in range(n)]
-
-
 def equilibrium(loop: ExactLoop) -> fmpq_mat:
     """Return the equilibrium under f = 1 at each port exactly, a column each, or raise a ValueError of none."""
     n = loop.F.nrows()
     rows, wanted = loop.F.tolist(), (-loop.B).tolist()
-    unit = fmpq_mat(identity(n))
+    unit = identity(n)
     for jump in loop.jumps:
         rows, wanted = rows + (jump - unit).tolist(), wanted + [[fmpq(0)] * loop.B.ncols()] * n
     M, b = fmpq_mat(rows), fmpq_mat(wanted)
@@ -166,13 +162,11 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     assert claim.actuator is not None
     forgets = [to_rational(phi) for phi in claim.actuator.forgets]
     n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
-    command_row, zero, unit = commanded_force_row(claim, size), to_rational(0.0), identity(size)
+    command_row, zero, unit = commanded_force_row(claim, size), to_rational(0.0), identity(size).tolist()
 
     def wide(M: fmpq_mat, still: bool) -> list[list[fmpq]]:
         rows = [list(row) + [zero] * (size - n) for row in M.tolist()]
-        return rows + [
-            list(map(to_rational, map(float, unit[n + j]))) if still else [zero] * size for j in range(size - n)
-        ]
+        return rows + [unit[n + j] if still else [zero] * size for j in range(size - n)]
 
     F, jumps = wide(loop.F, False), [wide(jump, True) for jump in loop.jumps]
     moved = jumps[0] if jumps else F

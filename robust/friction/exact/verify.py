@@ -103,8 +103,8 @@ def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: fmpq) -> Exact
     size, first = len(A), n
     for i in range(size):
         A[i][i] += decay
-    B, Q, N = zero_matrix(size, 2 * P), zero_matrix(size, size), zero_matrix(size, 2 * P)
-    stored, R = zero_matrix(size + P, size + P), zero_matrix(2 * P, 2 * P)
+    B, Q, N = fmpq_mat(size, 2 * P).tolist(), fmpq_mat(size, size).tolist(), fmpq_mat(size, 2 * P).tolist()
+    stored, R = fmpq_mat(size + P, size + P).tolist(), fmpq_mat(2 * P, 2 * P).tolist()
     for p, (port, a) in enumerate(zip(ports, filters, strict=True)):
         mu, K0, d = [to_rational(x) for x in port.weights], to_rational(port.K0), size + p
         share = rests[p] / most if most else to_rational(1.0)
@@ -163,23 +163,17 @@ def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exa
     return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
-def zero_matrix(rows: int, columns: int) -> list[list[fmpq]]:
-    """Return a matrix of rational zeros."""
-    zero = to_rational(0.0)
-    return [[zero] * columns for _ in range(rows)]
-
-
 def with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fmpq]], list[fmpq_mat]]:
     """Append the filters of the friction force to the flow and to the jumps."""
     n, extra = loop.F.nrows(), len(rates)
-    A = zero_matrix(n + extra, n + extra)
+    A = fmpq_mat(n + extra, n + extra).tolist()
     for i, row in enumerate(loop.F.tolist()):
         A[i][:n] = row
     for j, a in enumerate(rates):
         A[n + j][n + j] = -a
     jumps = []
     for jump in loop.jumps:
-        J = zero_matrix(n + extra, n + extra)
+        J = fmpq_mat(n + extra, n + extra).tolist()
         for i, row in enumerate(jump.tolist()):
             J[i][:n] = row
         for j in range(extra):
@@ -199,8 +193,8 @@ def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     scales = port_scales(claim, ratios, moved)
     A, jumps = with_force_filters(loop, [a for own in filters for a in own[1:]])
     size, P, first = len(A), len(ports), n
-    B, Q, N = zero_matrix(size, P), zero_matrix(size, size), zero_matrix(size, P)
-    R, stored = zero_matrix(P, P), zero_matrix(size + 2 * P, size + 2 * P)
+    B, Q, N = fmpq_mat(size, P).tolist(), fmpq_mat(size, size).tolist(), fmpq_mat(size, P).tolist()
+    R, stored = fmpq_mat(P, P).tolist(), fmpq_mat(size + 2 * P, size + 2 * P).tolist()
     shares = []  # s of each port
     for p, (port, a, rho, scale) in enumerate(zip(ports, filters, ratios, scales, strict=True)):
         mu, free, K0 = (
@@ -276,7 +270,7 @@ def bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     Q = [[M[0][0] * v[i] * v[j] for j in range(size)] for i in range(size)]
     N = [[M[0][2] * v[i] - mu * K0 / 2 * x[i], M[0][1] * v[i]] for i in range(size)]
     kept = size + (mu > 0)
-    stored = zero_matrix(kept, kept)
+    stored = fmpq_mat(kept, kept).tolist()
     for j, (rate, weight) in enumerate(zip(a, nu, strict=True)):
         Q[n + j][n + j] -= weight * rate / K0
         N[n + j][1] -= weight / 2

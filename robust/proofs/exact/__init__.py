@@ -1,7 +1,8 @@
 """Proof and verification in exact arithmetic: claims over the rationals, positivity, Taylor models.
 
 aliases        claims about continuous plants under a sampled controller
-claim          what is claimed of a loop, with every number as given, and its digest
+claim          what is claimed of a loop, with every number as given
+claim_files    claims as plain numbers and words, in files with a digest
 closed_loops   the norm of a plant closed through a controller, in many digits and in ball arithmetic
 conditions     what a claim asks at a frequency, in sums and products
 loops          the entry point for one loop: a claim in, `Verification` out

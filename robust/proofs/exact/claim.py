@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from nlfrf._base.files import parse_json, require_schema, write_text
-from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 
 if TYPE_CHECKING:
@@ -100,6 +95,12 @@ class LoopClaim:
         Shaping functions whose product scales the plant (and the controller back), of the last form only.
     """
 
+    SCHEMA: ClassVar[str] = "robust-certificate"
+    UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
+    LOOP: ClassVar[str] = (
+        "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly"
+    )
+
     plant: Matrices
     controller: Matrices
     weight: Matrices
@@ -113,7 +114,7 @@ class LoopClaim:
     shaping: tuple[Matrices, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in SYSTEMS:
+        for name in ("plant", "controller", "weight", "performance"):
             system = getattr(self, name)
             if system is None and name != "performance":
                 raise ValueError(f"{name} must be a system, got none")
@@ -137,151 +138,3 @@ class LoopClaim:
             raise ValueError(f"delay must be nonnegative [s], got {self.delay}")
         if not (np.isfinite(self.scaling) and self.scaling > 0):
             raise ValueError(f"scaling must be positive, got {self.scaling}")
-
-
-SYSTEMS = ("plant", "controller", "weight", "performance")
-
-
-def claim_to_dict(claim: LoopClaim) -> JsonObject:
-    """Return the claim as plain numbers and strings; floats are written with the digits that restore them exactly."""
-    systems = {name: system_to_dict(getattr(claim, name)) for name in SYSTEMS}
-    return (
-        systems
-        | {
-            "reads": list(claim.reads),
-            "inverse": claim.inverse,
-            "perturbation": claim.perturbation,
-            "delay": float(claim.delay),
-            "claims": list(claim.claims),
-            "scaling": float(claim.scaling),
-        }
-        | ({"shaping": [system_to_dict(W) for W in claim.shaping]} if claim.shaping else {})
-    )
-
-
-def system_to_dict(system: Matrices | None) -> JsonObject | None:
-    """Return one system as lists of numbers."""
-    if system is None:
-        return None
-    return {name: getattr(system, name).tolist() for name in "ABCD"} | {"dt": float(system.dt)}
-
-
-def claim_from_dict(given: object) -> LoopClaim:
-    """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
-    wanted = {*SYSTEMS, "reads", "inverse", "perturbation", "delay", "claims", "scaling"}
-    if not isinstance(given, dict) or set(given) - {"shaping"} != wanted:
-        raise ValueError(f"claim must have the entries {', '.join(sorted(wanted))}, got something else")
-    try:
-        systems = {name: system_from_dict(given[name]) for name in SYSTEMS}
-        return LoopClaim(
-            **systems,  # type: ignore[arg-type]
-            reads=tuple(str(name) for name in given["reads"]),
-            inverse=given["inverse"] is True,
-            perturbation=str(given["perturbation"]),
-            delay=float(given["delay"]),
-            claims=tuple(str(claim) for claim in given["claims"]),
-            scaling=float(given["scaling"]),
-            shaping=tuple(system_from_dict(W) for W in given.get("shaping", ())),  # type: ignore[misc]
-        )
-    except (TypeError, KeyError, IndexError) as error:
-        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
-
-
-def system_from_dict(given: JsonObject | None) -> Matrices | None:
-    """Return one system from lists of numbers."""
-    if given is None:
-        return None
-    if set(given) != {*"ABCD", "dt"}:
-        raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
-    try:
-        D = np.array(given["D"], dtype=float, ndmin=2)
-        n = len(given["A"])
-        A, B, C = (
-            np.array(given[name], dtype=float).reshape(shape)
-            for name, shape in (("A", (n, n)), ("B", (n, D.shape[1])), ("C", (D.shape[0], n)))
-        )
-    except ValueError as error:
-        raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
-    return Matrices(A=A, B=B, C=C, D=D, dt=float(given["dt"]))
-
-
-def content_digest(given: JsonObject) -> str:
-    """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
-
-    >>> content_digest({"a": 1.0})[:8], content_digest({"a": 1.0000000000000002})[:8]
-    ('c29a44ab', 'a9c3d934')
-    """
-    text = json.dumps(given, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def differing_fields(claim: LoopClaim, other: LoopClaim, names: tuple[str, ...]) -> list[str]:
-    """Return which of the named fields differ, number by number."""
-    mine, theirs = claim_to_dict(claim), claim_to_dict(other)
-    return [name for name in names if mine[name] != theirs[name]]
-
-
-# ---- Certificates as files that someone else can check: JSON with every number as given, and a digest over it all.
-
-SCHEMA = "robust-certificate"
-VERSION = 1
-
-
-def write_claim(
-    path: str | os.PathLike[str],
-    claim: LoopClaim,
-    *,
-    found: Sequence[Mapping[str, object]] = (),
-    warnings: Sequence[str] = (),
-) -> None:
-    """Write a claim with how it was found and what was warned of; the digest covers everything else in the file."""
-    entries = {
-        "units": {"dt": "s", "delay": "s"},
-        "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
-        "claim": claim_to_dict(claim),
-    }
-    write_sealed(path, SCHEMA, VERSION, entries, found=found, warnings=warnings)
-
-
-def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
-    """Return the claim of a file whose digest fits, or a ValueError that says what is wrong."""
-    entries = read_sealed(path, SCHEMA, VERSION)
-    if entries is None:
-        raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
-    return claim_from_dict(entries["claim"])
-
-
-def write_sealed(
-    path: str | os.PathLike[str],
-    schema: str,
-    version: int,
-    entries: JsonObject,
-    *,
-    found: Sequence[Mapping[str, object]],
-    warnings: Sequence[str],
-) -> None:
-    """Write a certificate as JSON: what it claims, how that was found, warnings, and a digest that covers all of it."""
-    entries = {"schema": schema, "version": version} | entries | {"found": list(found)}
-    if warnings:
-        entries |= {"warnings": list(warnings)}
-    write_text(path, json.dumps(entries | {"digest": content_digest(entries)}, indent=1, allow_nan=False) + "\n")
-
-
-def read_sealed(path: str | os.PathLike[str], schema: str, version: int) -> JsonObject | None:
-    """Return the entries of a file whose digest fits, None of a file of another schema, or a ValueError.
-
-    A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
-    that the claim is proved again, and that plant and controller are compared with those one has.
-    """
-    entries = parse_json(path)
-    if not isinstance(entries, dict) or entries.get("schema") != schema:
-        return None
-    if entries.get("version") != version:
-        raise ValueError(f"path must have version {version}, got {entries.get('version')!r} in {str(path)!r}")
-    if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
-        raise ValueError(
-            f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
-            "Something in it was changed."
-        )
-    require_schema(entries, path, package="robust", name=schema)
-    return entries

@@ -139,9 +139,9 @@ def closed_loop(plant: Matrices, controller: Matrices) -> Balls:
     n, m = plant.order, controller.order
     through = stack_rows(B2, B_K * D22)
     return (
-        stack_rows(stack_columns(A, zero_balls(n, m)), stack_columns(B_K * C2, A_K)) + through * gain,
+        stack_rows(stack_columns(A, arb_mat(n, m)), stack_columns(B_K * C2, A_K)) + through * gain,
         stack_rows(B1, B_K * D21) + through * direct,
-        stack_columns(C1, zero_balls(z, m)) + D12 * gain,
+        stack_columns(C1, arb_mat(z, m)) + D12 * gain,
         D11 + D12 * direct,
     )
 
@@ -154,7 +154,7 @@ def decide_norm_at_precision(
     square = level * level
     if is_zero_transfer(loop):  # its norm is zero: what is left to prove is that it is stable
         n, m = loop[0].nrows(), loop[3].ncols()
-        loop, square = (loop[0], zero_balls(n, m), identity_balls(n), zero_balls(n, m)), arb(1)
+        loop, square = (loop[0], arb_mat(n, m), identity_balls(n), arb_mat(n, m)), arb(1)
     A, B, C, D = loop
     n = A.nrows()
     direct = identity_balls(D.ncols()) * square - D.transpose() * D
@@ -378,18 +378,13 @@ def frobenius_norm(matrix: arb_mat) -> arb:
 
 def identity_balls(n: int) -> arb_mat:
     """Return the identity in balls."""
-    return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+    return diagonal_balls([arb(1)] * n)
 
 
 def diagonal_balls(numbers: list[arb]) -> arb_mat:
     """Return a diagonal matrix."""
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])
-
-
-def zero_balls(rows: int, columns: int) -> arb_mat:
-    """Return a matrix of zeros."""
-    return arb_mat(rows, columns)
 
 
 def stack_columns(left: arb_mat, right: arb_mat) -> arb_mat:

@@ -12,15 +12,15 @@ they were found does not matter.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
 
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
-from robust.proofs.exact.claim import Matrices, read_sealed, system_from_dict, system_to_dict, write_sealed
+from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.claim_files import SQUARE
 from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.matrices import positive_definite
 from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
@@ -53,8 +53,8 @@ class ScaledClaim:
     system: Matrices
     blocks: tuple[tuple[int, int, str], ...]
     level: float
-    P: np.ndarray
-    T: np.ndarray
+    P: Annotated[np.ndarray, SQUARE]
+    T: Annotated[np.ndarray, SQUARE]
     scalings: tuple[np.ndarray, ...]
     skews: tuple[np.ndarray, ...]
 
@@ -155,84 +155,19 @@ def stack(top: fmpq_mat, side: fmpq_mat, corner: fmpq_mat) -> fmpq_mat:
     return fmpq_mat(n, n, [x for row in [*upper, *lower] for x in row])
 
 
-def scaled_claim_to_dict(claim: ScaledClaim) -> JsonObject:
-    """Return the claim as plain numbers and strings; floats are written with the digits that restore them exactly."""
-    return {
-        "system": system_to_dict(claim.system),
-        "blocks": [list(block) for block in claim.blocks],
-        "level": float(claim.level),
-        "P": claim.P.tolist(),
-        "T": claim.T.tolist(),
-        "scalings": [X.tolist() for X in claim.scalings],
-        "skews": [G.tolist() for G in claim.skews],
-    }
-
-
-def scaled_claim_from_dict(given: object) -> ScaledClaim:
-    """Return the claim that `scaled_claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
-    wanted = {"system", "blocks", "level", "P", "T", "scalings", "skews"}
-    if not isinstance(given, dict) or set(given) - {"subject"} != wanted:
-        raise ValueError(f"claim must have the entries {', '.join(sorted(wanted))}, got something else")
-    try:
-        system = system_from_dict(given["system"])
-        if system is None:
-            raise ValueError("system must be a system, got none")
-        n = system.order
-        return ScaledClaim(
-            system=system,
-            blocks=tuple((int(rows), int(cols), str(kind)) for rows, cols, kind in given["blocks"]),
-            level=float(given["level"]),
-            P=np.array(given["P"], dtype=float).reshape(n, n),
-            T=np.array(given["T"], dtype=float).reshape(n, n),
-            scalings=tuple(np.array(X, dtype=float, ndmin=2) for X in given["scalings"]),
-            skews=tuple(np.array(G, dtype=float, ndmin=2) for G in given["skews"]),
-        )
-    except (TypeError, KeyError, IndexError) as error:
-        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
-
-
-# ---- Certificates as files that someone else can check: JSON with every number as given, and a digest over it all.
-
-SCHEMA = "robust-mu-certificate"
-VERSION = 1
-
-
-def write_scaled_claims(
-    path: str | os.PathLike[str],
-    claims: Mapping[str, ScaledClaim],
-    *,
-    form: str,
-    delay: float,
-    found: Sequence[Mapping[str, object]] = (),
-    warnings: Sequence[str] = (),
-) -> None:
-    """Write claims by their subjects, the form and the delay of the set they are about, and how they were found."""
-    entries = {
-        "units": {"dt": "s", "delay": "s"},
-        "loop": "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point",
-        "form": form,
-        "delay": float(delay),
-        "claims": [{"subject": name} | scaled_claim_to_dict(claim) for name, claim in claims.items()],
-    }
-    write_sealed(path, SCHEMA, VERSION, entries, found=found, warnings=warnings)
-
-
 @value
 class ScaledFile:
-    """Claims of a file by their subjects, with the form and the delay [s] of the set they are about."""
+    """What a file claims of a loop: claims by their subjects, with form and delay [s] of the set they are about."""
+
+    SCHEMA: ClassVar[str] = "robust-mu-certificate"
+    UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
+    LOOP: ClassVar[str] = (
+        "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point"
+    )
 
     claims: dict[str, ScaledClaim]
     form: str
     delay: float
-
-
-def read_scaled_claims(path: str | os.PathLike[str]) -> ScaledFile | None:
-    """Return the claims of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
-    entries = read_sealed(path, SCHEMA, VERSION)
-    if entries is None:
-        return None
-    claims = {str(one["subject"]): scaled_claim_from_dict(one) for one in entries["claims"]}
-    return ScaledFile(claims=claims, form=str(entries["form"]), delay=float(entries["delay"]))
 
 
 def verify_scaled_file(given: ScaledFile) -> Verification:

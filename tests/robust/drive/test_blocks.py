@@ -8,10 +8,13 @@ import pytest
 
 import robust
 from robust import tuning
-from robust.drive import DriveSettings, biquad, cascade, low_pass, notch, to_blocks, with_blocks
+from robust.drive import DriveSettings, cascade, to_blocks, with_blocks
 from robust.drive.p_pi import with_set_point
 from robust.lti.lti import response_by_channel
 from robust.lti.wiring import join_by_name
+from robust.tuning import Biquad, LowPass, Notch
+
+HZ = 2 * np.pi  # rad/s
 
 LINEAR = DriveSettings(
     fs=4000,
@@ -20,7 +23,10 @@ LINEAR = DriveSettings(
     kp_unit="A/(m/s)",
     tn=0.01,
     torque_constant=52.8,
-    filters=(notch(83.0, bandwidth=20.0, depth=0.1), biquad(80, zeta=0.5, numerator_frequency=47, numerator_zeta=0.02)),
+    filters=(
+        Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1),
+        Biquad(omega=HZ * 80, zeta=0.5, numerator_omega=HZ * 47, numerator_zeta=0.02),
+    ),
     velocity_feedforward=0.7,
     position_unit="mm",
 )
@@ -29,7 +35,7 @@ ROTARY = DriveSettings(
     kv=30,
     kp=0.4,
     kp_unit="Nm/(rad/s)",
-    filters=(low_pass(400.0),),
+    filters=(LowPass(omega=HZ * 400.0),),
     encoder="both",
     velocity_from="observer",
     observer_frequency=300.0,

@@ -9,9 +9,12 @@ from scipy.signal import lfilter
 
 import nlfrf
 import robust
-from robust.drive import DriveSettings, biquad, cascade, low_pass, notch
+from robust.drive import DriveSettings, cascade
 from robust.drive.p_pi import with_set_point
+from robust.tuning import Biquad, LowPass, Notch
 from tests.support.linear_axis import PRESETS, frictionless, linear_plant, settings_of
+
+HZ = 2 * np.pi  # rad/s
 
 FS = 4000.0
 BASE = {"fs": FS, "kv": 60.0, "kp": 30.0, "kp_unit": "A/(m/s)"}
@@ -26,7 +29,7 @@ def at(K, f):
     "more", [{}, {"velocity_lag": 0.4e-3}, {"delay_periods": 1.5}], ids=["plain", "low-pass", "delay"]
 )
 def test_the_loop_is_that_of_the_simulated_axis_without_friction(preset, more):
-    slots = (low_pass(900.0), notch(300.0, bandwidth=60.0, depth=0.2))
+    slots = (LowPass(omega=HZ * 900.0), Notch(omega=HZ * 300.0, width=60.0 / 300.0, depth=0.2))
     axis = frictionless(preset, filters=np.array([slot.section(FS) for slot in slots]), **more)
     settings = settings_of(axis, filters=slots)
     force = 10 * np.random.default_rng(3).standard_normal(3000)
@@ -152,9 +155,9 @@ def test_counts_and_forces():
 def test_filters_run_as_scipy_runs_them():
     x = np.random.default_rng(0).standard_normal(200)
     slots = (
-        notch(83, bandwidth=20),
-        low_pass(500),
-        biquad(80, zeta=0.5, numerator_frequency=47, numerator_zeta=0),
+        Notch(omega=HZ * 83, width=20 / 83, depth=0.0),
+        LowPass(omega=HZ * 500),
+        Biquad(omega=HZ * 80, zeta=0.5, numerator_omega=HZ * 47, numerator_zeta=0),
     )
     plain = control.forced_response(cascade(DriveSettings(**BASE)), inputs=x).outputs
     for slot in slots:
@@ -164,11 +167,11 @@ def test_filters_run_as_scipy_runs_them():
 
 
 def test_filters_are_exact_where_they_act():
-    H = notch(83.0, bandwidth=20.0).section(FS)
+    H = Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.0).section(FS)
     q = np.exp(-2j * np.pi * np.array([83.0, 83.0 * 1.2]) / FS)
     gain = np.abs(np.polyval(H[2::-1], q) / np.polyval(H[:2:-1], q))
     assert gain[0] < 1e-9 < 0.5 < gain[1]
-    half = notch(200.0, bandwidth=0.2)
+    half = Notch(omega=HZ * 200.0, width=0.2 / 200.0, depth=0.0)
     edges = np.array([200.0 - 0.1, 200.0 + 0.1])
     b, a = half.section(FS).reshape(2, 3)
     q = np.exp(-2j * np.pi * edges / FS)
@@ -199,7 +202,10 @@ def test_a_loop_of_two_encoders_is_checked():
         ({"position_every": 0}, "position_every must be a whole number of at least 1, got 0"),
         ({"position_unit": "counts"}, "unit_factor must be given where the position is measured in counts"),
         ({"position_unit": "deg"}, "unit_factor must be given .* counts in m/s: how many m one deg is"),
-        ({"filters": (low_pass(2500.0),)}, "filters must lie below half the sampling frequency, 2000 Hz, got .* 2500"),
+        (
+            {"filters": (LowPass(omega=HZ * 2500.0),)},
+            r"half the sampling frequency, .* \(2000 Hz\), got .* \(2500 Hz\)",
+        ),
         ({"filters": [1.0]}, "filters must be of type tuple"),
         ({"velocity_feedforward": 2.0}, "velocity_feedforward must lie between 0 and 1, got 2"),
     ],
@@ -216,7 +222,7 @@ def test_refusals_of_the_controller_and_the_filters():
         cascade(DriveSettings(**BASE), output_unit="Nm")
     with pytest.raises(ValueError, match="settings must be of type DriveSettings, got 1"):
         cascade(1)
-    with pytest.raises(ValueError, match="depth must lie between 0 and 1, got 1"):
-        notch(80, bandwidth=10, depth=1.0)
-    with pytest.raises(ValueError, match="bandwidth must be positive, got 0"):
-        notch(80, bandwidth=0)
+    with pytest.raises(ValueError, match="depth must be zero or positive, got -1"):
+        Notch(omega=HZ * 80, depth=-1.0)
+    with pytest.raises(ValueError, match="width must be positive, got 0"):
+        Notch(omega=HZ * 80, width=0.0)

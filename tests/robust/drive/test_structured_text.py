@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust.drive import DriveSettings, cascade, low_pass, notch, structured_text
+from robust.drive import DriveSettings, cascade, structured_text
+from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless, settings_of
+
+HZ = 2 * np.pi  # rad/s
 
 BASE = DriveSettings(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
 
@@ -60,7 +63,10 @@ def run(settings, **signals):
     "more",
     [
         {},
-        {"filters": (notch(83.0, bandwidth=20.0, depth=0.1), low_pass(700.0)), "velocity_lag": 0.3e-3},
+        {
+            "filters": (Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1), LowPass(omega=HZ * 700.0)),
+            "velocity_lag": 0.3e-3,
+        },
         {"velocity_from": "observer", "observer_frequency": 300.0},
         {"tn": np.inf, "position_unit": "mm", "unit_factor": 1e-3, "load_factor": 1e-3},
     ],

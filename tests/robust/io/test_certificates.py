@@ -9,7 +9,8 @@ import pytest
 
 from robust import UncertaintyModel, check, performance_weight, save
 from robust.io import verify_certificate
-from robust.proofs.exact.claim import ALIASED, content_digest
+from robust.proofs.exact.claim import ALIASED
+from robust.proofs.exact.claim_files import content_digest
 from tests.support.random_loops import random_case, tf_response
 
 OMEGA = np.array([1.0, 2.0])

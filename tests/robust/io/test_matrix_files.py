@@ -14,7 +14,7 @@ from scipy.io import loadmat
 import robust
 from robust.io.models import load_model
 from robust.lti.lti import response_by_channel
-from robust.proofs.exact.claim import content_digest
+from robust.proofs.exact.claim_files import content_digest
 
 OMEGA = np.array([1.0, 3.0, 10.0])
 G = control.ss([[-1.0, 0.3], [0.0, -2.0]], [[1.0, 0.1], [0.2, 1 / 3]], [[1.0, 0.0], [0.1, 2.0]], [[0.0, 0], [0.0, 0.1]])
@@ -171,7 +171,7 @@ def test_a_proof_whose_level_is_lowered_and_signed_anew_is_not_verified(tmp_path
     path = tmp_path / "proof.json"
     robust.save(robust.check(MODELS["input"], 0.3 * np.eye(2)), path)
     content = json.loads(path.read_text())
-    content["claims"][0]["level"] = 0.01
+    content["claim"]["claims"]["robust stability"]["level"] = 0.01
     content["digest"] = content_digest({name: entry for name, entry in content.items() if name != "digest"})
     path.write_text(json.dumps(content))
     found = robust.io.verify_certificate(path)

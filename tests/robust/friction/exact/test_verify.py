@@ -8,11 +8,12 @@ import pytest
 
 from robust import friction_plant, prove_friction, save
 from robust.friction import any_bristle, any_maxwell_slip
-from robust.friction.exact.claim import claim_from_dict, claim_to_dict
+from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.loops import equilibrium, exact_loop
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop
 from robust.io import verify_certificate
+from robust.proofs.exact.claim_files import from_plain, to_plain
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
 
@@ -104,11 +105,11 @@ def test_files(proof, tmp_path):
     with pytest.raises(ValueError, match="report must hold a proof"):
         save(prove_friction(RIG, pid(KP, KI, KD), any_maxwell_slip(64e5, 1.05)), path)
     with pytest.raises(ValueError, match="claim must have the entries"):
-        claim_from_dict({"K0": 1.0})
+        from_plain(FrictionClaim, {"K0": 1.0})
 
 
 def test_content_gives_every_number_back(proof):
     claim = proof.certificate.claim
-    again = claim_from_dict(claim_to_dict(claim))
-    assert claim_to_dict(again) == claim_to_dict(claim)
+    again = from_plain(FrictionClaim, to_plain(claim))
+    assert to_plain(again) == to_plain(claim)
     assert np.array_equal(again.P, claim.P)

@@ -10,7 +10,8 @@ import robust
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.scaled_kyp import ScaledClaim, scaled_claim_from_dict, scaled_claim_to_dict, verify_scaled
+from robust.proofs.exact.claim_files import from_plain, to_plain
+from robust.proofs.exact.scaled_kyp import ScaledClaim, verify_scaled
 from robust.proofs.search.certificate import SCALED_KYP
 from robust.proofs.search.scaled_kyp import certify_scaled
 from tests.support.scaled_loops import STRUCTURES, random_loop
@@ -91,11 +92,11 @@ def test_a_real_parameter_in_two_places_needs_its_skew_matrix():
 
 def test_a_claim_survives_its_file_to_the_last_bit():
     claim = certify_scaled(random_loop(np.random.default_rng(5), 4, STRUCTURES[2], 0.1), STRUCTURES[2], 1e3).claim
-    again = scaled_claim_from_dict(scaled_claim_to_dict(claim))
-    assert scaled_claim_to_dict(again) == scaled_claim_to_dict(claim)
+    again = from_plain(ScaledClaim, to_plain(claim))
+    assert to_plain(again) == to_plain(claim)
     assert verify_scaled(again).verified
     with pytest.raises(ValueError, match="claim must have the entries"):
-        scaled_claim_from_dict({"level": 1.0})
+        from_plain(ScaledClaim, {"level": 1.0})
 
 
 @pytest.mark.parametrize("solver", ["CLARABEL", "SCS"])

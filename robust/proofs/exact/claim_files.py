@@ -1,0 +1,155 @@
+"""Claims as plain numbers and words, field by field, and as files that someone else can check.
+
+A file is JSON with every number as given, and a digest over all of it. A claim is a value with the class attributes
+SCHEMA, UNITS and LOOP: the kind of its files, and what stands in them for people.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.types import JsonObject
+from robust.proofs.exact.claim import Matrices
+
+VERSION = 1
+SQUARE, WHOLE = "square", "whole"  # of the arrays of a claim: as many columns as rows, integers
+
+
+class Claim(Protocol):
+    """A value that has files of its own."""
+
+    SCHEMA: ClassVar[str]
+    UNITS: ClassVar[Mapping[str, str]]
+    LOOP: ClassVar[str]
+
+
+T = TypeVar("T")
+C = TypeVar("C", bound=Claim)
+
+
+def to_plain(part: object) -> Any:
+    """Return a part of a claim as JSON has it; floats are written with the digits that restore them exactly."""
+    if is_dataclass(part):
+        return {one.name: to_plain(getattr(part, one.name)) for one in fields(part)}
+    if isinstance(part, np.ndarray | np.generic):
+        return part.tolist()
+    if isinstance(part, dict):
+        return {name: to_plain(each) for name, each in part.items()}
+    return [to_plain(each) for each in part] if isinstance(part, tuple) else part
+
+
+def from_plain(kind: type[T], given: object) -> T:
+    """Return the claim that `to_plain` wrote, or raise a ValueError that says what is wrong with it."""
+    names = {one.name for one in fields(kind)}  # type: ignore[arg-type]
+    if not isinstance(given, dict) or set(given) != names:
+        raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
+    try:
+        hints = get_type_hints(kind, include_extras=True)
+        return kind(**{name: part_from_plain(hints[name], part) for name, part in given.items()})
+    except (TypeError, KeyError, IndexError, AttributeError) as error:
+        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
+
+
+def part_from_plain(hint: Any, given: Any) -> Any:
+    """Return a part of a claim of the type that its field has."""
+    inner = get_args(hint)
+    if isinstance(hint, UnionType):  # X or None
+        return None if given is None else part_from_plain(inner[0], given)
+    if hint is np.ndarray:
+        return np.array(given, dtype=float)
+    if get_origin(hint) is Annotated:
+        return np.array(given, dtype=int) if inner[1] == WHOLE else np.array(given, float).reshape(2 * (len(given),))
+    if get_origin(hint) is tuple:
+        kinds = inner[:1] * len(given) if inner[-1] is Ellipsis else inner
+        return tuple(part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
+    if get_origin(hint) is dict:
+        return {str(name): part_from_plain(inner[1], part) for name, part in given.items()}
+    if hint is Matrices:
+        return system_from_plain(given)
+    if is_dataclass(hint):
+        return from_plain(hint, given)  # type: ignore[arg-type]
+    return given is True if hint is bool else hint(given)
+
+
+def system_from_plain(given: JsonObject) -> Matrices:
+    """Return one system from lists of numbers, whose empty ones have lost their shapes."""
+    if set(given) != {*"ABCD", "dt"}:
+        raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
+    try:
+        D = np.array(given["D"], dtype=float, ndmin=2)
+        n = len(given["A"])
+        shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n), "D": D.shape}
+        parts = {name: np.array(given[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
+    except ValueError as error:
+        raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
+    return Matrices(**parts, dt=float(given["dt"]))
+
+
+def differing_fields(claim: object, other: object, names: Sequence[str]) -> list[str]:
+    """Return which of the named fields differ, number by number."""
+    return [name for name in names if to_plain(getattr(claim, name)) != to_plain(getattr(other, name))]
+
+
+def content_digest(given: JsonObject) -> str:
+    """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
+
+    >>> content_digest({"a": 1.0})[:8], content_digest({"a": 1.0000000000000002})[:8]
+    ('c29a44ab', 'a9c3d934')
+    """
+    text = json.dumps(given, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write_claim(
+    path: str | os.PathLike[str],
+    claim: Claim,
+    *,
+    found: Sequence[Mapping[str, object]] = (),
+    read_from: JsonObject | None = None,
+    units: Mapping[str, str] | None = None,
+    warnings: Sequence[str] = (),
+) -> None:
+    """Write a claim, how it was found, what it was read from and what was warned of; the digest covers all the rest.
+
+    units : those that the claim itself does not know.
+    """
+    entries: JsonObject = {
+        "schema": claim.SCHEMA,
+        "version": VERSION,
+        "units": {**claim.UNITS, **(units or {})},
+        "loop": claim.LOOP,
+        "claim": to_plain(claim),
+        **({} if read_from is None else {"read from": read_from}),
+        "found": list(found),
+        **({"warnings": list(warnings)} if warnings else {}),
+    }
+    write_text(path, json.dumps(entries | {"digest": content_digest(entries)}, indent=1, allow_nan=False) + "\n")
+
+
+def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
+    """Return the claim of a file whose digest fits, None of a file of another kind, or a ValueError.
+
+    A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
+    that the claim is proved again, and that plant and controller are compared with those one has.
+    """
+    entries = parse_json(path)
+    if not isinstance(entries, dict) or entries.get("schema") != kind.SCHEMA:
+        return None
+    if entries.get("version") != VERSION:
+        raise ValueError(f"path must have version {VERSION}, got {entries.get('version')!r} in {str(path)!r}")
+    if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
+        raise ValueError(
+            f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
+            "Something in it was changed."
+        )
+    require_schema(entries, path, package="robust", name=kind.SCHEMA)
+    return from_plain(kind, entries["claim"])
