@@ -151,7 +151,7 @@ def test_low_peaks_of_several_inputs_are_warned_of():
         ms = nlfrf.multisine("random-odd", **band, **more, rng=rng)
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
         y = u + 1e-3 * rng.standard_normal(u.shape)
-        assert nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none").n_periods == 2
+        assert nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none").experiment.n_periods == 2
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
