@@ -63,11 +63,11 @@ class Experiment:
     Examples
     --------
     >>> import nlfrf
-    >>> ms = nlfrf.multisine("random-odd", fs=128, n_samples=128, f_min=1, f_max=40, n_realizations=2, rng=2)
-    >>> record = nlfrf.Record(u=ms.u[:, None], y=2 * ms.u[:, None], fs=128, lines=ms.lines)
+    >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_realizations=2, rng=2)
+    >>> record = nlfrf.Record(u=ms.u[:, None], y=2 * ms.u[:, None], fs=256, lines=ms.lines)
     >>> made = nlfrf.identify(record).experiment
     >>> made.n_realizations, made.n_periods, made.grid
-    (2, 1, 'random-odd')
+    (2, 1, 'special-odd')
     """
 
     grid: str
@@ -82,7 +82,7 @@ class Experiment:
         self.__dict__["n_experiments"] = self.n_experiments or self.n_realizations
 
 
-@value
+@value(copy=False)
 class Covariances:
     """Covariances of the residual Y - G U of ONE experiment, line by line: Cov(vec G) = conj(gamma) kron each of them.
 
@@ -589,7 +589,7 @@ class Bla(Channels):
         )
 
 
-@value
+@value(copy=False)
 class DistortionLevels:
     """Output amplitudes on each kind of line.
 

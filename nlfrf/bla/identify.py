@@ -8,7 +8,6 @@ realisation is a set of experiments, from which one matrix is made. Arrays are (
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import overload
 
 import numpy as np
@@ -243,16 +242,12 @@ def assemble_bla(
     total = distortion.cov if R == 1 else frm.cov_scatter
     # one period does not separate them: noise counts as distortion
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
-    cov = Covariances(
-        gamma=gamma,
-        noise=frm.cov_noise,
-        total=total,
-        distortion=cov_distortion,
-        even=distortion.cov_even,
-        bound=cov_bound,
-    )
+    covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, cov_bound]
     if record.is_single:
-        cov = replace(cov.map(lambda part: part * gamma.real), gamma=np.ones(gamma.shape))
+        size, gamma = gamma.real, np.ones(gamma.shape)
+        covariances = [part * size for part in covariances]
+    noise, total, cov_distortion, even, bound = covariances
+    cov = Covariances(gamma=gamma, noise=noise, total=total, distortion=cov_distortion, even=even, bound=bound)
     return Bla(
         f=grid.excited * record.f0,
         G=frm.G,
