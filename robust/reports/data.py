@@ -7,7 +7,7 @@ import numpy as np
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import format_count
-from robust.analysis.report import describe_confidence
+from robust.analysis.text import describe_confidence
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel

@@ -131,8 +131,8 @@ def test_the_check_of_a_matrix_is_drawn_as_any_other(ax):
     report = robust.check(MODELS["elements"], K, w_P=control.ss(control.tf([0.1], [1, 1])), certify=False)
     pictures.plot_check(report, ax=ax)
     _, mu = curve(ax, "robust stability, upper bound of mu")
-    np.testing.assert_allclose(mu, report.mu[report.omega > 0])
-    assert curve(ax, "reached by a perturbation that was found")[1][0] == pytest.approx(1 / report.margin_broken)
+    np.testing.assert_allclose(mu, report.curves.rs[report.curves.omega > 0])
+    assert curve(ax, "reached by a perturbation that was found")[1][0] == pytest.approx(1 / report.margins.broken)
     assert "robust performance" in labels(ax)
     assert ax.get_title() == f"Verdict on stability: {report.verdict}"
     assert {patch.get_gid() for patch in ax.patches} == {"not measured"}

@@ -40,10 +40,10 @@ def test_a_cascade_is_checked_as_one_loop():
     report = check(model, K)
     assert report.verdict == "robust"
     # wider than each loop by itself would say: its margin is another one
-    assert check(model, K_v).margin_rs > 1.01 * report.margin_rs
+    assert check(model, K_v).margins.rs > 1.01 * report.margins.rs
     for plant in model.sample(20, rng=0):
         assert both_loops(plant, K_x, K_v).poles().real.max() < 0
-    factor = 1.02 * report.margin_rs
+    factor = 1.02 * report.margins.rs
     wide = UncertaintyModel(
         G, factor * control.tf([0.1, 0.3], [0.5, 3]), "multiplicative", LINES, 1e-3 * LINES, perturbation="LTI"
     )
@@ -57,7 +57,7 @@ def test_a_cascade_is_checked_as_one_loop():
     s, k_v = 1j * omega[worst], response(control.ss(K_v), omega[[worst]])[0]
     assert abs(delta) < 1
     assert 1 + G_p * k_v * (1 + 4 / s) == pytest.approx(0, abs=1e-9)
-    assert disk_margin(G * K).alpha == pytest.approx(report.disk_margin, rel=1e-3)
+    assert disk_margin(G * K).alpha == pytest.approx(report.margins.disk, rel=1e-3)
 
 
 def test_a_velocity_from_differences_of_a_position():

@@ -65,7 +65,7 @@ def test_a_continuous_demand_stands_over_a_sampled_loop(model):
     omega = np.geomspace(1e-3, np.pi / dt, 4000)
     L = np.moveaxis((sampled.nominal * K)(np.exp(1j * omega * dt)), 2, 0)
     S = np.linalg.norm(np.linalg.inv(np.eye(2) + L), 2, axis=(1, 2)) * np.abs(w_P(1j * omega))
-    assert report.mu_rp.max() == pytest.approx(S.max(), rel=0.01)
+    assert report.curves.rp.max() == pytest.approx(S.max(), rel=0.01)
 
 
 def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
