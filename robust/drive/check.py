@@ -447,7 +447,7 @@ def read_experiments(
 def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
     """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
     named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
-    states = nlfrf.axis.LevelState
+    states = nlfrf.axis.FrictionRegime
     readable = (states.STICKS, states.BENDS, states.SLIDES)
     top = max(k for k, state in enumerate(levels.states) if state in readable)
     if count <= len(named) or top - named[0] + 1 < count:

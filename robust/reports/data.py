@@ -183,7 +183,7 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
             )
 
     shown = "Nominal plant and its set" + ", with the lines that were measured" * bool(blas)
-    pictures = [parts.draw_picture(plot.plot_bode, model, blas, tall=True, caption=f"{shown}.")]
+    pictures = [parts.draw_picture(plot.plot_set, model, blas, tall=True, caption=f"{shown}.")]
     if nominal is not None:
         pictures.append(
             parts.draw_picture(plot.plot_fit, nominal, caption="Measured lines, model, and what is left between them.")

@@ -105,7 +105,7 @@ def values_of_robust():
     lag, exact = control.tf([1], [1, 1]), control.tf([0.1], [1])
     small = robust.UncertaintyModel(lag, exact, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     PI = control.tf([2, 2], [1, 0])
-    yield robust.synthesis.feedforward(small, 2.0, control.tf([1], [0.5, 1]))
+    yield robust.synthesis.feedforward_filter(small, 2.0, control.tf([1], [0.5, 1]))
     yield from (robust.synthesis.prefilter(small, PI, lag), robust.check(small, PI).proofs.certificates[0].verify())
     yield robust.reduce_controller(control.tf([1], [1e-4, 1]) * control.tf([3], [1e-3, 1]), small)
     yield robust.mu.parameter_margin(control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")])

@@ -48,7 +48,7 @@ OVER_FREQUENCY = {
     "nominal": lambda ax: pictures.plot_nominal(MODEL, ax=ax),
     "budget": lambda ax: pictures.plot_budget(MODEL, ax=ax),
     "validation": lambda ax: pictures.plot_validation(validate(MODEL, BLA), ax=ax),
-    "bode": lambda ax: pictures.plot_bode(MODEL, BLA, ax=ax),
+    "bode": lambda ax: pictures.plot_set(MODEL, BLA, ax=ax),
     "shaping": lambda ax: plot_loop_bounds(MODEL, control.tf([1.0], [1, 1]), K, ax=ax),
 }
 
@@ -109,7 +109,7 @@ def test_legends_are_off_the_data_and_every_entry_has_its_line(name):
 
 
 def test_the_bode_picture_holds_measured_points_nominal_and_set():
-    top, bottom = pictures.plot_bode(MODEL, BLA)
+    top, bottom = pictures.plot_set(MODEL, BLA)
     assert (top.get_xscale(), bottom.get_xscale()) == ("log", "log")
     points = next(line for line in top.get_lines() if line.get_marker() == "." and np.size(line.get_xdata()) == F.size)
     np.testing.assert_allclose(points.get_ydata(), 20 * np.log10(np.abs(BLA.G)))

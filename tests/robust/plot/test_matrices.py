@@ -61,7 +61,7 @@ def test_the_reach_of_an_entry_is_reached_and_not_left(form):
 @pytest.mark.parametrize("form", MODELS)
 def test_the_set_entry_by_entry(form):
     one = MODELS[form]
-    made = pictures.plot_bode(one)
+    made = pictures.plot_set(one)
     for (j, i), ax in np.ndenumerate(made):
         f, drawn = curve(ax, "nominal")
         np.testing.assert_allclose(drawn, 20 * np.log10(np.abs(response_by_channel(G, 2 * np.pi * f)[j, i])))
@@ -99,7 +99,7 @@ def test_a_plant_that_is_not_square_leaves_places_empty():
     made = pictures.plot_weight(tall)
     assert [[ax.get_visible() for ax in row] for row in made] == [[True, True], [True, False]]
     plt.close(made[0, 0].figure)
-    assert pictures.plot_bode(tall).shape == (2, 1)
+    assert pictures.plot_set(tall).shape == (2, 1)
     plt.close("all")
 
 

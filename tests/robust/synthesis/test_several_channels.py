@@ -89,7 +89,7 @@ def test_what_takes_one_loop_names_what_several_channels_take(model):
     w = robust.performance_weight(1.0)
     for call, cure in (
         (
-            lambda: robust.synthesis.feedforward(model, 0.1 * np.eye(2), w),
+            lambda: robust.synthesis.feedforward_filter(model, 0.1 * np.eye(2), w),
             "take prefilter, or dk_iteration or hinfsyn with",
         ),
         (lambda: robust.shaping.loop_bounds(model, w), "loop_gains has its singular values"),
