@@ -59,7 +59,7 @@ print(f"\n{'added':28s} {'on the nominal':>14s} {'max rs':>8s} {'max rp':>8s} {'
 for ax, (what, K) in zip([*axes.flat[1:5]], steps.items(), strict=True):
     report = picture.update(K).report
     stable = "stable" if report.nominally_stable else "unstable"
-    rs, rp = (np.max(curve) if report.nominally_stable else np.nan for curve in (report.rs, report.rp))
+    rs, rp = (np.max(curve) if report.nominally_stable else np.nan for curve in (report.curves.rs, report.curves.rp))
     print(f"{what:28s} {stable:>14s} {rs:8.2f} {rp:8.2f} {picture.violations.sum():22d}")
     plot_loop_bounds(model, w_P, K, ax=ax)
     ax.set_title(f"{what}: {ax.get_title()}", fontsize="medium")

@@ -11,7 +11,7 @@
 """
 
 from nlfrf.axis.design import design_experiment, design_ramp
-from nlfrf.axis.levels import AxisLevels, LevelState, find_levels
+from nlfrf.axis.levels import AxisLevels, FrictionRegime, find_levels
 from nlfrf.axis.play import play_experiment
 from nlfrf.axis.trace import LevelWarning, load_trace
 from nlfrf.signals.axis_experiment import AxisExperiment, AxisLimits
@@ -20,7 +20,7 @@ __all__ = [
     "AxisExperiment",
     "AxisLevels",
     "AxisLimits",
-    "LevelState",
+    "FrictionRegime",
     "LevelWarning",
     "design_experiment",
     "design_ramp",

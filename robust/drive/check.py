@@ -182,12 +182,12 @@ class DriveCheck:
     @property
     def linear_passed(self) -> bool:
         """Whether the linear loop is stable with the whole set, and nothing speaks against its model or its margins."""
-        return self.report.robustly_stable and not self.doubts
+        return self.report.proofs.robustly_stable and not self.doubts
 
     @property
     def proved(self) -> bool:
         """Whether the drive itself is proved: stable with the whole set, at rest with every friction of the class."""
-        return self.report.robustly_stable and self.friction.proved and self.settings.position_every == 1
+        return self.report.proofs.robustly_stable and self.friction.proved and self.settings.position_every == 1
 
     @property
     def verdict(self) -> DriveVerdict:
@@ -216,7 +216,7 @@ class DriveCheck:
         more = ("The verdict below only says that no linear plant of the set is unstable",)
         return (
             f"NOT PASSED: linear loop: {why}",
-            *(more if self.report.robustly_stable else ()),
+            *(more if self.report.proofs.robustly_stable else ()),
             f"Friction was {friction}",
         )
 
@@ -234,7 +234,7 @@ class DriveCheck:
         found, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
         assert isinstance(found, dict)
         assert isinstance(found["friction"], dict)
-        found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.S_worst}
+        found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst}
         known = fit if force is None and fit is not None else None if force is None else force.sliding
         simulated = self.friction.simulated
         mass = None if known is None or not np.isfinite(known.stds["mass"]) else known.mass
@@ -262,13 +262,13 @@ class DriveCheck:
     @property
     def stiffness(self) -> str | None:
         """The least stiffness of the axis in its loop, over frequency; None where it is not stable or not known."""
-        G, K = self.report.G, self.report.K
+        G, K = self.report.curves.G, self.report.curves.K
         if G is None or K is None or not self.report.nominally_stable:
             return None
         stiffness = np.abs(1 + G * K) / np.abs(G)
         k = int(np.argmin(stiffness))
         unit = ratio_unit(self.unit, self.settings.base_unit)
-        return f"{stiffness[k]:.3g} {unit} at least, at {format_hertz(self.report.omega[k])}; more at all others"
+        return f"{stiffness[k]:.3g} {unit} at least, at {format_hertz(self.report.curves.omega[k])}; more at all others"
 
     @property
     def assumption(self) -> str:
@@ -447,7 +447,7 @@ def read_experiments(
 def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
     """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
     named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
-    states = nlfrf.axis.LevelState
+    states = nlfrf.axis.FrictionRegime
     readable = (states.STICKS, states.BENDS, states.SLIDES)
     top = max(k for k, state in enumerate(levels.states) if state in readable)
     if count <= len(named) or top - named[0] + 1 < count:
@@ -679,11 +679,11 @@ def simulate_drive(
         reason = "the linear loop is unstable"
     if reason or force is None:
         return replace(friction, unsimulated=reason)
-    S_most = max(report.peak, report.S_worst)
+    S_most = max(report.peak, report.margins.S_worst)
 
     def keeps(other: DriveSettings) -> bool:
         found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
-        return found.robustly_stable >= report.robustly_stable and found.S_worst <= S_most
+        return found.proofs.robustly_stable >= report.proofs.robustly_stable and found.margins.S_worst <= S_most
 
     found = simulate_rest(force, settings)
     if found.ended <= found.amplitudes.size / 2:
@@ -850,10 +850,10 @@ def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, 
 
 def doubt_of_crossover(report: RobustnessReport) -> Doubt | None:
     """Why margins are those of an assumed model: the loop crosses over where nothing was measured."""
-    if report.band is None or report.G is None or report.K is None:
+    if report.given.band is None or report.curves.G is None or report.curves.K is None:
         return None
-    crossover = classical_margins(report.omega, report.G * report.K).crossover
-    first, last = report.band
+    crossover = classical_margins(report.curves.omega, report.curves.L).crossover
+    first, last = report.given.band
     if not (crossover < 0.999 * first or crossover > 1.001 * last):
         return None
     above = crossover > last

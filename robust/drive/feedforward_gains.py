@@ -7,7 +7,7 @@ order in T,
 
     F* = (m + c T) a + c v + m T j + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v.
 
-`robust.synthesis.feedforward` finds a filter for plants that are stable by themselves; a free mass is none of them.
+`robust.synthesis.feedforward_filter` is for plants that are stable by themselves; a free mass is none of them.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def feedforward(
     stribeck_velocity: Interval | None = None,
     settings: DriveSettings | None = None,
 ) -> FeedforwardGains:
-    """Return the feedforward gains of an axis without a spring: what `robust.synthesis.feedforward` has no filter for.
+    """Return the feedforward gains of an axis without a spring: `robust.synthesis.feedforward_filter` takes none.
 
     Parameters
     ----------

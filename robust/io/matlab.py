@@ -123,7 +123,7 @@ def proof_structs(content: RobustnessReport | ScaledFile) -> np.ndarray:
     if isinstance(content, ScaledFile):
         claims = content.claims
     else:
-        proofs = [c for c in content.certificates if c.holds]
+        proofs = [c for c in content.proofs.certificates if c.holds]
         claims = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim)}
     if not claims:
         raise ValueError(f"content must hold a proof by {SCALED_KYP} to be written for MATLAB, got none")

@@ -219,5 +219,5 @@ def worst_distance(design):
             w_P = 1 / (one.limit.bound * one.ratio)
             report = robust.check(model, K, w_P=w_P, delay=design.delay, certify=False)
             if report.nominally_stable:
-                away = max(away, abs(float(np.max(report.rp)) - 1))
+                away = max(away, abs(float(np.max(report.curves.rp)) - 1))
     return away

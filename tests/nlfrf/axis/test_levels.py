@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
-from nlfrf.axis import LevelState, design_experiment, design_ramp, find_levels, load_trace, play_experiment
+from nlfrf.axis import FrictionRegime, design_experiment, design_ramp, find_levels, load_trace, play_experiment
 from nlfrf.rig import run
 from tests.support.backlash import play_backlash
 
@@ -62,7 +62,7 @@ def test_the_stiffness_of_the_plateau_is_the_presliding_stiffness(tmp_path):
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     levels = find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
-    sticks = np.array([state is LevelState.STICKS for state in levels.states])
+    sticks = np.array([state is FrictionRegime.STICKS for state in levels.states])
     plateau = levels.stiffness[sticks]
     assert np.allclose(plateau, axis.motor_friction.stiffness.sum(), rtol=0.05)
     asked = (levels.set_point_rms / levels.position_rms)[sticks]  # a mass on a spring; the lowest are quantised
@@ -105,7 +105,7 @@ def test_levels_at_the_limit_of_the_current_are_not_read(tmp_path):
     with pytest.warns(DataWarning, match="u seems clipped"):
         records = load_trace(tmp_path / "trace.csv", ramp)
     levels = find_levels(records, ramp)
-    assert levels.states[-1] is LevelState.LIMITED
+    assert levels.states[-1] is FrictionRegime.LIMITED
 
 
 def test_an_axis_without_friction_has_no_levels(tmp_path):

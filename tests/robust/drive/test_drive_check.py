@@ -766,7 +766,8 @@ def test_stiffness_in_the_loop_is_that_of_spring_and_gain():
     omega = np.append(np.geomspace(1, 1e3, 50), np.sqrt((k + K) / m))
     omega.sort()
     s = 1j * omega
-    report = SimpleNamespace(G=1 / (m * s**2 + c * s + k), K=np.full(omega.size, K), omega=omega, nominally_stable=True)
+    curves = SimpleNamespace(G=1 / (m * s**2 + c * s + k), K=np.full(omega.size, K), omega=omega)
+    report = SimpleNamespace(curves=curves, nominally_stable=True)
     found = SimpleNamespace(report=report, unit="N", settings=SimpleNamespace(base_unit="m"))
     assert DriveCheck.stiffness.fget(found) == (
         f"{c * np.sqrt((k + K) / m):.3g} N/m at least, at {np.sqrt((k + K) / m) / 2 / np.pi:.4g} Hz; more at all others"
@@ -785,7 +786,7 @@ def test_thin_margins_are_cured_in_the_direction_that_helps(folder, kp, cure):
     assert f"unstable: {cure}" in one_line(str(low))
     way = 1.5 if cure == "raise kp" else 1 / 1.5
     better = check_drive([record], replace(settings, kp=settings.kp * kp * way, kv=60.0, tn=0.012))
-    assert better.report.S_worst < low.report.S_worst
+    assert better.report.margins.S_worst < low.report.margins.S_worst
 
 
 def test_a_factor_that_is_named_makes_an_unstable_loop_stable(folder):

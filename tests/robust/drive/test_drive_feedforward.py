@@ -158,7 +158,7 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
     )
     K, reference = control.tf([600, 12000], [1e-3, 1]), control.tf([1], [1e-6, 3e-4, 3e-2, 1])
     with pytest.raises(ValueError, match=r"model must have a stable nominal.*robust\.drive\.feedforward"):
-        robust.synthesis.feedforward(model, K, reference)
+        robust.synthesis.feedforward_filter(model, K, reference)
     assert feedforward_error(feedforward(model), model, K, reference).error.max() < 1e-6
 
 

@@ -132,7 +132,8 @@ def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
     monkeypatch.setattr(nlfrf.rig, "run", lambda axis, *_, **__: replace(run(axis, np.zeros(8)), diverged=True))
     found = simulate_rest(force(3.0), SETTINGS)
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
-    report = SimpleNamespace(nominally_stable=True, robustly_stable=True, peak=2.0, S_worst=1.2)
+    margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)
+    report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
     known = simulate_drive(DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, masses=1)
     assert known.simulated is None
     assert "came to its end in 0 runs only" in str(known)
