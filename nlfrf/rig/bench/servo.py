@@ -269,8 +269,8 @@ def attempt(
     }
     units = dict.fromkeys(("position", "position_set", "x"), m) | dict.fromkeys(("force", "force_set", "friction"), N)
     units |= dict.fromkeys(("velocity", "velocity_set", "v"), f"{m}/s") | {
-        "current": "A",
-        "current_set": "A",
+        "current": axis.drive.output_unit,
+        "current_set": axis.drive.output_unit,
         "limited": "",
     }
     trace = Trajectory(t=np.arange(length) * Ts, signals=columns, units=units, diverged=length < n)
