@@ -16,9 +16,10 @@ import numpy as np
 from benchmarks.bench_axes import some_law
 from benchmarks.machine import main as machine
 from benchmarks.timing import in_turn
-from nlfrf import paper_rig, servo_axis, simulate_loop
+from nlfrf import paper_rig, servo_axis
+from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb
-from nlfrf.rig import ServoAxis, ServoDrive, run_servo
+from nlfrf.rig import ServoAxis, run
 from robust.shaping import pid
 
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
@@ -32,9 +33,9 @@ def costs():
         axis = servo_axis(name)
         way = 1e-3 if axis.motion == "linear" else 2e-2
         r = way * np.sin(2 * np.pi * np.arange(SECONDS * int(axis.drive.fs)) / 4000)
-        runs[name] = lambda axis=axis, r=r: run_servo(axis, position=r)
+        runs[name] = lambda axis=axis, r=r: run(axis, r)
     rig, K, r = paper_rig(), pid(40.0, 300.0, dt=1e-3), np.full(SECONDS * 1000, 1e-3)
-    runs["rig"] = lambda: simulate_loop(rig, K, r, fs=1000)
+    runs["rig"] = lambda: run(rig, r, K)
     spent = in_turn(runs, 15)
     for name in PRESETS:
         print(
@@ -45,12 +46,14 @@ def costs():
 
 def some_axis(rng):
     """One or two masses with any friction under any drive, most of them badly set."""
-    drive = ServoDrive(
+    drive = Drive(
         fs=4000.0,
+        kp_unit="A/(m/s)",
+        torque_constant=10 ** rng.uniform(0, 2),
         kv=10 ** rng.uniform(0, 3),
         kp=10 ** rng.uniform(-1, 2),
         tn=10 ** rng.uniform(-2.5, 0),
-        max_current=10 ** rng.uniform(0, 2),
+        limit=10 ** rng.uniform(0, 2),
         lag=10 ** rng.uniform(-4, -3),
         velocity_feedforward=1.0,
     )
@@ -59,15 +62,15 @@ def some_axis(rng):
         "load_friction": some_law(rng),
         "stiffness": 10 ** rng.uniform(4, 6.5),
         "damping": 10 ** rng.uniform(0, 2),
-        "encoder": str(rng.choice(["motor", "load"])),
     }
+    two = rng.random() < 0.7
+    drive = replace(drive, encoder=str(rng.choice(["motor", "load"])) if two else "motor")
     return ServoAxis(
         motor_inertia=10 ** rng.uniform(-0.5, 1.5),
-        force_constant=10 ** rng.uniform(0, 2),
         motor_friction=some_law(rng),
         drive=drive,
         resolution=1e-6,
-        **(load if rng.random() < 0.7 else {}),
+        **(load if two else {}),
     )
 
 
@@ -75,11 +78,11 @@ def attack(seed):
     """Whether all that a random axis gives is finite, and the energy it gained when left alone, over the largest."""
     rng = np.random.default_rng(seed)
     axis = some_axis(rng)
-    trace = run_servo(axis, position=1e-4 * rng.standard_normal(800).cumsum())
+    trace = run(axis, 1e-4 * rng.standard_normal(800).cumsum())
     finite = all(np.isfinite(getattr(trace, name)).all() for name in ("x", "v", "friction", "current", "position"))
-    free = replace(axis, drive=replace(axis.drive, lag=0.0, max_current=np.inf))
+    free = replace(axis, drive=replace(axis.drive, lag=0.0, limit=np.inf))
     force = np.where(np.arange(1200) < 300, 30 * rng.standard_normal(1200), 0.0)
-    alone = run_servo(free, force=force, closed=False, oversampling=8)
+    alone = run(free, {"torque": force}, oversampling=8)
     rig = axis.rig
     energy = np.einsum("in,ij,jn->n", alone.v, rig.mass, alone.v) / 2
     energy += np.einsum("in,ij,jn->n", alone.x, rig.stiffness, alone.x) / 2

@@ -9,7 +9,6 @@ friction           friction in the loop of a drive, read from traces at rest, an
 gains_file         gains in a TOML file, every number with its unit
 p_pi               the gains of a drive as one controller
 plc                a function block for a PLC
-settings           the settings of a drive, with their units
 simulation         an axis as it was read, run under its drive: whether it rests, and what to change where it hunts
 """
 

@@ -12,4 +12,3 @@ from .feedforward_gains import feedforward_error as feedforward_error
 from .gains_file import load_gains as load_gains
 from .p_pi import cascade as cascade
 from .plc import structured_text as structured_text
-from .settings import DriveSettings as DriveSettings

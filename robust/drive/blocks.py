@@ -13,6 +13,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
+from nlfrf.axis import Drive
 from robust.drive.p_pi import (
     hold_mean,
     realise_fir,
@@ -21,21 +22,18 @@ from robust.drive.p_pi import (
     velocity_section,
     warn_of_slow_position_loop,
 )
-from robust.drive.settings import DriveSettings
 from robust.lti.lti import with_names
 from robust.synthesis.blocks import Filter, Notch, Pid, TunableBlock
 
 LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for
 
 
-def to_blocks(
-    settings: DriveSettings, *, output_unit: str = ""
-) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
     """Return a drive as fixed parts and blocks for `robust.tune`: its gains are the start.
 
     Parameters
     ----------
-    settings : DriveSettings
+    settings : Drive
         Gains, filters, sampling and units.
     output_unit : str
         Unit of the plant input, as for `cascade`.
@@ -72,7 +70,7 @@ def to_blocks(
 
     Examples
     --------
-    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     >>> system, blocks = to_blocks(settings)
     >>> blocks["K_x"].kp, round(blocks["K_v"].ki, 6)
     (31.0, 3150.0)
@@ -80,14 +78,12 @@ def to_blocks(
     >>> round(again.kv, 9), round(again.kp, 9), round(again.tn, 9)
     (31.0, 126.0, 0.04)
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     warn_of_slow_position_loop(settings)
     return parts_and_blocks(settings, output_unit)
 
 
-def parts_and_blocks(
-    settings: DriveSettings, output_unit: str
-) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+def parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
     """Return what `to_blocks` returns, without its warning."""
     unit = output_unit or settings.output_unit
     kp = settings.gain * settings.output_factor(unit)
@@ -106,19 +102,20 @@ def parts_and_blocks(
     }
     system = fixed_parts(settings, "current" if unit == "A" else "force")
     for k, slot in enumerate(settings.filters):
+        require_kind("filters", slot, Filter)
         if isinstance(slot, Notch):
             slot = replace(slot, depth=max(slot.depth, LEAST_DEPTH))
         blocks[f"filter {k + 1}"] = replace(slot, reads=signals[k], drives=signals[k + 1])
     return system, blocks
 
 
-def fixed_parts(settings: DriveSettings, plant_input: str) -> list[control.StateSpace]:
+def fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
     """Return all of a drive that is no gain: differences, hold, feedforward of the velocity, and the sums."""
     dt, n = settings.dt, settings.position_every
     both = settings.encoder == "both"
     motor, load = ("motor", "load") if both else ("position", "position")
-    factor = settings.load_factor if both else settings.unit_factor
-    velocity = times(settings.unit_factor, realise_section(velocity_section(settings), dt))
+    factor = settings.load_scale.factor if both else settings.position_scale.factor
+    velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), dt))
 
     def gain(D: list[list[float]], reads: tuple[str, ...], drives: str) -> control.StateSpace:
         return with_names(control.StateSpace([], [], [], D, dt), reads, (drives,))
@@ -138,12 +135,12 @@ def fixed_parts(settings: DriveSettings, plant_input: str) -> list[control.State
     return parts
 
 
-def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, output_unit: str = "") -> DriveSettings:
+def with_blocks(settings: Drive, blocks: Mapping[str, TunableBlock], *, output_unit: str = "") -> Drive:
     """Return the drive with the numbers of tuned blocks, to type in: `kv`, `kp`, `tn` and the filters.
 
     Parameters
     ----------
-    settings : DriveSettings
+    settings : Drive
         The drive that `to_blocks` took.
     blocks : dict of str to block
         Of the design, under the names that `to_blocks` gave: `design.blocks`.
@@ -152,7 +149,7 @@ def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, 
 
     Returns
     -------
-    DriveSettings
+    Drive
 
     Raises
     ------
@@ -166,12 +163,12 @@ def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, 
     Examples
     --------
     >>> from dataclasses import replace
-    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     >>> _, blocks = to_blocks(settings)
     >>> with_blocks(settings, blocks | {"K_x": replace(blocks["K_x"], kp=40.0)}).kv
     40.0
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     _, own = parts_and_blocks(settings, output_unit)
     for name, block in own.items():
         if type(blocks.get(name)) is not type(block) or blocks[name].present() != block.present():

@@ -10,7 +10,7 @@ import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
 from nlfrf.axis import FrictionRegime, design_experiment, design_ramp, find_levels, load_trace, play_experiment
-from nlfrf.rig import run_servo
+from nlfrf.rig import run
 from tests.support.backlash import play_backlash
 
 N = 1000
@@ -47,7 +47,7 @@ def test_the_levels_are_those_at_which_the_axis_sticks_bends_and_slides(tmp_path
     found = []
     for rms, record in zip(levels.rms, levels.records, strict=True):
         experiment = design_experiment(record, n_samples=N, f_min=8, f_max=90, rms=rms, n_discard=4, rng=2)
-        trace = run_servo(axis, **experiment.set_points(0))
+        trace = run(axis, experiment.set_points(0))
         found.append(slipping(axis, trace.x[:, 4 * N : 6 * N]))
     sticks, bends, slides = found
     assert 0.15 < sticks.max() < 1.17
@@ -98,7 +98,7 @@ def test_a_ramp_that_does_not_show_all_three_says_why(tmp_path, how, reason):
 
 def test_levels_at_the_limit_of_the_current_are_not_read(tmp_path):
     axis = servo_axis("belt")
-    tight = replace(axis, drive=replace(axis.drive, max_current=200 / axis.force_constant))
+    tight = replace(axis, drive=replace(axis.drive, limit=200 / axis.force_constant))
     ramp = design_ramp(without_friction(axis), **BAND, rms=150, n_levels=10)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(tight, tmp_path / "ramp.csv", tmp_path / "trace.csv")
@@ -118,10 +118,8 @@ FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
 
 
 def levels_with_play(tmp_path, **machine):
-    drive = nlfrf.rig.ServoDrive(fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
-    rough = nlfrf.rig.ServoAxis(
-        motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, force_constant=1.0, drive=drive
-    )
+    drive = nlfrf.axis.Drive(kp_unit="N/(m/s)", fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
+    rough = nlfrf.rig.ServoAxis(motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, drive=drive)
     band = {"n_samples": 1000, "f_min": 4, "f_max": 100, "rng": 1}
     ramp = design_ramp(rough, **band, rms=200, n_levels=14, span=3e3)
     u, y = play_backlash(ramp, **BACKLASH, **FRICTION, **machine)

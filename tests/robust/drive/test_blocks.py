@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import robust
+from nlfrf.axis import Drive
 from robust import tuning
-from robust.drive import DriveSettings, cascade, to_blocks, with_blocks
+from robust.drive import cascade, to_blocks, with_blocks
 from robust.drive.p_pi import with_set_point
 from robust.lti.lti import response_by_channel
 from robust.lti.wiring import join_by_name
@@ -16,7 +17,7 @@ from robust.tuning import Biquad, LowPass, Notch
 
 HZ = 2 * np.pi  # rad/s
 
-LINEAR = DriveSettings(
+LINEAR = Drive(
     fs=4000,
     kv=100,
     kp=143,
@@ -30,14 +31,13 @@ LINEAR = DriveSettings(
     velocity_feedforward=0.7,
     position_unit="mm",
 )
-ROTARY = DriveSettings(
+ROTARY = Drive(
     fs=2000,
     kv=30,
     kp=0.4,
     kp_unit="Nm/(rad/s)",
     filters=(LowPass(omega=HZ * 400.0),),
     encoder="both",
-    velocity_from="observer",
     observer_frequency=300.0,
     load_unit="mm",
     load_factor=0.63,
@@ -84,7 +84,7 @@ def test_back_again(settings, unit):
 
 def test_a_drive_is_tuned_and_its_gains_come_back():
     """A mass under a drive: the gains to type in make the controller that was tuned."""
-    settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     system, blocks = to_blocks(settings)
     design = robust.tune(
         system,

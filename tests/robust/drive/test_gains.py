@@ -8,13 +8,14 @@ import pytest
 
 import nlfrf
 import robust
-from robust.drive import DriveSettings, cascade, gains
+from nlfrf.axis import Drive
+from robust.drive import cascade, gains
 from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless
 
 HZ = 2 * np.pi  # rad/s
 
-BASE = DriveSettings(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
+BASE = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
 BLANK = {"kv": 1.0, "kp": 1.0, "tn": 1.0}
 
 
@@ -33,7 +34,7 @@ def same(one, other, rel=1e-6):
         {"filters": (LowPass(omega=HZ * 600.0), Notch(omega=HZ * 150.0, width=30.0 / 150.0, depth=0.0))},
         {"position_unit": "mm"},
         {"kp_unit": "A/rpm", "kp": 0.2, "position_unit": "rad", "unit_factor": 1.0},
-        {"velocity_from": "observer", "observer_frequency": 400.0},
+        {"observer_frequency": 400.0},
         {"encoder": "both", "load_unit": "um", "load_factor": 1e-6, "velocity_lag": 1e-3},
         {"tn": 1e4},
         {"kv": 300.0, "tn": 1e-3},
@@ -131,6 +132,6 @@ def test_what_is_no_cascade_is_refused(K, message):
 
 
 def test_the_misfit_is_a_number():
-    like = replace(BASE, velocity_from="observer", observer_frequency=400.0)
+    like = replace(BASE, observer_frequency=400.0)
     with pytest.raises(ValueError, match=r"nearest such cascade misses by \d\.\d+ of its size"):
         gains(cascade(replace(like, filters=(LowPass(omega=HZ * 300.0),))), like=like)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust.drive import DriveSettings
+from nlfrf.axis import Drive
 from robust.drive.check import simulate_drive
 from robust.drive.friction import DriveFriction
 from robust.drive.simulation import (
@@ -23,7 +23,7 @@ from robust.friction.force import FrictionForce
 from robust.friction.in_motion import SlidingFit
 
 #: A kilogram with 1 N of Coulomb friction, and gains that hunt where stiction is twice that.
-SETTINGS = DriveSettings(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)
+SETTINGS = Drive(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)
 
 
 def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=False):
@@ -128,10 +128,8 @@ def test_one_run_alone_is_no_hunting():
 
 
 def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
-    run = nlfrf.rig.run_servo
-    monkeypatch.setattr(
-        nlfrf.rig, "run_servo", lambda axis, **_: replace(run(axis, position=np.zeros(8)), diverged=True)
-    )
+    run = nlfrf.rig.run
+    monkeypatch.setattr(nlfrf.rig, "run", lambda axis, *_, **__: replace(run(axis, np.zeros(8)), diverged=True))
     found = simulate_rest(force(3.0), SETTINGS)
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
     margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)

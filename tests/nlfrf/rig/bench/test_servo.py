@@ -10,15 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from nlfrf import DataWarning, identify, multisine, servo_axis, simulate_loop
+from nlfrf import DataWarning, identify, multisine, servo_axis
+from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
-from nlfrf.rig import Rig, ServoAxis, ServoDrive, run_servo, simulate_servo
+from nlfrf.rig import Controller, Rig, ServoAxis, run, simulate_servo
 
 FS = 4000.0
 TS = 1 / FS
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
-DRIVE = ServoDrive(fs=FS, kv=40, kp=20, tn=0.03, lag=0.4e-3, velocity_feedforward=1.0)
-MASS = ServoAxis(motor_inertia=12.0, force_constant=50.0, drive=DRIVE)
+DRIVE = Drive(fs=FS, kv=40, kp=20, kp_unit="A/(m/s)", torque_constant=50.0, tn=0.03, lag=4e-4, velocity_feedforward=1.0)
+MASS = ServoAxis(motor_inertia=12.0, drive=DRIVE)
 TWO = replace(
     MASS, motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=90.0, motor_damping=20.0, load_damping=30.0
 )
@@ -34,14 +35,14 @@ def frictionless(axis):
 @pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 2.6])
 def test_a_free_mass_follows_the_parabola_of_its_delayed_force(delay):
     axis = replace(MASS, drive=replace(DRIVE, lag=0.0, delay_periods=delay))
-    trace = run_servo(axis, force=np.full(200, 6.0), closed=False)
+    trace = run(axis, {"torque": np.full(200, 6.0)})
     since = np.maximum(trace.t - delay * TS, 0.0)
     assert np.allclose(trace.x[0], 6.0 / 12.0 * since**2 / 2, rtol=1e-12, atol=1e-18)
     assert np.allclose(trace.v[0], 6.0 / 12.0 * since, rtol=1e-12, atol=1e-15)
 
 
 def test_the_lag_of_the_current_is_an_exponential():
-    trace = run_servo(MASS, force=np.full(100, 6.0), closed=False)
+    trace = run(MASS, {"torque": np.full(100, 6.0)})
     since = np.maximum(trace.t - TS, 0.0)
     settled = since - 0.4e-3 * (1 - np.exp(-since / 0.4e-3))
     assert np.allclose(trace.force, 6.0 * (1 - np.exp(-since / 0.4e-3)), atol=1e-12)
@@ -57,7 +58,7 @@ UNDAMPED = replace(
 def test_motor_and_load_swing_against_each_other_at_the_resonance():
     assert np.isclose(UNDAMPED.resonance, np.sqrt(1.3e6 * (1 / 7 + 1 / 15)) / 2 / np.pi)
     w = 2 * np.pi * UNDAMPED.resonance
-    trace = run_servo(UNDAMPED, force=np.zeros(400), closed=False, initial=[[0.0, 0.0], [1.0, -7 / 15]], oversampling=4)
+    trace = run(UNDAMPED, {"torque": np.zeros(400)}, initial=[[0.0, 0.0], [1.0, -7 / 15]], oversampling=4)
     assert np.allclose(trace.x, np.outer([1.0, -7 / 15], np.sin(w * trace.t) / w), atol=1e-5 / w)
 
 
@@ -66,14 +67,14 @@ def test_at_the_antiresonance_the_load_holds_the_motor_still():
     w = 2 * np.pi * UNDAMPED.antiresonance
     force = 10 * np.sin(w * (np.arange(400) + 0.5) * TS)  # held: half a period late
     begin = [[0.0, 0.0], [0.0, -10 / 1.3e6 * w]]
-    trace = run_servo(UNDAMPED, force=force, closed=False, initial=begin, oversampling=4)
+    trace = run(UNDAMPED, {"torque": force}, initial=begin, oversampling=4)
     assert np.allclose(trace.x[1], -10 / 1.3e6 * np.sin(w * trace.t), atol=1e-2 * 10 / 1.3e6)
     assert np.abs(trace.x[0]).max() < 1e-2 * np.abs(trace.x[1]).max()
 
 
 def test_the_spring_to_ground_holds_a_sprung_axis():
     axis = replace(TWO, spring=4e5)
-    trace = run_servo(axis, force=np.full(40000, 8.0), closed=False)
+    trace = run(axis, {"torque": np.full(40000, 8.0)})
     assert np.isclose(trace.x[1, -1], 8.0 / 4e5, rtol=1e-6)
     assert np.isclose(trace.x[0, -1] - trace.x[1, -1], 8.0 / 1.3e6, rtol=1e-6)
 
@@ -83,7 +84,7 @@ def test_break_away_is_where_the_force_passes_stiction():
         MASS, motor_friction=Coulomb(Fc=9.0, Fs=13.0, vs=0.01), drive=replace(DRIVE, lag=0.0, delay_periods=0.0)
     )
     force = np.linspace(0.0, 20.0, 2000)
-    trace = run_servo(axis, force=force, closed=False)
+    trace = run(axis, {"torque": force})
     moves = int(np.argmax(trace.x[0] > 0))
     assert force[moves - 2] <= 13.0 < force[moves]
     assert np.allclose(trace.friction[0, : moves - 1], force[: moves - 1])
@@ -93,14 +94,13 @@ def dragged(friction, v, damping=0.0, n=40000):
     """A load of 2 kg behind a spring of 5 kN/m whose other end moves at a constant velocity: a motor of 1e9 kg."""
     axis = ServoAxis(
         motor_inertia=1e9,
-        force_constant=1.0,
-        drive=ServoDrive(fs=FS, kv=0, kp=0),
+        drive=Drive(fs=FS, kv=0, kp=0, kp_unit="N/(m/s)"),
         load_inertia=2.0,
         load_friction=friction,
         load_damping=damping,
         stiffness=5000.0,
     )
-    return run_servo(axis, force=np.zeros(n), closed=False, initial=[[0.0, 0.0], [v, 0.0]], oversampling=2)
+    return run(axis, {"torque": np.zeros(n)}, initial=[[0.0, 0.0], [v, 0.0]], oversampling=2)
 
 
 @pytest.mark.parametrize("v", [0.002, 0.01, 0.03])
@@ -140,8 +140,8 @@ def test_what_the_motor_gives_is_held_or_lost(name):
     rng, n = np.random.default_rng(3), 4000
     strength = axis.motor_friction.strength.sum()
     force = 6 * strength * signal.lfilter(*signal.butter(2, 20, fs=FS), rng.standard_normal(n) * 6)
-    axis = replace(axis, drive=replace(axis.drive, lag=0.0, delay_periods=0.0, max_current=np.inf))
-    trace = run_servo(axis, force=force, closed=False, oversampling=8)
+    axis = replace(axis, drive=replace(axis.drive, lag=0.0, delay_periods=0.0, limit=np.inf))
+    trace = run(axis, {"torque": force}, oversampling=8)
     # the force is held over each period: its work is the force times the way
     given = np.sum(force[:-1] * np.diff(trace.x[0]))
     x, v = trace.x[:, -1], trace.v[:, -1]
@@ -168,7 +168,7 @@ def in_state_space(axis):
     return control.c2d(plant, TS) * control.tf([1], [1, 0], TS) ** int(axis.drive.delay_periods)
 
 
-@pytest.mark.parametrize("axis", [MASS, TWO, replace(TWO, encoder="load", drive=replace(DRIVE, kv=15, kp=6))])
+@pytest.mark.parametrize("axis", [MASS, TWO, replace(TWO, drive=replace(DRIVE, encoder="load", kv=15, kp=6))])
 @pytest.mark.parametrize("feedforward", [0.0, 1.0])
 def test_the_linear_axis_is_the_closed_loop_of_linear_theory(axis, feedforward):
     drive = replace(axis.drive, velocity_feedforward=feedforward)
@@ -176,7 +176,7 @@ def test_the_linear_axis_is_the_closed_loop_of_linear_theory(axis, feedforward):
     rng, n = np.random.default_rng(5), 1200
     r = np.where(np.arange(n) > 10, 1e-3, 0.0)
     speed, force = 1e-3 * rng.standard_normal(n), rng.standard_normal(n)
-    trace = run_servo(axis, position=r, velocity=speed, force=force, oversampling=8)
+    trace = run(axis, {"position": r, "velocity": speed, "force": force}, oversampling=8)
     P = in_state_space(axis)
     pi = drive.kp * (1 + TS / drive.tn * control.tf([1], [1, -1], TS))
     difference = control.tf([1, -1], [1, 0], TS) / TS
@@ -195,14 +195,14 @@ def test_filters_are_those_of_scipy():
     sections = np.vstack([notch, low])
     held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, filters=sections, tn=np.inf))
     speed = np.random.default_rng(1).standard_normal(400) * 1e-2
-    trace = run_servo(held, velocity=speed)
+    trace = run(held, {"velocity": speed})
     assert np.allclose(trace.current_set, signal.sosfilt(sections, DRIVE.kp * speed), atol=1e-14)
 
 
 def test_a_slower_position_loop_holds_the_velocity_set_point():
     held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, position_every=4, velocity_feedforward=0))
     r = np.random.default_rng(2).standard_normal(40)
-    trace = run_servo(held, position=r)
+    trace = run(held, r)
     assert np.allclose(trace.velocity_set, DRIVE.kv * np.repeat(r[::4], 4))
 
 
@@ -223,14 +223,14 @@ def test_one_mass_under_its_drive_is_the_rig_in_a_sampled_loop(law):
     r = 1e-3 * np.minimum(np.arange(n) / 500, 1.0)
     drive = replace(DRIVE, lag=0.0, kp=25)
     axis = replace(MASS, motor_friction=law, motor_damping=20.0, drive=drive, resolution=1e-6)
-    trace = run_servo(axis, position=r, oversampling=4)
+    trace = run(axis, r, oversampling=4)
     # u = kp (1 + Ts/Tn/(z-1)) (kv + (1 - 1/z)/Ts) (r - y)
     z = control.tf([1, 0], [1], TS)
     K = 50.0 * drive.kp * (1 + TS / drive.tn / (z - 1)) * (drive.kv + (1 - 1 / z) / TS)
     K = control.ss(control.minreal(K, verbose=False))
     K = SimpleNamespace(A=K.A, B=K.B, C=K.C, D=K.D, dt=TS)
     rig = Rig([[12.0]], [[0.0]], [law], [[20.0]])
-    response = simulate_loop(rig, K, r[None], fs=FS, delay=TS, resolution=1e-6)
+    response = run(rig, r[None], Controller(K, delay=TS, resolution=1e-6))
     assert np.abs(trace.position - response.y[0]).max() <= 2.1e-6  # one step of the encoder now and then
     assert np.abs(trace.x[0] - response.x[0]).max() < 2e-3 * np.abs(response.x).max()
 
@@ -240,7 +240,7 @@ def test_one_mass_under_its_drive_is_the_rig_in_a_sampled_loop(law):
 
 def test_the_drive_sees_whole_steps_of_the_encoder():
     axis = replace(servo_axis("belt"), resolution=1e-6)
-    trace = run_servo(axis, position=1e-3 * np.sin(np.arange(2000) / 300))
+    trace = run(axis, 1e-3 * np.sin(np.arange(2000) / 300))
     for seen, step in ((trace.position, 1e-6), (trace.velocity, 1e-6 * FS)):
         assert np.allclose(seen / step, np.round(seen / step), atol=1e-6)
     assert 0 < np.abs(trace.position - trace.x[0]).max() <= 0.5e-6 * (1 + 1e-9)
@@ -248,9 +248,9 @@ def test_the_drive_sees_whole_steps_of_the_encoder():
 
 def test_the_current_keeps_its_limit_and_the_integrator_does_not_wind_up():
     """A held motor: 2 A of the proportional part and 4 A a second of the integral part reach 3 A after 1000 periods."""
-    held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, max_current=3.0))
+    held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, limit=3.0))
     speed = np.where(np.arange(8000) < 6000, 0.1, -0.1)
-    trace = run_servo(held, velocity=speed)
+    trace = run(held, {"velocity": speed})
     asked = 2.0 + 4.0 * trace.t
     assert np.allclose(trace.current_set[:6000], np.minimum(asked[:6000], 3.0), atol=2e-3)
     assert np.array_equal(np.flatnonzero(np.diff(trace.limited)), [999, 5999])
@@ -265,8 +265,8 @@ def test_a_finer_step_changes_less_and_less():
     axis = frictionless(servo_axis("ball screw"))
     r = 1e-3 * np.minimum(np.arange(1200) / 400, 1.0)
     axis = replace(axis, resolution=0.0, drive=replace(axis.drive, lag=0.0))
-    exact = run_servo(axis, position=r, oversampling=64).x
-    errors = [np.abs(run_servo(axis, position=r, oversampling=n).x - exact).max() for n in (1, 2, 4, 8)]
+    exact = run(axis, r, oversampling=64).x
+    errors = [np.abs(run(axis, r, oversampling=n).x - exact).max() for n in (1, 2, 4, 8)]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(orders > 3.7), orders
 
@@ -275,7 +275,7 @@ def test_a_finer_step_changes_less_and_less():
 def test_the_step_of_a_preset_is_fine_enough(name):
     axis = replace(servo_axis(name), resolution=0.0)
     r = (1e-3 if axis.motion == "linear" else 2e-2) * np.sin(2 * np.pi * np.arange(4000) / 2000)
-    coarse, fine = (run_servo(axis, position=r, oversampling=n) for n in (1, 16))
+    coarse, fine = (run(axis, r, oversampling=n) for n in (1, 16))
     assert np.abs(coarse.x - fine.x).max() < 2e-3 * np.abs(fine.x).max()
 
 
@@ -285,12 +285,15 @@ def test_the_step_of_a_preset_is_fine_enough(name):
 def some_axis(rng):
     law = [None, *LAWS]
     two = rng.random() < 0.7
-    drive = ServoDrive(
+    drive = Drive(
+        kp_unit="A/(m/s)",
+        torque_constant=10 ** rng.uniform(0, 2),
+        encoder=str(rng.choice(["motor", "load"])) if two else "motor",
         fs=10 ** rng.uniform(3, 4),
         kv=10 ** rng.uniform(0, 3),
         kp=10 ** rng.uniform(-1, 3),
         tn=rng.choice([np.inf, 10 ** rng.uniform(-3, 0)]),
-        max_current=rng.choice([np.inf, 10 ** rng.uniform(-1, 2)]),
+        limit=rng.choice([np.inf, 10 ** rng.uniform(-1, 2)]),
         lag=rng.choice([0.0, 10 ** rng.uniform(-4, -2)]),
         delay_periods=rng.choice([0.0, 1.0, rng.uniform(0, 3)]),
         velocity_lag=rng.choice([0.0, 1e-3]),
@@ -301,11 +304,9 @@ def some_axis(rng):
         "load_friction": law[rng.integers(6)],
         "stiffness": 10 ** rng.uniform(3, 7),
         "damping": 10 ** rng.uniform(-1, 3),
-        "encoder": str(rng.choice(["motor", "load"])),
     }
     return ServoAxis(
         motor_inertia=10 ** rng.uniform(-1, 2),
-        force_constant=10 ** rng.uniform(0, 2),
         motor_friction=law[rng.integers(6)],
         drive=drive,
         spring=rng.choice([0.0, 1e4]),
@@ -320,11 +321,11 @@ def test_a_random_axis_gives_numbers_or_says_that_it_ran_away(seed):
     rng = np.random.default_rng(seed)
     axis = some_axis(rng)
     r = 10 ** rng.uniform(-5, -1) * rng.standard_normal(300).cumsum()
-    trace = run_servo(axis, position=r)
+    trace = run(axis, r)
     for name in ("position", "velocity", "current_set", "current", "x", "v", "friction"):
         assert np.isfinite(getattr(trace, name)).all()
     assert trace.diverged == (trace.t.size < 300)
-    assert np.abs(trace.current_set).max(initial=0.0) <= axis.drive.max_current
+    assert np.abs(trace.current_set).max(initial=0.0) <= axis.drive.limit
 
 
 @settings(max_examples=60, deadline=None)
@@ -334,7 +335,7 @@ def test_a_random_axis_left_alone_gains_no_energy(seed):
     axis = some_axis(rng)
     axis = replace(axis, drive=replace(axis.drive, fs=8000.0, lag=0.0))
     force = np.where(np.arange(800) < 200, 30 * rng.standard_normal(800), 0.0)
-    trace = run_servo(axis, force=force, closed=False, oversampling=16)
+    trace = run(axis, {"torque": force}, oversampling=16)
     rig, alone = axis.rig, slice(204, None)
     energy = np.einsum("in,ij,jn->n", trace.v, rig.mass, trace.v) / 2
     energy += np.einsum("in,ij,jn->n", trace.x, rig.stiffness, trace.x) / 2
@@ -397,7 +398,7 @@ def test_what_makes_another_record_than_was_asked_for_is_said():
     ms = multisine(fs=FS, n_samples=1000, f_min=8, f_max=200, rms=30.0, rng=1)
     with pytest.warns(DataWarning, match="turned back in .* % of the samples.*Raise base_velocity above 0.001"):
         simulate_servo(axis, ms, base_velocity=0.001)
-    weak = replace(axis, drive=replace(axis.drive, max_current=0.5))
+    weak = replace(axis, drive=replace(axis.drive, limit=0.5))
     with pytest.warns(DataWarning) as said:
         simulate_servo(weak, ms, n_discard=8)
     assert any("the current was at its limit of 0.5 A in" in str(one.message) for one in said)
@@ -411,7 +412,7 @@ def test_a_preset_comes_to_its_set_point(name):
     axis = servo_axis(name)
     way = 1e-2 if axis.motion == "linear" else 0.1
     r = way * np.minimum(np.arange(8000) / 2000, 1.0)
-    trace = run_servo(axis, position=r)
+    trace = run(axis, r)
     assert not trace.limited.any()
     assert np.abs(trace.position[-1] - way) < 3e-3 * way
     assert np.abs(trace.velocity[-400:]).mean() < 1e-3 * way
@@ -426,8 +427,14 @@ def test_a_preset_comes_to_its_set_point(name):
         ({"motor_inertia": 0.0}, "motor_inertia must be positive"),
         ({"load_inertia": 3.0}, "stiffness must be positive where there is a load_inertia, got 0"),
         ({"load_damping": 3.0}, "load_inertia must be positive where load_damping is given, got 0"),
-        ({"encoder": "load"}, 'encoder must be "motor" where there is no load_inertia, got "load"'),
+        (
+            {"drive": replace(DRIVE, encoder="load")},
+            'encoder must be "motor" where there is no load_inertia, got "load"',
+        ),
         ({"motion": "circular"}, "motion must be"),
+        ({"motion": "rotary"}, "must be A or N for a velocity loop in"),
+        ({"drive": replace(DRIVE, torque_constant=np.nan)}, r"torque_constant must be given \[N/A\]"),
+        ({"drive": replace(DRIVE, encoder="both")}, "drive must read one encoder"),
         ({"drive": None}, "drive must be"),
         ({"motor_friction": 3.0}, "friction must be one of the laws"),
     ],
@@ -444,7 +451,7 @@ def test_a_machine_that_is_none_is_refused(fields, message):
         ({"tn": 0.0}, "tn must be positive"),
         ({"velocity_feedforward": 1.5}, "velocity_feedforward must lie between 0 and 1, got 1.5"),
         ({"position_every": 0}, "position_every must be"),
-        ({"filters": np.ones((2, 5))}, r"filters must be second-order sections .*got shape \(2, 5\)"),
+        ({"filters": np.ones((2, 5))}, r"filters must be elements or second-order sections .*got shape \(2, 5\)"),
     ],
 )
 def test_a_drive_that_is_none_is_refused(fields, message):
@@ -456,11 +463,13 @@ def test_signals_that_make_no_run_are_refused():
     ms = multisine(fs=1000, n_samples=1000, f_min=8, f_max=200, rng=1)
     own = replace(ms, fs=FS)
     with pytest.raises(ValueError, match="position, velocity or force must be given, with at least one sample"):
-        run_servo(MASS)
-    with pytest.raises(ValueError, match="must be left out of an open loop, got a set point: give force"):
-        run_servo(MASS, position=np.zeros(5), closed=False)
-    with pytest.raises(ValueError, match="velocity must have one value for each of the 5 samples"):
-        run_servo(MASS, position=np.zeros(5), velocity=np.zeros(4))
+        run(MASS, {})
+    with pytest.raises(ValueError, match="signal must have no entry 'position'"):
+        run(MASS, {"torque": np.zeros(5), "position": np.zeros(5)})
+    with pytest.raises(ValueError, match="fs must be left out for a servo axis, got 4000"):
+        run(MASS, np.zeros(5), fs=4000)
+    with pytest.raises(ValueError, match="position must have one value for each of the 4 samples"):
+        run(MASS, {"position": np.zeros(5), "velocity": np.zeros(4)})
     with pytest.raises(ValueError, match="ms must be sampled as the drive is, at 4000 Hz, got 1000 Hz"):
         simulate_servo(MASS, ms)
     with pytest.raises(ValueError, match='port must be "force" and base_velocity 0 in an open loop'):
