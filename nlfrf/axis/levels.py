@@ -51,6 +51,7 @@ class FrictionRegime(Enum):
     SLIDES = "slides"
     TOO_SMALL = "too small: encoder steps"
     LIMITED = "at the limit of the force"
+    OPEN = "left open"
 
 
 @value
@@ -173,7 +174,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     read = [read_level(one) for one in records]
     stiffness = np.array([one.stiffness for one in read])
     position = np.array([one.position for one in read])
-    states, reason = judge_levels(read, (records[0].u_unit or experiment.force_unit, experiment.position_unit))
+    units = (records[0].u_unit or experiment.force_unit, experiment.position_unit)
+    states, reason = judge_levels(read, units, experiment.gains)
     chosen = [] if reason else choose_levels(states, stiffness)
     shape = experiment.force_amplitude / np.sqrt(np.sum(experiment.force_amplitude**2) / 2)
     set_point = np.array([level_of_spectrum(record, shape) for record in records])
@@ -191,14 +193,23 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
 
 
 class Level(NamedTuple):
-    """What is read of one level: rms of force and position, stiffness, its share of the force on the lowest lines."""
+    """What is read of one level.
+
+    Rms of force and position, stiffness, its share of the force on the lowest lines, rms of the position in steps of
+    the encoder, and whether the force is at a limit.
+    """
 
     force: float
     position: float
     stiffness: float
     stiffness_share: float
-    readable: bool
+    steps: float
     limited: bool
+
+    @property
+    def readable(self) -> bool:
+        """Whether the encoder resolves the motion, and the force is what was asked for."""
+        return not self.limited and self.steps > STEPS
 
 
 def read_level(record: Record) -> Level:
@@ -214,14 +225,19 @@ def read_level(record: Record) -> Level:
     steps = np.abs(np.diff(record.y.ravel()))
     steps = steps[steps > 1e-9 * np.ptp(record.y)]
     limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
-    readable = not limited and position > STEPS * steps.min()
     share = float(found[0] * np.linalg.norm(Y[low]) / np.linalg.norm(U[low]))
-    return Level(force, position, float(found[0]), share, readable, limited)
+    return Level(force, position, float(found[0]), share, position / float(steps.min()), limited)
 
 
-def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[FrictionRegime], str]:
-    """Return the state of each level, and why no three of them can be taken."""
-    states = [FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL for one in read]
+def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
+    """Return the state of each level, and why no three of them can be taken.
+
+    gains : (S,) set point of each level; the lowest have no record where nothing moved.
+    """
+    states = [
+        FrictionRegime.OPEN if one.readable else FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL
+        for one in read
+    ]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
     if len(good) < 4:
@@ -232,10 +248,23 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
         )
     names = ("stiffness", "position", "stiffness_share")
     k, position, stiffness_share = (np.array([getattr(read[i], name) for i in good]) for name in names)
+    steps = np.zeros(gains.size)
+    steps[gains.size - len(read) :] = [one.steps for one in read]
+    below = np.arange(gains.size) < gains.size - len(read) + good[0]
+    # nothing but friction holds an axis that moves less than its share of the motion at the highest level
+    held = int(np.count_nonzero(below & (2 * STEPS * gains[-1] < read[-1].steps * gains) & (steps < STEPS)))
+    lowest, lower, cure = f"{read[good[0]].force:.3g} {force} rms", read[good[0]].steps / PLATEAU_SPAN, "raise --span"
+    unseen = (
+        f"at {held} of {gains.size} levels friction holds the axis within {STEPS:g} steps of the encoder, and from "
+        f"{lowest} on it lets go"
+    )
+    finer = "A lower level shows no more, a finer encoder does; the force of the friction is read without it"
     if not np.any(stiffness_share > MIN_STIFFNESS_SHARE):
         return states, (
-            f"friction holds the axis at no level, from {read[good[0]].force:.3g} {force} rms on: the force goes into "
-            "its mass. Begin the ramp lower: raise span"
+            f"{unseen}. {finer}"
+            if held
+            else f"friction holds the axis at no level, from {lowest} on: the force goes into its mass. Begin the ramp "
+            f"lower: {cure}"
         )
     stiffest = int(np.argmax(k))
     if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
@@ -249,7 +278,14 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
             states[i] = FrictionRegime.BENDS
         return states, (
             f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
-            f"{k[1]:.3g} {unit} on the lowest. Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
+            f"{k[1]:.3g} {unit} on the lowest"
+            + (
+                f": {unseen}. {finer}"
+                if held
+                else f". {finer}"
+                if below.any() or lower < STEPS
+                else f". Begin below {lowest}: {cure}"
+            )
         )
     good, k = good[first:], k[first:]  # what is below the plateau is quantisation
     k0, k_end = float(np.median(k[: last - first])), float(k[-1])
