@@ -52,8 +52,10 @@ def main() -> None:
             content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources())
             K = shaped_controller(state, 1.0 if begin is None else begin, dt)
             report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
-            curves = assemble_loop(model, K, w_P=w_P, delay=delay).curves(report.omega)
-            found = page.run(f"asked({json.dumps(content)}, {json.dumps(state)}, {json.dumps(report.omega.tolist())})")
+            curves = assemble_loop(model, K, w_P=w_P, delay=delay).curves(report.curves.omega)
+            found = page.run(
+                f"asked({json.dumps(content)}, {json.dumps(state)}, {json.dumps(report.curves.omega.tolist())})"
+            )
             safe = curves.rs < 1 - 1e-9
             for name, wanted in (("S", abs(curves.S)), ("T", abs(1 - curves.S)), ("rs", curves.rs), ("rp", curves.rp)):
                 keep = safe if name == "rp" else np.ones(safe.size, bool)

@@ -71,7 +71,7 @@ def main(presets: tuple[str, ...] = tuple(PRESETS), ramps: tuple[tuple[str, int]
     for name in presets:
         axis = nlfrf.servo_axis(name)
         free = replace(axis, motor_friction=None, load_friction=None)
-        most = 0.5 * axis.drive.max_current * axis.force_constant
+        most = 0.5 * axis.drive.limit * axis.force_constant
         limits = AxisLimits(force=most, velocity=0.3) if axis.motion == "linear" else AxisLimits(force=most, velocity=1)
         for port, f_max in ramps:
             ramp = design_ramp(free, n_samples=N, f_min=2, f_max=f_max, limits=limits, port=port, rng=1)

@@ -71,7 +71,7 @@ def seconds_of_checks():
             del runs["sampled"], runs["sampled, and performance"]
         for name, milliseconds in in_turn(runs, 3).items():
             report = runs[name]()
-            how = ", ".join(c.method or c.reason for c in report.certificates)
+            how = ", ".join(c.method or c.reason for c in report.proofs.certificates)
             print(f"  {n} states, {name}: {1e3 * milliseconds:.1f} ms ({report.verdict}: {how})", flush=True)
 
 
@@ -98,7 +98,7 @@ def attack(n_loops, seed=0):
             count["at 0.99"] += 1
             count["called robust at 0.99"] += report.verdict == "robust"
             if report.verdict == "robust":
-                methods[report.certificates[0].method] += 1
+                methods[report.proofs.certificates[0].method] += 1
             else:
                 print(f"  not robust at 0.99: {case['kind']}, {case['form']}: {report.reason}")
     print(f"{n_loops} random loops: {dict(count)}")

@@ -17,8 +17,9 @@ from benchmarks.bench_axes import some_law
 from benchmarks.machine import main as machine
 from benchmarks.timing import in_turn
 from nlfrf import paper_rig, servo_axis, simulate_loop
+from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb
-from nlfrf.rig import ServoAxis, ServoDrive, run_servo
+from nlfrf.rig import ServoAxis, run_servo
 from robust.shaping import pid
 
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
@@ -45,12 +46,14 @@ def costs():
 
 def some_axis(rng):
     """One or two masses with any friction under any drive, most of them badly set."""
-    drive = ServoDrive(
+    drive = Drive(
         fs=4000.0,
+        kp_unit="A/(m/s)",
+        torque_constant=10 ** rng.uniform(0, 2),
         kv=10 ** rng.uniform(0, 3),
         kp=10 ** rng.uniform(-1, 2),
         tn=10 ** rng.uniform(-2.5, 0),
-        max_current=10 ** rng.uniform(0, 2),
+        limit=10 ** rng.uniform(0, 2),
         lag=10 ** rng.uniform(-4, -3),
         velocity_feedforward=1.0,
     )
@@ -59,15 +62,15 @@ def some_axis(rng):
         "load_friction": some_law(rng),
         "stiffness": 10 ** rng.uniform(4, 6.5),
         "damping": 10 ** rng.uniform(0, 2),
-        "encoder": str(rng.choice(["motor", "load"])),
     }
+    two = rng.random() < 0.7
+    drive = replace(drive, encoder=str(rng.choice(["motor", "load"])) if two else "motor")
     return ServoAxis(
         motor_inertia=10 ** rng.uniform(-0.5, 1.5),
-        force_constant=10 ** rng.uniform(0, 2),
         motor_friction=some_law(rng),
         drive=drive,
         resolution=1e-6,
-        **(load if rng.random() < 0.7 else {}),
+        **(load if two else {}),
     )
 
 
@@ -77,7 +80,7 @@ def attack(seed):
     axis = some_axis(rng)
     trace = run_servo(axis, position=1e-4 * rng.standard_normal(800).cumsum())
     finite = all(np.isfinite(getattr(trace, name)).all() for name in ("x", "v", "friction", "current", "position"))
-    free = replace(axis, drive=replace(axis.drive, lag=0.0, max_current=np.inf))
+    free = replace(axis, drive=replace(axis.drive, lag=0.0, limit=np.inf))
     force = np.where(np.arange(1200) < 300, 30 * rng.standard_normal(1200), 0.0)
     alone = run_servo(free, force=force, closed=False, oversampling=8)
     rig = axis.rig

@@ -76,7 +76,6 @@ def write_files(axis: Any, folder: Path) -> None:
     (folder / "axis.toml").write_text(
         f"""motion = "linear"
 motor_inertia = {axis.mass!r}
-force_constant = {axis.force_constant!r}
 motor_damping = 0.0
 resolution = {axis.resolution!r}
 {load}[drive]
@@ -86,7 +85,8 @@ kp = {axis.kp!r}
 tn = {axis.tn!r}
 lag = {axis.lag!r}
 delay_periods = {float(axis.delay_periods)!r}
-max_current = {axis.max_current!r}
+torque_constant = {axis.force_constant!r}
+limit = {axis.max_current!r}
 velocity_feedforward = {axis.feedforward!r}
 """
     )
@@ -169,13 +169,13 @@ def truth(rig: ModuleType, axis: Any, folder: Path) -> tuple[float, float]:
 
 def bound_of_truth(axis: Any) -> float:
     """T4 with the true numbers [m]: the peak gain of the linear loop times the largest friction force."""
+    from nlfrf.axis import Drive
     from robust import friction_plant, prove_friction
-    from robust.drive import DriveSettings
     from robust.drive.friction import friction_behind_lag
     from robust.drive.p_pi import cascade
     from robust.friction import any_bounded
 
-    settings = DriveSettings(
+    settings = Drive(
         fs=axis.fs,
         kv=axis.kv,
         kp=axis.kp,

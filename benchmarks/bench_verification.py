@@ -73,7 +73,7 @@ def certificates(n_loops, seed=0):
         w_P = demanding(rng, case) if case["target"] < 1 and rng.random() < 0.5 else None
         perturbation = str(rng.choice(["LTI", "statistical", "operator"]))
         report = check(model_of(case, case["w"], perturbation), case["K"], delay=case["delay"], w_P=w_P)
-        for certificate in report.certificates:
+        for certificate in report.proofs.certificates:
             count["asked"] += 1
             if certificate.holds:
                 begin = time.process_time()

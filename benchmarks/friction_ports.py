@@ -22,8 +22,9 @@ import numpy as np
 
 import nlfrf
 import robust
+from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders
-from robust.drive import DriveSettings, cascade
+from robust.drive import cascade
 from robust.drive.friction import friction_behind_lag
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.plant import FrictionPlant, friction_loop, two_mass_plant
@@ -40,7 +41,7 @@ class PortCase:
 
     machine: FrictionPlant
     axis: nlfrf.rig.ServoAxis
-    settings: DriveSettings
+    settings: Drive
     friction: tuple[AnyFriction, ...]
     Fs: tuple[float, float]
 
@@ -65,21 +66,11 @@ def draw_case(number: int, seed: int = 0) -> PortCase:
     K0 = held * 10 ** rng.uniform(-0.5, 1.5, 2)
     stiction = np.array([1.0, 1.05, 1.2, 1.5])[rng.integers(0, 4, 2)]
     Fs = tuple(map(float, 10 ** rng.uniform(0, 1, 2)))
-    drive = nlfrf.rig.ServoDrive(
-        fs=fs, kv=kv, kp=kp, tn=tn, lag=lag, delay_periods=delay_periods, velocity_feedforward=1.0
-    )
-    axis = nlfrf.rig.ServoAxis(
-        motor_inertia=motor,
-        force_constant=1.0,
-        drive=drive,
-        load_inertia=load,
-        stiffness=k,
-        damping=c,
-        encoder=encoder,
-    )
-    settings = DriveSettings(
+    settings = Drive(
         fs=fs, kv=kv, kp=kp, kp_unit="N/(m/s)", tn=tn, lag=lag, delay_periods=delay_periods, encoder=encoder
     )
+    drive = replace(settings, velocity_feedforward=1.0)
+    axis = nlfrf.rig.ServoAxis(motor_inertia=motor, drive=drive, load_inertia=load, stiffness=k, damping=c)
     machine = friction_behind_lag(two_mass_plant(motor, load, k, c, encoder=encoder), lag)
     friction = tuple(any_maxwell_slip(*pair) for pair in zip(K0, stiction, strict=True))
     return PortCase(machine=machine, axis=axis, settings=settings, friction=friction, Fs=(Fs[0], Fs[1]))

@@ -53,12 +53,12 @@ def near_one(rng, kind, of):
         performance, w_P = rng.random() < 0.5, zpk(roots(rng, 1), roots(rng, 1), 1.0)
         try:
             bare = check(model(w * 1e-3), case["K"], delay=delay, certify=False)
-            if not bare.nominally_stable or not 1e-6 < bare.margin_rs < 1e6:
+            if not bare.nominally_stable or not 1e-6 < bare.margins.rs < 1e6:
                 continue
-            there = model(w * (1e-3 * bare.margin_rs * rs))
+            there = model(w * (1e-3 * bare.margins.rs * rs))
             more = {"delay": delay}
             if performance and rs < 1:
-                top = check(there, case["K"], delay=delay, w_P=w_P * 1e-9, certify=False).rp.max() * 1e9
+                top = check(there, case["K"], delay=delay, w_P=w_P * 1e-9, certify=False).curves.rp.max() * 1e9
                 more["w_P"] = w_P * (rp / top)
         except ValueError:  # a weight that reaches one in a coprime form holds every plant
             continue
@@ -83,9 +83,11 @@ def run(n):
                 "rs": rs,
                 "rp": rp,
                 "verdict": str(report.verdict),
-                "certificates": [f"{c.subject}: {c.outcome}, {c.method or c.reason}" for c in report.certificates],
-                "outcomes": [str(c.outcome) for c in report.certificates],
-                "margin": report.margin_rs,
+                "certificates": [
+                    f"{c.subject}: {c.outcome}, {c.method or c.reason}" for c in report.proofs.certificates
+                ],
+                "outcomes": [str(c.outcome) for c in report.proofs.certificates],
+                "margin": report.margins.rs,
                 "seconds": seconds,
             }
         cell = [found[f"{kind} {of} {k}"] for k in range(n)]

@@ -25,7 +25,7 @@ REPORTED = {
     "robust.RobustnessReport": "RobustnessReport",
     "robust.UncertaintyModel": "UncertaintyModel",
     "nlfrf.Bla": "Bla",
-    "robust.drive.DriveSettings": "DriveSettings",
+    "nlfrf.axis.Drive": "Drive",
 }
 BRANCHES = (ast.If, ast.For, ast.While, ast.ExceptHandler, ast.IfExp, ast.Assert, ast.comprehension, ast.match_case)
 

@@ -42,7 +42,7 @@ def judged(case):
     found = []
     # an inverse form under a sampled controller is judged exactly, and proved by a condition that is sufficient
     sufficient = case["kind"] == "sampled" and case["form"].startswith("inverse")
-    if report.verdict == "not certified" and not report.margin_rs <= 1:
+    if report.verdict == "not certified" and not report.margins.rs <= 1:
         found.append("inverse form left open" if sufficient else "undecided")
     if case["unstable"]:
         found += ["unstable"] + ["called stable"] * report.nominally_stable

@@ -149,7 +149,7 @@ def trial(seed, n_tries):
     at = worst.Delta(np.exp(1j * worst.omega * dt) if dt else 1j * worst.omega, squeeze=False)
     W = worst.Delta
     own = tuple(part[None] for part in (W.A, W.B, W.C, W.D))
-    size = 0.99 * report.margin_rs
+    size = 0.99 * report.margins.rs
     some = near(rng, at, worst.omega, dt, model.form != "elements", n_tries)
     n_broken = int(broken(N, own, size).sum() + broken(N, some, size).sum())
     return report, worst, n_broken, bool(broken(N, own, 1.01 * worst.size)[0])
@@ -163,8 +163,8 @@ def main(n_loops=500, n_tries=1000):
         verdicts[report.verdict] = verdicts.get(report.verdict, 0) + 1
         if n_broken or (report.verdict == "robust" and worst.size <= 0.99):
             wrong += 1
-            print(f"seed {seed}: {report.verdict}, margin {report.margin_rs:.4f}, {n_broken} break the loop at 0.99")
-        (gaps if worst.model.form == "elements" else apart).append(abs(worst.size / report.margin_rs - 1))
+            print(f"seed {seed}: {report.verdict}, margin {report.margins.rs:.4f}, {n_broken} break the loop at 0.99")
+        (gaps if worst.model.form == "elements" else apart).append(abs(worst.size / report.margins.rs - 1))
         if not breaks:
             missed += 1
             print(f"seed {seed}: {worst.model.form}, the loop is stable with 1.01 times the breaking perturbation")

@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 import nlfrf
 import robust
 from docs.gallery import outputs
-from nlfrf.axis import AxisLimits, design_experiment, design_ramp, play_experiment
+from nlfrf.axis import AxisLimits, Drive, design_experiment, design_ramp, play_experiment
 from nlfrf.plot import plot_bla, plot_blas
-from robust.drive import DriveSettings
 from robust.drive.check import check_drive, read_experiments
 from robust.drive.friction import force_over_position
 from robust.plot import plot_friction_force, plot_nyquist
@@ -49,7 +48,7 @@ def draw_servo_axis() -> None:
     limits, band = AxisLimits(force=400, travel=0.5), {"n_samples": 4000, "f_min": 9, "rng": 1}
     ramp = design_ramp(axis, f_max=100, rms=60, n_levels=16, limits=limits, **band)
     moving = design_experiment(axis, f_max=400, base_velocity=0.1, strokes=1, limits=limits, **band)
-    gains = DriveSettings(
+    gains = Drive(
         fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8, lag=0.3e-3, delay_periods=1
     )
     with TemporaryDirectory() as name:

@@ -55,11 +55,11 @@ for name, model in models.items():
     accepted = None
     for crossover in CROSSOVERS:
         K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
-        if not robust.check(model, K, certify=False).margin_rs > 1:
+        if not robust.check(model, K, certify=False).margins.rs > 1:
             break
         accepted = crossover, K
     if accepted is None:
-        low = np.abs(robust.check(model, 0.0, certify=False).radius[0])
+        low = np.abs(robust.check(model, 0.0, certify=False).curves.radius[0])
         print(f"{name}: no integrating loop at all; at low frequency the weight is {low:.2f}. Schedule the controller.")
     else:
         report = robust.check(model, accepted[1])

@@ -50,7 +50,7 @@ steps = {
     * stiffness,
     "roll-off above": robust.shaping.pid(0.0, hz * 8)
     * robust.shaping.notch(hz * 50, depth=0.15, width=1.0)
-    * robust.shaping.roll_off(hz * 150)
+    * robust.shaping.low_pass(hz * 150, order=1)
     * stiffness,
 }
 figure, axes = plt.subplots(2, 3, figsize=(20, 9.5), layout="constrained")
@@ -59,7 +59,7 @@ print(f"\n{'added':28s} {'on the nominal':>14s} {'max rs':>8s} {'max rp':>8s} {'
 for ax, (what, K) in zip([*axes.flat[1:5]], steps.items(), strict=True):
     report = picture.update(K).report
     stable = "stable" if report.nominally_stable else "unstable"
-    rs, rp = (np.max(curve) if report.nominally_stable else np.nan for curve in (report.rs, report.rp))
+    rs, rp = (np.max(curve) if report.nominally_stable else np.nan for curve in (report.curves.rs, report.curves.rp))
     print(f"{what:28s} {stable:>14s} {rs:8.2f} {rp:8.2f} {picture.violations.sum():22d}")
     plot_loop_bounds(model, w_P, K, ax=ax)
     ax.set_title(f"{what}: {ax.get_title()}", fontsize="medium")
@@ -70,7 +70,7 @@ for ax, (what, K) in zip([*axes.flat[1:5]], steps.items(), strict=True):
 # What runs is sampled: each element takes dt, exact at its own frequency; hold and computation go into the check.
 dt = 1e-3
 K = robust.shaping.pid(0.0, hz * 8, dt=dt) * robust.shaping.notch(hz * 50, depth=0.15, width=1.0, dt=dt)
-K = K * robust.shaping.roll_off(hz * 150, dt=dt) * stiffness
+K = K * robust.shaping.low_pass(hz * 150, order=1, dt=dt) * stiffness
 report = robust.check(model, K, w_P=w_P, delay=5e-4)
 print(f"\n{report.summary}")
 plot_check(report, ax=axes[1, 2])

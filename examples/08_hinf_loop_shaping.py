@@ -36,7 +36,7 @@ designs = {}
 for crossover in (5.0, 10.0, 20.0, 40.0):
     W1 = robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)
     design = robust.ncfsyn(plant, W1)
-    rs = robust.check(model, design.K, delay=delay, certify=False).rs.max()
+    rs = robust.check(model, design.K, delay=delay, certify=False).curves.rs.max()
     print(f"{crossover:6.0f} Hz {design.gamma_min:11.2f} {1 / design.gamma:8.2f} {rs:8.2f}")
     designs[crossover] = design
 

@@ -45,7 +45,7 @@ for name, K in (("shaped", K_shaped), ("integrator", integrator), ("twice the in
 
 # %%
 # The certificate is more than a curve on a grid: it is judged by its own numbers at all frequencies.
-for certificate in reports["shaped"].certificates:
+for certificate in reports["shaped"].proofs.certificates:
     print(f"{certificate.subject}: {certificate.holds}, {certificate.method}, {len(certificate.intervals)} intervals")
 
 # %%

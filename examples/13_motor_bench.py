@@ -73,8 +73,8 @@ accepted = None
 for crossover in (10.0, 20.0, 30.0, 40.0):
     design = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover))
     seen = robust.check(model, design.K, delay=dt, certify=False)  # a look at a grid; the proof comes for the last one
-    print(f"crossover {crossover:3.0f} Hz: gamma {design.gamma:.2f}, max rs {seen.rs.max():.2f}")
-    if not seen.rs.max() < 0.7:
+    print(f"crossover {crossover:3.0f} Hz: gamma {design.gamma:.2f}, max rs {seen.curves.rs.max():.2f}")
+    if not seen.curves.rs.max() < 0.7:
         break
     accepted = design.K
 assert accepted is not None, "no controller was accepted"

@@ -40,7 +40,7 @@ OUTCOMES = {"settled": "#009E73", "stable": "#0072B2", "limit cycle": "#D55E00",
 def verdicts(model, K):
     """What check and proof say of a controller: in words, max rs, and the kick of a sure run-away [m/s]."""
     report, proof = robust.check(model, K), robust.prove_friction(MACHINE, K, CLASS, Fs=1.0)
-    rs = np.nan_to_num(1 / report.margin_rs, nan=150).clip(0.3, 150)
+    rs = np.nan_to_num(1 / report.margins.rs, nan=150).clip(0.3, 150)
     return f"{report.verdict:22}{proof.verdict:10}", rs, proof.kick_sure
 
 

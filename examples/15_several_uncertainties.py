@@ -80,8 +80,8 @@ for crossover in (1.0, 2.0, 4.0):
     disc = robust.check(over_levels, K, certify=False)
     system = robust.models.interconnection([mass, sensor, minus_K], blocks)
     structured = robust.analysis.check_structure(system, certify=False)
-    print(f"{crossover:6.2f} Hz {disc.margin_rs:15.2f} {structured.margin_rs:32.2f}")
-    if structured.margin_rs > 1:
+    print(f"{crossover:6.2f} Hz {disc.margins.rs:15.2f} {structured.margins.rs:32.2f}")
+    if structured.margins.rs > 1:
         accepted = dict(crossover=crossover, disc=disc, system=system)
 report = robust.analysis.check_structure(accepted["system"])
 print(f"margins: the factor by which the whole set may grow.\n\nThe loop of {accepted['crossover']:g} Hz:\n{report}")
@@ -94,8 +94,10 @@ size = 20 * np.log10(np.abs(corners))
 left.fill_between(omega / 2 / np.pi, size.min(axis=0), size.max(axis=0), color="0.85", label="springs and dampers")
 left.set(xlabel="frequency [Hz]", ylabel="|x / F| [dB re 1 m/N]", title="One machine at three levels")
 disc = accepted["disc"]
-right.loglog(disc.omega / 2 / np.pi, disc.rs, "--", label="one disc over the levels: |w T|")
-right.loglog(report.omega[1:] / 2 / np.pi, report.mu[1:], label="spring, damper and a disc: mu, upper bound")
+right.loglog(disc.curves.omega / 2 / np.pi, disc.curves.rs, "--", label="one disc over the levels: |w T|")
+right.loglog(
+    report.curves.omega[1:] / 2 / np.pi, report.curves.rs[1:], label="spring, damper and a disc: mu, upper bound"
+)
 right.axhline(1, color="k", lw=0.8)
 right.set(xlim=(0.05, 500), ylim=(1e-3, 20), xlabel="frequency [Hz]", ylabel="below one: robustly stable [-]")
 right.set_title(f"The loop of {accepted['crossover']:g} Hz against both sets")

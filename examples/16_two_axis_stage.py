@@ -82,7 +82,7 @@ for j, i in np.ndindex(2, 2):
         axes[j, i].loglog(frm.f, np.abs(curve[j, i]), style, lw=1, ms=3, label=label)
     axes[j, i].set(title=f"{frm.outputs[j]} by {frm.inputs[i]}", xlabel="frequency [Hz]", ylabel="[m/N]")
 for (name, report), style in zip(reports.items(), ("-", "--"), strict=True):
-    axes[0, 2].loglog(report.omega[1:] / 2 / np.pi, report.mu[1:], style, label=name)
+    axes[0, 2].loglog(report.curves.omega[1:] / 2 / np.pi, report.curves.rs[1:], style, label=name)
 axes[0, 2].axhline(1, color="k", lw=0.8)
 axes[0, 2].set(title="mu: below one is robustly stable", xlabel="frequency [Hz]", ylabel="[-]")
 for (name, late), move in moves.items():

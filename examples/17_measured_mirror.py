@@ -25,7 +25,7 @@ import numpy as np
 import nlfrf
 import robust
 from nlfrf.plot import plot_frm_bounds, plot_singular_values
-from robust.plot import plot_bode, plot_check, plot_loop
+from robust.plot import plot_check, plot_loop, plot_set
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--data", type=Path, default=Path(os.environ.get("NLFRF_DATA", "data")))
@@ -97,6 +97,6 @@ plot_loop(robust.analysis.loop_gains(fit.G, loops["70 Hz"], omega=model.omega), 
 for ax, (name, report) in zip(axes[1], reports.items(), strict=True):
     plot_check(report, ax=ax).set_title(f"{name}: {report.verdict}")
 figure.savefig(out / "verdict.png", dpi=70)
-for name, made in (("mirror", plot_bode(model, first)), ("bounds", plot_frm_bounds(first))):
+for name, made in (("mirror", plot_set(model, first)), ("bounds", plot_frm_bounds(first))):
     made[0, 0].figure.savefig(out / f"{name}.png", dpi=80)
 print(f"wrote mirror.png, bounds.png and verdict.png in {out}")

@@ -71,7 +71,7 @@ print(f"into the drive: Kv = {K_x.kp:.4g} 1/s, Kp = {K_v.kp:.4g} Ns/m, Tn = {1e3
 K = design.controller("y", "u")
 for level, model in zip(levels, models, strict=True):
     report = robust.check(model, K, delay=delay)
-    print(f"{level:5g} N rms: {report.verdict}, the set may be {report.margin_rs:.3g} times as large")
+    print(f"{level:5g} N rms: {report.verdict}, the set may be {report.margins.rs:.3g} times as large")
 
 figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
 plot_limits(design, ax=ax)

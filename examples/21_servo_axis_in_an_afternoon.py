@@ -27,7 +27,7 @@ out.mkdir(parents=True, exist_ok=True)
 # What is known before: mass and force constant from the data sheet, and soft gains with which the axis stands still.
 machine = nlfrf.servo_axis("linear motor")
 machine = replace(machine, drive=replace(machine.drive, kv=20, kp=40, tn=0.05))
-rough = nlfrf.rig.ServoAxis(motor_inertia=12, force_constant=52.8, drive=machine.drive)
+rough = nlfrf.rig.ServoAxis(motor_inertia=12, drive=machine.drive)
 limits = AxisLimits(force=1000, velocity=0.5, travel=0.6)
 
 
@@ -59,9 +59,7 @@ for name, experiment in experiments.items():
 
 # %%
 # The gains that the autotuner of the drive proposes, on one page.
-proposed = drive.DriveSettings(
-    fs=4000, kv=250, kp=290, kp_unit="A/(m/s)", tn=0.004, torque_constant=52.8, lag=0.3e-3, delay_periods=1
-)
+proposed = replace(machine.drive, kv=250, kp=290, tn=0.004)
 traces = [out / f"{name}-trace.csv" for name in experiments]
 records, names, conditions = read_experiments(
     traces, list(experiments.values()), proposed, u="force set point", y="position"

@@ -91,7 +91,7 @@ for k, gain in enumerate(model.weight_gains(model.omega)):
     axes[1].loglog(model.omega, model.radius[k], ".", color=f"C{k}", ms=3)
 axes[1].set(title=f"weights of the {model.form} form", xlabel="frequency [rad/s]", ylabel="[-]")
 axes[1].legend()
-axes[2].semilogx(report.omega[1:], report.mu[1:], label="robust stability")
+axes[2].semilogx(report.curves.omega[1:], report.curves.rs[1:], label="robust stability")
 axes[2].semilogx(design.omega, design.curve, label="robust performance")
 axes[2].axhline(1, color="k", lw=0.8)
 axes[2].set(title="mu: below one for every plant of the set", xlabel="frequency [rad/s]", ylabel="[-]")

@@ -333,7 +333,7 @@ def check(
         if drawing is not None:
             write_pictures(drawing, from_options.check_pictures(plant, K, report))
         reports[str(path)] = report
-    good = all(r.robustly_stable and (r.robust_performance or w_P is None) for r in reports.values())
+    good = all(r.proofs.robustly_stable and (r.proofs.robust_performance or w_P is None) for r in reports.values())
     finish_command(reports, good, json)
 
 

@@ -59,12 +59,12 @@ def write_drive_page(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from robust.drive import DriveSettings
+    >>> from nlfrf.axis import Drive
     >>> from robust.drive.check import check_drive
     >>> axis = nlfrf.servo_axis("linear motor")
     >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=60, rng=1)
     >>> record = nlfrf.rig.simulate_servo(axis, ms, n_periods=2, base_velocity=0.1)
-    >>> gains = DriveSettings(fs=4000, kv=20, kp=40, kp_unit="A/(m/s)", tn=0.05, torque_constant=52.8)
+    >>> gains = Drive(fs=4000, kv=20, kp=40, kp_unit="A/(m/s)", tn=0.05, torque_constant=52.8)
     >>> found = check_drive([record], gains, conditions=[Conditions(motion=BaseMotion.MOVING, velocity=0.1)])
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_drive_page(Path(folder, "page.html"), found, [record])

@@ -2,12 +2,13 @@
 
 from robust.analysis.disk import DiskMargin, LoopMargins, disk_margin, disk_margins
 from robust.analysis.gap import ncf_margin, nu_gap
-from robust.analysis.performance import ClassicalMargins
+from robust.analysis.performance import ClassicalMargins, classical_margins
 
 __all__ = [
     "ClassicalMargins",
     "DiskMargin",
     "LoopMargins",
+    "classical_margins",
     "disk_margin",
     "disk_margins",
     "ncf_margin",

@@ -4,16 +4,16 @@ from robust.analysis.bounds import loop_bounds
 from robust.reports.shaping_page.page import write_shaping_page
 from robust.reports.shaping_page.widget import shape
 from robust.synthesis.hinf.ncfsyn import crossover_weight
-from robust.synthesis.shaping import lag, lead, notch, pid, roll_off
+from robust.synthesis.shaping import lag, lead, low_pass, notch, pid
 
 __all__ = [
     "crossover_weight",
     "lag",
     "lead",
     "loop_bounds",
+    "low_pass",
     "notch",
     "pid",
-    "roll_off",
     "shape",
     "write_shaping_page",
 ]

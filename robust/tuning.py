@@ -3,21 +3,23 @@
 The public names of `robust.synthesis.tuning`, in one place.
 """
 
-from robust.synthesis.tuning.blocks import Filter2, Gain, Lead, Notch, Pid, StateSpace
+from robust.synthesis.blocks import Biquad, Gain, Lag, Lead, LowPass, Notch, Pid, StateSpace
 from robust.synthesis.tuning.design import Ended, Known, LimitValue, TunedDesign
 from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Limit
 from robust.synthesis.tuning.plants import Plants
 
 __all__ = [
+    "Biquad",
     "Ended",
-    "Filter2",
     "FrictionLimit",
     "Gain",
     "Known",
+    "Lag",
     "Lead",
     "Limit",
     "LimitValue",
+    "LowPass",
     "Notch",
     "Pid",
     "Plants",

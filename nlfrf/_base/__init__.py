@@ -3,6 +3,7 @@
 arguments    checks of arguments, and the text of messages: counts, ratios of units, frequencies
 axes         axes, grids and decibels of every picture
 command      what the two commands share: versions, warnings and refusals in one line
+drive_entries entries of a file that describe a drive
 extras       packages that an extra installs, with the command for it
 files        files written whole, none overwritten; strict JSON, checked against a schema
 numbers      least squares, Fourier transforms, quantiles of the largest root

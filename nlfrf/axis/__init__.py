@@ -11,16 +11,18 @@
 """
 
 from nlfrf.axis.design import design_experiment, design_ramp
-from nlfrf.axis.levels import AxisLevels, LevelState, find_levels
+from nlfrf.axis.levels import AxisLevels, FrictionRegime, find_levels
 from nlfrf.axis.play import play_experiment
 from nlfrf.axis.trace import LevelWarning, load_trace
+from nlfrf.rig.bench.drive import Drive
 from nlfrf.signals.axis_experiment import AxisExperiment, AxisLimits
 
 __all__ = [
     "AxisExperiment",
     "AxisLevels",
     "AxisLimits",
-    "LevelState",
+    "Drive",
+    "FrictionRegime",
     "LevelWarning",
     "design_experiment",
     "design_ramp",

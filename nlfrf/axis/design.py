@@ -21,7 +21,7 @@ from nlfrf.axis.loop import DriveLoop, closed_loop_poles, crossover_frequency, d
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.servo import ServoAxis, run_servo
-from nlfrf.signals.axis_experiment import GAINS, PORTS, AxisExperiment, AxisLimits
+from nlfrf.signals.axis_experiment import PORTS, AxisExperiment, AxisLimits
 from nlfrf.signals.multisine import Multisine, Rng, multisine
 
 Spectrum = np.ndarray | Callable[[np.ndarray], np.ndarray]
@@ -264,12 +264,12 @@ def wanted_force(
 
 def warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
     """Warn of a loop that is unstable, or of which the band and the period of the experiment show little."""
-    drive, position = axis.drive, axis.units[0]
-    gains = f"kv = {drive.kv:g} 1/s, kp = {drive.kp:g} A s/{position} and tn = {drive.tn:g} s"
+    drive = axis.drive
+    gains = f"kv = {drive.kv:g} 1/s, kp = {drive.kp:g} {drive.kp_unit} and tn = {drive.tn:g} s"
     if np.abs(closed_loop_poles(axis)).max() > 1 + ROUNDING_OF_POLES:
         data_warning(
             f"the loop of this axis with {gains} is unstable without friction: peaks and set points computed here mean "
-            "nothing. Look up the units of the gains, of force_constant and of the inertia"
+            "nothing. Look up the units of the gains, of torque_constant and of the inertia"
         )
         return
     crossover, (first, last) = crossover_frequency(axis), wanted.f[[0, -1]]
@@ -321,7 +321,8 @@ def experiment_within(
         drive = source.drive
         draft = replace(
             draft,
-            **{name: getattr(drive, name) for name in (*GAINS, "velocity_feedforward", "lag")},
+            **{name: getattr(drive, name) for name in ("kv", "tn", "velocity_feedforward", "lag")},
+            kp=drive.gain,
             delay=drive.delay_periods / drive.fs,
             force_constant=source.force_constant,
         )

@@ -33,7 +33,7 @@ RISES = 1.2  # stiffness over its plateau above which it rises with the level
 CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
 
 
-class LevelState(Enum):
+class FrictionRegime(Enum):
     """What friction does at a level.
 
     References
@@ -42,7 +42,7 @@ class LevelState(Enum):
 
     Examples
     --------
-    >>> LevelState.STICKS.value
+    >>> FrictionRegime.STICKS.value
     'sticks'
     """
 
@@ -74,7 +74,7 @@ class AxisLevels:
         of the ramp that moves the axis as far. Below `force_rms` where the loop gave another spectrum to the force.
     stiffness : (L,) ndarray
         Equivalent stiffness on the lowest lines [N/m], [Nm/rad] or in the units of the record.
-    states : tuple of LevelState
+    states : tuple of FrictionRegime
         What friction does at each.
     units : tuple of str
         Units of force and position.
@@ -83,7 +83,7 @@ class AxisLevels:
     --------
     >>> levels = AxisLevels(
     ...     rms=np.zeros(0), records=(), reason="no level sticks", force_rms=np.ones(1), position_rms=np.ones(1),
-    ...     set_point_rms=np.ones(1), stiffness=np.ones(1), states=(LevelState.BENDS,), units=("N", "m"),
+    ...     set_point_rms=np.ones(1), stiffness=np.ones(1), states=(FrictionRegime.BENDS,), units=("N", "m"),
     ... )
     >>> print(levels)
     level  to ask for N rms  measured N rms  position m rms  stiffness N/m
@@ -102,7 +102,7 @@ class AxisLevels:
     position_rms: np.ndarray
     set_point_rms: np.ndarray
     stiffness: np.ndarray
-    states: tuple[LevelState, ...]
+    states: tuple[FrictionRegime, ...]
     units: tuple[str, str]
 
     def __str__(self) -> str:
@@ -219,9 +219,9 @@ def read_level(record: Record) -> Level:
     return Level(force, position, float(found[0]), share, readable, limited)
 
 
-def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelState], str]:
+def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[FrictionRegime], str]:
     """Return the state of each level, and why no three of them can be taken."""
-    states = [LevelState.LIMITED if one.limited else LevelState.TOO_SMALL for one in read]
+    states = [FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL for one in read]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
     if len(good) < 4:
@@ -246,7 +246,7 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelS
     first, last = plateau_of(k, position)
     if first == last:
         for i in good:
-            states[i] = LevelState.BENDS
+            states[i] = FrictionRegime.BENDS
         return states, (
             f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
             f"{k[1]:.3g} {unit} on the lowest. Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
@@ -257,7 +257,9 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelS
     settled = abs(k[-1] - k[-2]) < SETTLED * k0 and k_end < STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
         slides = settled and left <= SLIDES
-        states[i] = LevelState.STICKS if one >= STICKS * k0 else LevelState.SLIDES if slides else LevelState.BENDS
+        states[i] = (
+            FrictionRegime.STICKS if one >= STICKS * k0 else FrictionRegime.SLIDES if slides else FrictionRegime.BENDS
+        )
     top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
     if k_end >= STICKS * k0:
         return (
@@ -269,7 +271,7 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[LevelS
             f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit} {top}. "
             "Raise level and limits"
         )
-    if LevelState.BENDS not in states:
+    if FrictionRegime.BENDS not in states:
         return states, "no level bends between sticking and sliding: take more levels"
     return states, ""
 
@@ -288,11 +290,11 @@ def plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
     return best
 
 
-def choose_levels(states: list[LevelState], stiffness: np.ndarray) -> list[int]:
+def choose_levels(states: list[FrictionRegime], stiffness: np.ndarray) -> list[int]:
     """Return a level below the highest that sticks, the one nearest to half of the fall, the lowest that slides."""
     sticks, bends, slides = (
         [k for k, one in enumerate(states) if one is wanted]
-        for wanted in (LevelState.STICKS, LevelState.BENDS, LevelState.SLIDES)
+        for wanted in (FrictionRegime.STICKS, FrictionRegime.BENDS, FrictionRegime.SLIDES)
     )
     half = (stiffness[sticks].mean() + stiffness[slides].mean()) / 2
     return [sticks[max(len(sticks) - 2, 0)], min(bends, key=lambda k: float(abs(stiffness[k] - half))), slides[0]]

@@ -124,7 +124,7 @@ def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
     compiled drive takes, on all unit vectors together.
     """
     Phi, early, late, C = sampled_plant(axis)
-    drive, sections = axis.drive, np.asarray(axis.drive.filters)
+    drive, sections = axis.drive, axis.drive.sections
     Ts, whole = 1 / drive.fs, int(drive.delay_periods)
     # rows: machine, set points of the last whole + 1 periods, last reading, speed, integral, position loop, filters
     sizes = np.cumsum([C.size, whole + 1, 1, 1, 1, 1])
@@ -136,12 +136,12 @@ def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
         if k == 0:
             by_position = -drive.kv * y[None]
         error = by_position - speed
-        new = drive.kp * error + integral
+        new = drive.gain * error + integral
         for s, (b0, b1, b2, _, a1, a2) in enumerate(sections):  # direct form II, transposed
             given, new = new, b0 * new + memory[[2 * s]]
             memory[2 * s] = (b1 * given - a1 * new + memory[2 * s + 1])[0]
             memory[2 * s + 1] = (b2 * given - a2 * new)[0]
-        integral += drive.kp * Ts / drive.tn * error
+        integral += drive.gain * Ts / drive.tn * error
         forces = np.vstack([axis.force_constant * new, forces])
         x = Phi @ x + np.outer(early, forces[whole + 1]) + np.outer(late, forces[whole])
         state = np.vstack([x, forces[:-1], y[None], speed, integral, by_position, memory])
@@ -168,8 +168,8 @@ def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.
     z, every = np.exp(2j * np.pi * f * Ts), axis.drive.position_every
     smoothing = Ts / (Ts + drive.velocity_lag)
     speed = (1 - 1 / z) / Ts * smoothing / (1 - (1 - smoothing) / z)
-    pi = axis.force_constant * drive.kp * (1 + Ts / drive.tn / (z - 1))
-    for section in np.asarray(drive.filters):
+    pi = axis.force_constant * drive.gain * (1 + Ts / drive.tn / (z - 1))
+    for section in drive.sections:
         pi = pi * np.polyval(section[:3], z) / np.polyval(section[3:], z)
     hold = (1 - z**-every) / (every * (1 - 1 / z))
     by_position = drive.kv * hold

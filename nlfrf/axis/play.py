@@ -125,8 +125,9 @@ def require_designed_gains(axis: ServoAxis, path: Path) -> None:
         design = load_experiment(found[0].with_suffix(".npz")) if found else None
     if design is None:
         return
-    names = (*GAINS, "velocity_feedforward")
-    own, designed = (tuple(getattr(one, name) for name in names) for one in (axis.drive, design))
+    drive = axis.drive
+    own = (drive.kv, drive.gain, drive.tn, drive.velocity_feedforward)
+    designed = tuple(getattr(design, name) for name in (*GAINS, "velocity_feedforward"))
     # the feedforward acts on the position set point only; a file may be older than what it says of that
     fed = design.port == "position" or np.any(design.velocities)
     other = fed and abs(own[-1] - designed[-1]) > SAME_GAIN

@@ -6,7 +6,6 @@ from .bench.motion import run as run
 from .bench.rig import Rig as Rig
 from .bench.rig import two_axis_stage as two_axis_stage
 from .bench.servo import ServoAxis as ServoAxis
-from .bench.servo import ServoDrive as ServoDrive
 from .bench.servo import ServoTrace as ServoTrace
 from .bench.servo import run_servo as run_servo
 from .bench.servo import simulate_servo as simulate_servo

@@ -5,16 +5,18 @@ bounds           the region that |L| must avoid, whatever its phase
 curves           S, T and the measures of robust stability (rs) and performance (rp) over frequency, for the whole set
 disk             disk margins: gain, phase or less of both, in all channels at once
 family           loops around random plants of the set
+findings         what is found of a loop: curves, margins, proofs, and what they are about
 gap              the distance between plants (nu-gap), and the margin of a loop for it
 lmi_proofs       the same proofs of one loop by a matrix inequality that cvxpy solves
 loop             plant, controller, hold, delay on one time base: stable or not, its peaks, with another plant
 loop_proofs      stability and performance of the whole set proved at every frequency
 loop_level       predict at which level a loop moves the machine, and compare that with the measured levels
 performance      classical margins, gains of the loop, step responses
-report           `RobustnessReport`: its fields, how it is filled and printed
+report           `RobustnessReport`: its fields, and how they are printed
 robustness       `check`: one model, one controller, one report
 sampled_set      the sampled set that contains a continuous set of several channels, every alias included
 structured       `check` for several uncertainties, by mu
+text             every sentence of a report
 worst_plant      `worst_case`: the plant of the set with the largest gain, as a system
 """
 

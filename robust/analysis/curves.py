@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypedDict
 
 import numpy as np
 
 from nlfrf._base.values import value
+from robust.analysis.findings import Margins, ReportCurves
 from robust.lti.connections import largest_allowed_factor, worst_sensitivity
 from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
@@ -107,6 +107,24 @@ class Curves:
         """Return one over `performance_margin` (W,)."""
         return 1 / self.performance_margin
 
+    def shown(self, stable: bool) -> ReportCurves:
+        """Return the curves as a report shows them: nan for an unstable loop, and where there is no set."""
+        nothing = np.full(self.omega.size, np.nan)
+        seen = stable and bool(np.isfinite(self.w).all())
+        return ReportCurves(
+            omega=self.omega,
+            rs=self.rs if seen else nothing,
+            np_=self.np_ if stable else nothing,
+            rp=self.rp if seen else nothing,
+            S=self.S,
+            T=1 - self.S,
+            G=self.G,
+            K=self.K,
+            radius=np.abs(self.w),
+            w_P=None if self.w_P is None else np.abs(self.w_P),
+            shaping=None if np.all(self.W == 1) else self.W,
+        )
+
     def merge(self, others: Curves) -> Curves:
         """Merge two sets of curves of the same loop, sorted by frequency."""
         omega, at = np.unique(np.concatenate([self.omega, others.omega]), return_index=True)
@@ -143,19 +161,6 @@ Peak = tuple[float, float]
 NO_PEAK: Peak = (np.nan, np.nan)
 
 
-class MarginFields(TypedDict):
-    """Margins and their frequencies [rad/s], by the names of the fields of a report."""
-
-    margin_rs: float
-    omega_rs: float
-    margin_rp: float
-    omega_rp: float
-    disk_margin: float
-    omega_disk: float
-    S_worst: float
-    omega_S_worst: float
-
-
 @value
 class Peaks:
     """Hold the largest values of the curves of a loop, each with its frequency [rad/s]; nan where there is none.
@@ -178,19 +183,19 @@ class Peaks:
     S_worst: Peak = NO_PEAK
 
     @property
-    def margins(self) -> MarginFields:
-        """Return the margins and their frequencies by the names of the fields of the report."""
+    def margins(self) -> Margins:
+        """Return the margins and their frequencies."""
         (rs, omega_rs), (rp, omega_rp), (half, omega_disk) = self.rs, self.margin_rp, self.half_disk
-        return {
-            "margin_rs": reciprocal_peak(rs),
-            "omega_rs": omega_rs,
-            "margin_rp": rp,
-            "omega_rp": omega_rp,
-            "disk_margin": reciprocal_peak(half),
-            "omega_disk": omega_disk,
-            "S_worst": self.S_worst[0],
-            "omega_S_worst": self.S_worst[1],
-        }
+        return Margins(
+            rs=reciprocal_peak(rs),
+            omega_rs=omega_rs,
+            rp=rp,
+            omega_rp=omega_rp,
+            disk=reciprocal_peak(half),
+            omega_disk=omega_disk,
+            S_worst=self.S_worst[0],
+            omega_S_worst=self.S_worst[1],
+        )
 
 
 def reciprocal_peak(peak: float) -> float:

@@ -12,8 +12,9 @@ from typing import Literal, TypeAlias
 import control
 
 from robust.analysis.curves import Curves
+from robust.analysis.findings import Proofs
 from robust.analysis.loop import Loop
-from robust.analysis.loop_proofs import LoopProofs, prove_set
+from robust.analysis.loop_proofs import prove_set
 from robust.lti.connections import in_series
 from robust.lti.lti import is_constant, timebase
 from robust.models.sets.forms import FORMS
@@ -37,7 +38,7 @@ def prove_set_by(
     certify: bool,
     proof: ProofMethod,
     solver: str | None,
-) -> LoopProofs:
+) -> Proofs:
     """Return what is proved in the way that was asked for; by both, what either of them proves is."""
     exact = prove_set(loop, curves, peak, claim=claim, certify=certify and proof != "lmi")
     if proof == "exact" or not certify or exact.violated or peak >= 1:
@@ -47,8 +48,8 @@ def prove_set_by(
     return replace(
         exact,
         certificates=(*exact.certificates, *found),
-        stability_proved=exact.stability_proved or stable,
-        performance_proved=exact.performance_proved or (len(found) == 2 and found[1].holds),
+        robustly_stable=exact.robustly_stable or stable,
+        robust_performance=exact.robust_performance or (len(found) == 2 and found[1].holds),
     )
 
 

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from nlfrf._base.arguments import format_hertz
-from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust._base.types import Controller
 from robust.analysis.aliases import squared_performance_gain
 from robust.analysis.curves import Curves
+from robust.analysis.findings import Proofs
 from robust.analysis.loop import Loop
 from robust.lti.lti import replace_infinite
 from robust.lti.realisation import state_space
@@ -56,34 +56,14 @@ def stability_claim(
 TIME_CAP_PER_CLAIM = 3.0  # seconds of the processor for each claim
 
 
-@value
-class LoopProofs:
-    """Hold what was proved of a loop, and whether it was disproved.
-
-    Fields
-    ------
-    certificates : tuple of Certificate
-        Stability first, then performance where it was asked for and stability holds.
-    violated : bool
-        A plant of the set is unstable in the loop.
-    stable, performance : bool
-        Proved for the whole set, at every frequency.
-    """
-
-    certificates: tuple[Certificate, ...]
-    violated: bool
-    stability_proved: bool = False
-    performance_proved: bool = False
-
-
-def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, certify: bool) -> LoopProofs:
+def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, certify: bool) -> Proofs:
     """Prove stability and performance of the set in exact arithmetic, where the largest rs found is `peak`.
 
     With aliases the condition is sufficient only: what fails is no disproof.
     """
     aliased, operator = loop.aliases is not None, claim.perturbation == "operator"
     if peak >= 1 or not certify:
-        return LoopProofs(certificates=(), violated=peak >= 1 and not aliased)
+        return Proofs(certificates=(), violated=peak >= 1 and not aliased)
     names, scaling, hopeless = [STABILITY], 1.0, ""
     if loop.w_P is not None:
         hopeless = reason_to_skip_performance(curves, claim) if aliased else ""
@@ -101,12 +81,12 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, cert
         certificates.append(failed_certificate(PERFORMANCE, 1.0, hopeless))
     stable, violated = certificates[0].holds, certificates[0].violated
     if not stable or loop.w_P is None:
-        return LoopProofs(certificates=tuple(certificates[:1]), violated=violated, stability_proved=stable)
-    return LoopProofs(
+        return Proofs(certificates=tuple(certificates[:1]), violated=violated, robustly_stable=stable)
+    return Proofs(
         certificates=tuple(certificates),
         violated=False,
-        stability_proved=True,
-        performance_proved=certificates[1].holds,
+        robustly_stable=True,
+        robust_performance=certificates[1].holds,
     )
 
 

@@ -2,426 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypedDict, Unpack
-
 import numpy as np
 
-from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, format_paragraph
-from nlfrf._base.values import ArrayField, value
+from nlfrf._base.arguments import format_paragraph
+from nlfrf._base.values import value
 from robust._base.states import Demand, Verdict
-from robust._base.types import SystemField
-from robust.analysis.aliases import RsBreakdown
-from robust.analysis.curves import Curves, Peaks
 from robust.analysis.disk import LoopMargins
-from robust.analysis.loop import Loop
+from robust.analysis.findings import Given, Margins, Proofs, ReportCurves
 from robust.analysis.loop_level import LoopLevel
-from robust.analysis.loop_proofs import LoopProofs
 from robust.analysis.performance import ClassicalMargins, classical_margins
-from robust.lti.stability import StabilityResult
-from robust.models.sets.forms import FORMS, loop_discs
-from robust.models.sets.interconnection import UncertainSystem
-from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.records import format_probability
-from robust.proofs.search.certificate import Certificate
-
-if TYPE_CHECKING:
-    import control
-
-# ---- Meaning of a result and advice on the next step.
-
-REMEDIES = {
-    "noise": "noise: average more periods",
-    "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
-    "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
-    "misfit": "misfit of the nominal model: give it more poles or a delay; robust orders (scan_orders) says which",
-    "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
-    "systematic": "the allowance for the systematic part: measure at a second level",
-    "weight": "the weight lies far above the radius: fit one of a higher order",
-    "assumed": "what is assumed where nothing was measured: measure there",
-}
-#: What a verdict on a set around a sampled nominal does not cover.
-SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
-#: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
-USUAL_PEAK = 2.0
-USUAL_JOINT = "94 to 99 %"  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
-NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
-#: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
-MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
-
-
-def advise_on_margin(
-    model: UncertaintyModel,
-    omega_rs: float,
-    *,
-    weight: Callable[[np.ndarray], np.ndarray],
-    folding: RsBreakdown | None = None,
-) -> str:
-    """Advise what to measure or change, by the parts of the radius where the stability margin is limited.
-
-    `weight` is the response of the weight; `folding` what rs is made of, where it is known.
-    """
-    if not np.isfinite(omega_rs):
-        return ""
-    seen_at = format_hertz(omega_rs)
-    if folding is not None and folding.omega_source != folding.omega:
-        seen_at += f" by what folds down from {format_hertz(folding.omega_source)}"
-        omega_rs = folding.omega_source
-    low, high = float(model.omega[0]), float(model.omega[-1])
-    outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
-    k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
-    shares = radius_shares(model, k)
-    listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
-    where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
-    on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
-    over, rise = on_line / float(model.radius[k]), 1.0
-    if outside:
-        side, edge = ("below", "first") if omega_rs < low else ("above", "last")
-        rise = there / on_line
-        where = (
-            f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
-            f"go on from the {edge} line, {format_hertz(model.omega[k])}, "
-        ) + where
-    sentences = [f"The margin is limited at {seen_at}, {where}."]
-    if rise > MENTIONED_EXCESS:
-        sentences.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
-    if over > MENTIONED_EXCESS:
-        sentences.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
-    if rise > DECISIVE_EXCESS or (outside and not shares):
-        cause = "assumed"
-    elif over > DECISIVE_EXCESS:
-        cause = "weight"
-    else:
-        cause = shares[0][1] if shares else ""
-    if cause:
-        sentences.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
-        sentences += ["Or measure there."] * (outside and cause != "assumed")
-    return " ".join(sentences)
-
-
-def advise_on_weight(model: UncertaintyModel, loop: Loop, peaks: Peaks) -> str:
-    """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
-    omega = model.omega[model.omega < loop.omega_max]
-    if peaks.rs[0] < 1 or FORMS[model.form].depends_on_units or not omega.size:
-        return ""
-    curves = loop.curves(omega)
-    nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
-    there, on_line = np.abs(loop.responders["w"](np.array([peaks.rs[1]])))[0], np.abs(curves.w[nearest])
-    if (
-        on_line < MENTIONED_EXCESS * model.radius[nearest] or there > MENTIONED_EXCESS * on_line
-    ):  # what is assumed outside the band, then
-        return ""
-    on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
-    if not on_lines < 1:
-        return ""
-    order = model.weight.nstates + 2
-    return (
-        f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not, as "
-        f"it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
-        f"uncertainty(..., order={order})."
-    )
-
-
-def radius_shares(model: UncertaintyModel, k: int) -> list[tuple[float, str]]:
-    """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
-    parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
-    total = sum(parts.values())
-    return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
-
-
-def describe_set(model: UncertaintyModel) -> str:
-    """Describe the set."""
-    if model.perturbation == "LTI":
-        return f"every stable LTI perturbation inside the {model.form} weight"
-    if model.perturbation == "operator":
-        return f"every causal perturbation, nonlinear ones included, with the gain of the {model.form} weight"
-    return f"every linear plant inside the {model.form} weight"
-
-
-def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyResponseData) -> tuple[str, ...]:
-    """Describe the confidence of a set, then its joint probability; nothing where none is claimed."""
-    if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
-        return ()
-    confidence, joint = model.confidence, model.joint
-    if model.alternative_form is not None:  # both sets hold the truth: what may go wrong adds up
-        confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint - 1, 0.0)
-    percent = f"{100 * confidence:.4g} %"
-    estimated = "" if np.isnan(joint) else format_probability(joint)
-    whole: tuple[str, ...] = ()
-    if model.simultaneous:
-        text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
-        text += f" ({estimated} by estimate)" if estimated else ""
-    else:
-        text = f"each line of another realisation lies within the radius with {percent} probability"
-        whole = (f"a whole FRF lies under the weight with {estimated} (usual: {USUAL_JOINT})",) if estimated else ()
-    return (f"subject to the warnings, {text}" if model.warnings else text), *whole
-
-
-def proof_sentences(model: UncertaintyModel, loop: Loop, *, stable: bool, performance: bool) -> tuple[str, str]:
-    """Return what was proved and what was not, one sentence each."""
-    where = "at all frequencies"
-    if loop.dt:
-        where += f" up to Nyquist ({0.5 / loop.dt:.4g} Hz), " + (
-            "with everything that folds down from above" if loop.aliases is not None else "of the samples"
-        )
-    if not stable:
-        proved = "Only that the nominal loop is stable."
-        return proved, "Anything about the set around it."
-    what = "stability and the performance demand" if performance else "stability"
-    proved = f"{what.capitalize()} with {describe_set(model)}, {where}."
-    missing = []
-    if model.perturbation == "statistical":
-        missing.append(
-            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
-        )
-        if describe_confidence(model):
-            missing.append("more than the confidence of the set")
-    if loop.w_P is not None and not performance:
-        missing.append("the performance demand for the whole set")
-    if loop.dt and loop.aliases is None:
-        missing.append("perturbations of the continuous plant between the samples: the set is one of sampled plants")
-    assumed = f"the assumption on the weight there ({model.extrapolation})"
-    missing.append(f"anything about the plant outside the measured band beyond {assumed}")
-    text = "; ".join(missing)
-    return proved, text[0].upper() + text[1:] + "."
-
-
-def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
-    """Describe the parts of the largest rs: at the frequency and at its aliases, measured and assumed."""
-    if not found.is_bounded:
-        return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
-    other = (
-        "what the perturbation may move to other frequencies"
-        if moves_frequencies(model)
-        else "what folds down from the aliases"
-    )
-    rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
-    if found.total - found.without_aliases < NEGLIGIBLE_SHARE * found.total:
-        text = f"{other} adds less than {100 * NEGLIGIBLE_SHARE:g} % to {rs}"
-    else:
-        text = f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest is {other}"
-        if found.omega_source != found.omega:
-            text += f", most of it from {format_hertz(found.omega_source)}"
-    if found.total - found.in_band < NEGLIGIBLE_SHARE * found.total:
-        return f"{text}; all of it lies inside the measured band"
-    return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
-
-
-def moves_frequencies(model: UncertaintyModel) -> bool:
-    """Return whether a perturbation may respond at other frequencies than those of its input."""
-    return bool(model.perturbation == "operator")
-
-
-def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
-    """Return why the aliases keep a loop from being certified, and what helps."""
-    if not found.is_bounded:
-        return (
-            "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
-            "and what folds down has no bound. Roll the weight off there, or put the anti-alias filter into the nominal"
-        )
-    if FORMS[model.form].inverse and not moves_frequencies(model) and found.F_max >= 1:
-        return (
-            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency: of one or more there it "
-            "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
-        )
-    other = (
-        "moves to other frequencies"
-        if moves_frequencies(model)
-        else "does above the Nyquist frequency, which folds down,"
-    )
-    text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {format_hertz(found.omega)} "
-    text += f"({found.without_aliases:.4g} without)"
-    if found.omega_source != found.omega:
-        text += f", most of it from {format_hertz(found.omega_source)}"
-    helps = "Sample faster, or filter before the sampler"
-    if found.in_band < 1:
-        helps += f"; above the last line, {format_hertz(model.omega[-1])}, it is assumed: measure there"
-    return f"{text}. {helps}"
-
-
-def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
-    """Describe the loop in one line."""
-    kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
-    parts = ["zero-order hold"] * bool(loop.dt and not model.nominal.dt)
-    parts += [f"a delay of {loop.delay:g} s"] * (loop.delay > 0)
-    held = f", {' and '.join(parts)} in the plant" if parts else ""
-    band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
-    return (
-        f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
-        f"{model.weight.nstates}, perturbations {model.perturbation}, measured {band}"
-    )
-
-
-class Words(TypedDict):
-    """What a report says, by the names of its fields."""
-
-    verdict: Verdict
-    reason: str
-    advice: str
-    proved: str
-    not_proved: str
-    context: str
-
-
-def texts_of_stable_loop(
-    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, certify: bool
-) -> Words:
-    """Return the text fields of the report on a loop whose nominal is stable."""
-    verdict, reason = decide_verdict(model, loop, peaks=peaks, proofs=proofs, folding=folding, certify=certify)
-    proved, not_proved = proof_sentences(
-        model, loop, stable=proofs.stability_proved, performance=proofs.performance_proved
-    )
-    return {
-        "verdict": verdict,
-        "reason": reason,
-        "advice": advise_on_margin(model, peaks.rs[1], weight=loop.responders["w"], folding=folding)
-        + advise_on_weight(model, loop, peaks),
-        "proved": proved,
-        "not_proved": not_proved,
-        "context": describe_loop(model, loop),
-    }
-
-
-def nominal_verdict(nominal: StabilityResult) -> Verdict:
-    """Return the verdict on a loop whose nominal is unstable, or undecided."""
-    return Verdict.NOT_ROBUST if nominal.unstable else Verdict.NOT_CERTIFIED
-
-
-def texts_of_unstable_loop(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> Words:
-    """Return the text fields of the report on a loop whose nominal is not stable: no margins."""
-    return {
-        "verdict": nominal_verdict(nominal),
-        "reason": f"{nominal}",
-        "advice": "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
-        "proved": "Nothing.",
-        "not_proved": "Everything: margins mean nothing for a loop that is not stable.",
-        "context": describe_loop(model, loop),
-    }
-
-
-def texts_of_frf(
-    omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
-) -> Words:
-    """Return the text fields of the report on a plant known on its lines only; peak is the largest rs."""
-    verdict, lines_only = Verdict.NOT_CERTIFIED, "holds on the measured lines only"
-    if not clear:
-        reason = "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
-    elif encirclements != wanted:
-        verdict = Verdict.NOT_ROBUST
-        reason = (
-            f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
-        )
-    elif has_set and peak >= 1:
-        verdict, reason = Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
-    elif has_set:
-        reason = f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
-    else:
-        reason = f"the FRF comes without uncertainty, and all of this {lines_only}"
-    return {
-        "verdict": verdict,
-        "reason": reason,
-        "advice": "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies.",
-        "proved": "Nothing; computed on the measured lines only.",
-        "not_proved": "Anything between and outside the measured lines.",
-        "context": f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}{loop}",
-    }
-
-
-def decide_verdict(
-    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: LoopProofs, folding: RsBreakdown | None, certify: bool
-) -> tuple[Verdict, str]:
-    """Decide the verdict on stability and give its reason."""
-    if folding is not None and folding.total >= 1:
-        if folding.single_frequency >= 1:
-            return (
-                Verdict.NOT_ROBUST,
-                f"a plant of the set is unstable in this loop: rs = {folding.single_frequency:.4g} at "
-                f"{format_hertz(folding.omega)}",
-            )
-        return Verdict.NOT_CERTIFIED, advise_on_aliases(folding, model)
-    if proofs.violated:
-        found = f"rs = {peaks.rs[0]:.4g} at {format_hertz(peaks.rs[1])}"
-        how = proofs.certificates[0].reason if proofs.certificates else found
-        return Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: {how}"
-    if proofs.stability_proved:
-        kind = {
-            "LTI": (Verdict.ROBUST, "every linear time-invariant perturbation of the set leaves the loop stable"),
-            "operator": (
-                Verdict.ROBUST,
-                "every perturbation of the set, nonlinear ones included, leaves the loop stable",
-            ),
-            "statistical": (Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"),
-        }
-        verdict, reason = kind[model.perturbation]
-        return verdict, reason + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
-    below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
-    if not certify:
-        return Verdict.NOT_CERTIFIED, f"{below}, and no proof was asked for (certify=False)"
-    return Verdict.NOT_CERTIFIED, f"{below}, but no proof was found: {proofs.certificates[0].reason}"
-
-
-#: Every verdict, and what it means for the machine, in at most 20 words.
-VERDICT_MEANINGS = {
-    Verdict.ROBUST: "this controller keeps every plant of the set stable, which is proved",
-    Verdict.STATISTICALLY_ROBUST: (
-        "this controller keeps every linear plant of the set stable; for the nonlinear machine itself there is no proof"
-    ),
-    Verdict.NOT_ROBUST: "with this controller a plant of the set, or the nominal one, is unstable: do not use it",
-    Verdict.NOT_CERTIFIED: "whether this controller keeps the machine stable is open: neither proved nor disproved",
-}
-#: The same of a set from a radius or from plants of the user's own, where no class of perturbation was named.
-WITHOUT_CONFIDENCE = (
-    "this controller keeps every linear plant of the set stable; how surely the machine is one of them is unknown"
+from robust.analysis.text import (
+    CLAIM_HINT,
+    USUAL_PEAK,
+    describe_broken,
+    describe_certificate,
+    describe_disk_margin,
+    describe_meaning,
+    describe_performance,
+    describe_thin_margins,
+    describe_worst_sensitivity,
+    format_stability_margin,
 )
-CLAIM_HINT = 'no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
-
-
-def format_margin_factor(margin: float) -> str:
-    """Format a margin as a factor on the uncertainty."""
-    if margin > 1:
-        return f"the uncertainty may grow by a factor {margin:.3g}"
-    return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
-
-
-def format_stability_margin(measure: str, margin: float, omega: float) -> str:
-    """Format the largest rs or mu, its frequency, and the margin on the uncertainty."""
-    if margin == 0:
-        return f"{measure} has no bound at {format_hertz(omega)}: no uncertainty of this shape is small enough"
-    return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {format_margin_factor(margin)}"
-
-
-def structure_proof_sentences(system: UncertainSystem, stable: bool, performs: bool) -> tuple[str, str]:
-    """Return what was proved of several uncertainties and what was not, one sentence each."""
-    if not stable:
-        return "Only that the nominal loop is stable.", "Anything about the set around it."
-    words = {
-        "real": "every constant value of {}",
-        "LTI": "every stable linear {}",
-        "statistical": "every linear {}",
-        "operator": "every causal {}, nonlinear ones included",
-    }
-    parts = [
-        words["real" if block.kind == "real" else block.perturbation].format(name)
-        for name, block in system.blocks.items()
-    ]
-    what = "Stability and the performance demand" if performs else "Stability"
-    missing = []
-    if any(block.kind == "real" for block in system.blocks.values()):
-        missing.append("parameters that change while the loop runs")
-    if any(block.perturbation == "statistical" for block in system.blocks.values()):
-        missing.append(
-            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
-        )
-    if system.inputs and not performs:
-        missing.append("the performance demand for the whole set")
-    if system.N.dt:
-        missing.append("perturbations of a continuous plant between the samples: the set is one of sampled plants")
-    text = "; ".join(missing or ["anything outside the set"])
-    where = "at all frequencies"
-    if system.N.dt:
-        where += f" up to Nyquist ({0.5 / system.N.dt:.4g} Hz), of the samples"
-    return f"{what} with {' and '.join(parts)}, all at once, {where}.", text[0].upper() + text[1:] + "."
 
 
 @value
@@ -433,73 +34,34 @@ class RobustnessReport:
 
     Fields
     ------
-    omega : (W,) ndarray
-        Frequencies of the curves [rad/s].
-    S, T : (W,) complex ndarray or None
-        Sensitivity and complementary sensitivity of the nominal loop; of one loop.
-    rs, np_, rp : (W,) ndarray
-        Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|; nan where
-        the nominal loop is unstable or no w_P was given. By the structured singular value rs and rp are upper bounds of
-        mu, also called `mu` and `mu_rp`, and np_ is nan.
-    nominally_stable, robustly_stable, robust_performance : bool
-        True only when established; robust ones hold for the whole set, whatever the verdict makes of the set.
-    margin_rs, margin_rp : float
-        Largest factor on the uncertainty alone with robust stability, with rp <= 1 (0 where |w_P S| >= 1 already);
-        nan for an unstable loop. By mu the factor up to which the upper bound stays at one (margin_rp: on the
-        perturbations and the performance together), or that was proved part by part of the box of real parameters.
-    margin_broken : float
-        By mu: the factor at which a perturbation that was found makes the loop singular; inf where none was found.
-    omega_rs, omega_rp : float
-        Where they are limited [rad/s].
-    disk_margin, omega_disk : float
-        Symmetric disk margin alpha = 1/max |S - 1/2| and where; nan for an unstable loop, and of several channels,
-        which have `margins`.
-    S_worst, omega_S_worst : float
-        Largest |S| over the set and where [rad/s]; of several channels a bound of its largest singular value. inf where
-        a plant of the set is unstable, nan where there is no set or the nominal loop is unstable.
-    peak : float
-        Largest |S| over the set that is not warned of; 2 when not given.
-    worst : dict or None
-        By mu: the perturbation of margin_broken, block by block at margin_broken = 1: a number in [-1, 1] for a real
-        block, the size of a complex one.
-    margins : LoopMargins or None
-        Of a set of several channels the disk margins of its nominal loop, one loop at a time and all at once.
-    certificates : tuple of Certificate
-        What was proved over all frequencies.
-    perturbation : str
-        Class of the set: "LTI", "statistical" or "operator"; empty of an `UncertainSystem`, whose blocks have theirs.
     verdict : Verdict
         "robust", "statistically robust", "not robust" or "not certified".
+    nominally_stable : bool
+        Whether the loop with the nominal plant is; True only when established.
+    curves : ReportCurves
+        Over frequency: `omega`, `rs`, `np_`, `rp`, and of one loop `S`, `T`, `G`, `K`, `L`, `radius`.
+    margins : Margins
+        `rs`, `rp`, `disk`, `S_worst`, each with its frequency, `omega_rs` and so on.
+    proofs : Proofs
+        `robustly_stable`, `robust_performance`, and the `certificates` behind them.
+    given : Given
+        What was checked: class and form of the set, the demand, delay, measured band and unit.
+    channels : LoopMargins or None
+        Of a set of several channels the disk margins of its nominal loop, one loop at a time and all at once.
+    level : LoopLevel or None
+        At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
+    peak : float
+        Largest |S| over the set that is not warned of; 2 when not given.
     reason, advice : str
         Why, and what limits the margin and what to measure or change next.
     proved, not_proved : str
         In one sentence each.
     context : str
         The loop in one line.
-    G, K : (W,) complex ndarray or None
-        Responses of plant and controller, hold and delay included; of one loop.
-    radius : (W,) ndarray or None
-        |weight|, in the unit of the form; of one loop.
-    form : str
-        Form of the uncertainty.
-    w_P : (W,) ndarray or None
-        |w_P| on the grid, where performance was asked for; of one loop.
-    shaping : (W,) complex ndarray or None
-        What the plant is scaled by where the form depends on its units.
-    demand : control.StateSpace or None
-        The performance weight itself.
-    delay : float
-        Computation delay [s] on top of what the model contains.
-    band : (2,) ndarray or None
-        First and last measured frequency [rad/s]: outside, the radius is assumed.
-    unit : str
-        Unit of the plant, y over u, where it is known.
-    confidence : tuple of str
-        With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
     folding : str
         Of a set of continuous plants under a sampled controller: what rs is made of where it is largest.
-    level : LoopLevel or None
-        At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
+    confidence : tuple of str
+        With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
     warnings : tuple of str
         What was warned of the records, the model and the loop; the verdict and its probability are subject to them.
 
@@ -516,7 +78,7 @@ class RobustnessReport:
     >>> plant, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(plant, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> report = check(model, 2.0)
-    >>> report.verdict, bool(report.margin_rs * max(report.rs) > 0.999)
+    >>> report.verdict, bool(report.margins.rs * max(report.curves.rs) > 0.999)
     ('statistically robust', True)
 
     By the structured singular value:
@@ -524,93 +86,43 @@ class RobustnessReport:
     >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
     >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
     >>> report = check_structure(interconnection([lag, K], {"pole": Block("y", "pole", 7.5, kind="real")}))
-    >>> report.verdict, round(report.margin_rs, 3)                                  # 5 of 7.5
+    >>> report.verdict, round(report.margins.rs, 3)                                  # 5 of 7.5
     ('not robust', 0.667)
     """
 
-    omega: np.ndarray
-    S: ArrayField = None
-    T: ArrayField = None
-    rs: np.ndarray
-    np_: np.ndarray
-    rp: np.ndarray
-    nominally_stable: bool
-    robustly_stable: bool = False
-    robust_performance: bool = False
-    margin_rs: float = np.nan
-    margin_rp: float = np.nan
-    margin_broken: float = np.nan
-    omega_rs: float = np.nan
-    omega_rp: float = np.nan
-    disk_margin: float = np.nan
-    omega_disk: float = np.nan
-    S_worst: float = np.nan
-    omega_S_worst: float = np.nan
-    peak: float = USUAL_PEAK
-    worst: dict[str, float] | None = None
-    margins: LoopMargins | None = None
-    certificates: tuple[Certificate, ...] = ()
-    perturbation: str = ""
     verdict: Verdict
+    nominally_stable: bool
+    curves: ReportCurves
+    margins: Margins = Margins()
+    proofs: Proofs = Proofs()
+    given: Given = Given()
+    channels: LoopMargins | None = None
+    level: LoopLevel | None = None
+    peak: float = USUAL_PEAK
     reason: str
     advice: str = ""
     proved: str
     not_proved: str
     context: str = ""
-    G: ArrayField = None
-    K: ArrayField = None
-    radius: ArrayField = None
-    form: str = ""
-    w_P: ArrayField = None
-    shaping: ArrayField = None
-    demand: SystemField = None
-    delay: float = 0.0
-    band: np.ndarray | None = None
-    unit: str = ""
-    confidence: tuple[str, ...] = ()
     folding: str = ""
-    level: LoopLevel | None = None
+    confidence: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property
     def is_single(self) -> bool:
         """Return whether it is of one loop with one uncertainty, by closed forms; else it is by mu."""
-        return self.S is not None
-
-    @property
-    def mu(self) -> np.ndarray:
-        """Return (W,) `rs`, as upper bound of mu for robust stability."""
-        return self.rs
-
-    @property
-    def mu_rp(self) -> np.ndarray:
-        """Return (W,) `rp`, as upper bound of mu for robust performance."""
-        return self.rp
+        return self.curves.S is not None
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (W,) centre and (W,) radius of the disc that L fills over the set."""
-        shaping = 1.0 if self.shaping is None else self.shaping
-        centre, radius = loop_discs(self.form, self.radius, G=self.G, K=self.K, W=shaping)
-        if self.folding and not FORMS[self.form].inverse:  # with every alias, L + K sum_k h_k F_k Delta_k
-            radius = self.rs * np.abs(1 + centre)
-        return centre, radius
-
-    @property
-    def gain_margin(self) -> float:
-        """Return the factor that the loop gain may change by, with any phase inside the disk margin."""
-        return (2 + self.disk_margin) / (2 - self.disk_margin) if self.disk_margin < 2 else np.inf
-
-    @property
-    def phase_margin(self) -> float:
-        """Return the phase [rad] the loop may gain or lose, by the disk margin."""
-        return 2 * float(np.arctan(self.disk_margin / 2))
+        return self.curves.discs(self.given.form, folded=bool(self.folding))
 
     @property
     def classical(self) -> ClassicalMargins:
         """Return the crossover, phase and gain margin and bandwidth of the nominal loop, one at a time."""
         seen = self.nominally_stable and self.is_single
-        return classical_margins(self.omega, self.G * self.K) if seen else ClassicalMargins()
+        return classical_margins(self.curves.omega, self.curves.L) if seen else ClassicalMargins()
 
     @property
     def gain_is_too_low(self) -> bool:
@@ -620,26 +132,31 @@ class RobustnessReport:
     @property
     def thin_margins(self) -> str:
         """Return why a loop that is stable with the whole set is close to instability; empty where |S| stays small."""
-        if not (self.robustly_stable and self.S_worst > self.peak):
+        if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak):
             return ""
-        phase = f", and the nominal phase margin is {np.degrees(self.classical.phase_margin):.1f} deg"
-        return (
-            f"thin margins: |S| reaches {self.S_worst:.3g} over the set, at {format_hertz(self.omega_S_worst)}, above "
-            f"{self.peak:g}{phase if self.is_single else ''}. Customary are |S| of at most {USUAL_PEAK:g} and a phase "
-            "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor, "
-            "and a small change makes the loop unstable"
-        )
+        phase = self.classical.phase_margin if self.is_single else None
+        return describe_thin_margins(self.margins, self.peak, phase=phase)
 
     @property
-    def summary(self) -> str:
-        """Return verdict, margins and what was proved, in a few lines."""
-        return "\n".join(self.findings())
+    def performance(self) -> Demand | None:
+        """Return whether the whole set meets the demand; None without one, and of an unstable nominal loop."""
+        if not (self.nominally_stable and np.isfinite(self.margins.rp)):
+            return None
+        if self.proofs.robust_performance:
+            return Demand.MET
+        missed = self.is_single and np.max(self.curves.rp) > 1  # mu is an upper bound
+        return Demand.NOT_MET if missed else Demand.NOT_PROVED
+
+    @property
+    def missed_performance(self) -> str:
+        """Return what the verdict has to add of a loop that is robustly stable and misses the demand; else empty."""
+        missed = self.verdict.is_robust and self.performance not in (None, Demand.MET)
+        return f", performance {self.performance}" if missed else ""
 
     @property
     def meaning(self) -> str:
         """Return what the verdict means for the machine."""
-        without = self.verdict is Verdict.STATISTICALLY_ROBUST and not self.confidence
-        return WITHOUT_CONFIDENCE if without else VERDICT_MEANINGS[self.verdict]
+        return describe_meaning(self.verdict, self.confidence)
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -649,143 +166,46 @@ class RobustnessReport:
         return self.confidence if self.nominally_stable else ()
 
     @property
-    def probability(self) -> str:
-        """Return the confidence in one line; empty where none is claimed."""
-        return "; ".join(self.confidence)
-
-    def findings(self) -> list[str]:
-        """Return the rows of the summary."""
-        verdict = f"{self.verdict}{self.missed_performance}".upper()
-        lines = format_paragraph("verdict", f"{verdict}: {self.meaning}")
-        for text in self.conditions:
-            lines += format_paragraph("condition", text)
-        for text in self.warnings:
-            lines += format_paragraph("warning", text)
-        lines += format_paragraph("because", self.reason)
-        if thin := self.thin_margins:
-            lines += format_paragraph("warning", f"{thin}: {'raise' if self.gain_is_too_low else 'lower'} the gain")
-        if not self.nominally_stable:
-            return lines + format_paragraph("proved", self.proved)
-        if self.is_single and not np.isfinite(self.margin_rs):
-            lines += format_paragraph("stability", "no uncertainty to hold it against")
-            return lines + format_paragraph("proved", self.proved)
-        lines += format_paragraph("stability", format_stability_margin(self.measure, self.margin_rs, self.omega_rs))
-        if np.isfinite(self.S_worst):
-            S = "|S|" if self.is_single else "the largest singular value of S"
-            worst = f"{S} at most {self.S_worst:.3g} over the set, at {format_hertz(self.omega_S_worst)}"
-            lines += format_paragraph("worst case", worst)
-        if self.folding:
-            lines += format_paragraph("aliases", self.folding)
-        if self.worst:
-            parts = ", ".join(f"{name} {number:+.3g}" for name, number in self.worst.items())
-            lines += format_paragraph(
-                "worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular"
-            )
-        if np.isfinite(self.margin_rp):
-            lines += format_paragraph("performance", self.performance_words())
-        return lines + format_paragraph("proved", self.proved)
-
-    @property
-    def measure(self) -> str:
-        """Return what robust stability is measured by: "rs", or "mu"."""
-        return "rs" if self.is_single else "mu"
-
-    @property
-    def performance(self) -> Demand | None:
-        """Return whether the whole set meets the demand; None without one, and of an unstable nominal loop."""
-        if not (self.nominally_stable and np.isfinite(self.margin_rp)):
-            return None
-        if self.robust_performance:
-            return Demand.MET
-        return Demand.NOT_MET if self.is_single and np.max(self.rp) > 1 else Demand.NOT_PROVED  # mu is an upper bound
-
-    @property
-    def missed_performance(self) -> str:
-        """Return what the verdict has to add of a loop that is robustly stable and misses the demand; else empty."""
-        missed = self.verdict.is_robust and self.performance not in (None, Demand.MET)
-        return f", performance {self.performance}" if missed else ""
-
-    @property
     def next_step(self) -> str:
         """Return the advice where there is something to mend: not where the loop is robust and meets its demand."""
         return "" if self.verdict.is_robust and not self.missed_performance else self.advice
 
-    def performance_words(self) -> str:
-        """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
-        if not self.is_single:
-            mu = 1 / self.margin_rp
-            allowed = ", above the 1 that is allowed" if mu > 1 else ""
-            found = f"max mu {mu:.3f} at {format_hertz(self.omega_rp)}{allowed}"
-            return f"{found}; demand {self.performance} for the whole set"
-        worst = float(np.max(self.rp))
-        return (
-            f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at {format_hertz(self.omega_rp)}; "
-            f"demand {self.performance} for the whole set"
-        )
+    @property
+    def summary(self) -> str:
+        """Return verdict, margins and what was proved, in a few lines."""
+        return "\n".join(self.findings())
 
-    def disk_words(self) -> str:
-        """Return the disk margin of one loop."""
-        return (
-            f"{self.disk_margin:.3f} at {format_hertz(self.omega_disk)}: "
-            f"gain {20 * np.log10(self.gain_margin):.2f} dB, or phase {np.degrees(self.phase_margin):.1f} deg, or "
-            "less of both"
-        )
+    def findings(self) -> list[str]:
+        """Return the rows of the summary."""
+        verdict, margins = f"{self.verdict}{self.missed_performance}".upper(), self.margins
+        rows = [("verdict", f"{verdict}: {self.meaning}")]
+        rows += [("condition", text) for text in self.conditions]
+        rows += [("warning", text) for text in self.warnings]
+        rows += [("because", self.reason)]
+        if thin := self.thin_margins:
+            rows += [("warning", f"{thin}: {'raise' if self.gain_is_too_low else 'lower'} the gain")]
+        if self.nominally_stable and self.is_single and not np.isfinite(margins.rs):
+            rows += [("stability", "no uncertainty to hold it against")]
+        elif self.nominally_stable:
+            measure = "rs" if self.is_single else "mu"
+            rows += [("stability", format_stability_margin(measure, margins.rs, margins.omega_rs))]
+            if np.isfinite(margins.S_worst):
+                rows += [("worst case", describe_worst_sensitivity(margins, single=self.is_single))]
+            rows += [("aliases", self.folding), ("worst found", describe_broken(margins))]
+            if np.isfinite(margins.rp):
+                rows += [("performance", describe_performance(self.curves, margins, self.performance))]
+        rows += [("proved", self.proved)]
+        return [line for row in rows for line in format_paragraph(*row)]
 
     def __str__(self) -> str:
-        lines = self.findings()
-        lines += format_paragraph("not proved", self.not_proved)
-        for certificate in self.certificates:
-            how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
-            if certificate.holds and len(certificate.intervals) > 1:
-                how += f" ({len(certificate.intervals)} of them)"
-            if certificate.holds:
-                how += f", {certificate.judged}"
-            lines += format_paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
-        if self.nominally_stable and np.isfinite(self.disk_margin):
-            lines += format_paragraph("disk margin", self.disk_words())
-        if self.margins is not None and not self.margins.reason:
-            lines += format_paragraph("margins", self.margins.least())
-        known = {"level": "" if self.level is None else str(self.level), "next": self.next_step, "loop": self.context}
+        rows = [("not proved", self.not_proved)]
+        rows += [("certificate", describe_certificate(one)) for one in self.proofs.certificates]
+        if self.nominally_stable and np.isfinite(self.margins.disk):
+            rows += [("disk margin", describe_disk_margin(self.margins))]
+        if self.channels is not None and not self.channels.reason:
+            rows += [("margins", self.channels.least())]
         if self.nominally_stable and self.is_single:
-            known = {"loop gain": str(self.classical)} | known
-        for name, text in known.items():
-            lines += format_paragraph(name, text) if text else []
-        return "\n".join(lines)
-
-
-class KnownOfLoop(TypedDict, total=False):
-    """Further fields of a report, as far as they are known of its loop."""
-
-    demand: control.StateSpace | None
-    delay: float
-    band: np.ndarray
-    unit: str
-    confidence: tuple[str, ...]
-    level: LoopLevel
-
-
-def fill_report(
-    curves: Curves, peaks: Peaks, words: Words, *, perturbation: str, stable: bool, **known: Unpack[KnownOfLoop]
-) -> RobustnessReport:
-    """Fill a report; curves that have no meaning, for an unstable loop or without a set, are nan."""
-    nothing = np.full(curves.omega.size, np.nan)
-    seen = stable and bool(np.isfinite(curves.w).all())
-    return RobustnessReport(
-        omega=curves.omega,
-        S=curves.S,
-        T=1 - curves.S,
-        rs=curves.rs if seen else nothing,
-        np_=curves.np_ if stable else nothing,
-        rp=curves.rp if seen else nothing,
-        nominally_stable=stable,
-        perturbation=perturbation,
-        G=curves.G,
-        K=curves.K,
-        radius=np.abs(curves.w),
-        form=curves.form,
-        w_P=None if curves.w_P is None else np.abs(curves.w_P),
-        shaping=None if np.all(curves.W == 1) else curves.W,
-        **peaks.margins,
-        **words,
-        **known,
-    )
+            rows += [("loop gain", str(self.classical))]
+        rows += [("level", "" if self.level is None else str(self.level))]
+        rows += [("next", self.next_step), ("loop", self.context)]
+        return "\n".join([*self.findings(), *(line for row in rows for line in format_paragraph(*row))])

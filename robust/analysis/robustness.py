@@ -26,22 +26,21 @@ from robust._base.types import Controller, Weight
 from robust.analysis.aliases import RsBreakdown, rs_breakdown
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.disk import disk_margins
+from robust.analysis.findings import Given
 from robust.analysis.lmi_proofs import METHODS, ProofMethod, prove_set_by
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability, find_curve_peaks
 from robust.analysis.loop_level import LoopSignals, predict_level, require_one_channel_loop
 from robust.analysis.loop_proofs import stability_claim
-from robust.analysis.report import (
-    KnownOfLoop,
-    RobustnessReport,
+from robust.analysis.report import RobustnessReport
+from robust.analysis.sampled_set import set_on_controller_time_base
+from robust.analysis.structured import check_structure
+from robust.analysis.text import (
     describe_aliases,
     describe_confidence,
-    fill_report,
     texts_of_frf,
     texts_of_stable_loop,
     texts_of_unstable_loop,
 )
-from robust.analysis.sampled_set import set_on_controller_time_base
-from robust.analysis.structured import check_structure
 from robust.analysis.worst_plant import largest_gains, performance_loop
 from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
@@ -95,14 +94,15 @@ def check_lines(
         has_set=has_set,
         loop=f"{hold}; controller {K.nstates} states",
     )
-    of: KnownOfLoop = {
-        "demand": w_P,
-        "delay": delay,
-        "band": omega[[0, -1]],
-        "unit": getattr(model, "unit", ""),
-        "confidence": describe_confidence(model),
-    }
-    return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
+    unit = getattr(model, "unit", "")
+    return RobustnessReport(
+        nominally_stable=stable,
+        curves=curves.shown(stable),
+        margins=peaks.margins,
+        given=Given(perturbation=perturbation, form=form, demand=w_P, delay=delay, band=omega[[0, -1]], unit=unit),
+        confidence=describe_confidence(model),
+        **words,
+    )
 
 
 def require_usable_frf(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
@@ -183,7 +183,7 @@ def check(
     >>> lag, w = control.tf([1], [1, 1]), control.tf([1, 0.2], [0.5, 1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.5]), perturbation="LTI")
     >>> report = check(model, 2.0)                       # |w T| peaks at |w| -> 2, T = 2/(s + 3): 0.98 near 5 rad/s
-    >>> report.verdict, bool(abs(report.margin_rs - 1 / max(report.rs)) < 1e-3)
+    >>> report.verdict, bool(abs(report.margins.rs - 1 / max(report.curves.rs)) < 1e-3)
     ('robust', True)
     """
     require_choice("proof", proof, METHODS)
@@ -203,46 +203,41 @@ def check(
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
-    of: KnownOfLoop = {
-        "demand": loop.w_P,
-        "delay": float(delay),
-        "band": model.omega[[0, -1]],
-        "unit": model.unit,
-        "confidence": describe_confidence(model),
-    }
+    given = Given(
+        perturbation=model.perturbation,
+        form=model.form,
+        demand=loop.w_P,
+        delay=float(delay),
+        band=model.omega[[0, -1]],
+        unit=model.unit,
+    )
+    confidence = describe_confidence(model)
     claim = stability_claim(model, K, w_P=loop.w_P, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
-        return fill_report(
-            loop.curves(omega),
-            Peaks(),
-            texts_of_unstable_loop(model, loop, nominal),
-            perturbation=model.perturbation,
-            stable=False,
-            **of,
+        return RobustnessReport(
+            nominally_stable=False,
+            curves=loop.curves(omega).shown(stable=False),
+            given=given,
+            confidence=confidence,
+            **texts_of_unstable_loop(model, loop, nominal),
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
-    if signals is not None:
-        of["level"] = predict_level(model, K, signals, delay=delay)
     peaks = find_curve_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1], peaks.S_worst[1]])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
     proofs = prove_set_by(loop, curves, peaks.rs[0], claim=claim, certify=certify, proof=proof, solver=solver)
     folding = rs_breakdown_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
-    found = fill_report(
-        curves,
-        peaks,
-        texts_of_stable_loop(model, loop, peaks=peaks, proofs=proofs, folding=folding, certify=certify),
-        perturbation=model.perturbation,
-        stable=True,
-        **of,
-    )
-    return replace(
-        found,
-        robustly_stable=proofs.stability_proved,
-        robust_performance=proofs.performance_proved,
-        certificates=proofs.certificates,
+    return RobustnessReport(
+        nominally_stable=True,
+        curves=curves.shown(stable=True),
+        margins=peaks.margins,
+        proofs=proofs,
+        given=given,
+        level=None if signals is None else predict_level(model, K, signals, delay=delay),
+        confidence=confidence,
         folding="" if folding is None else describe_aliases(folding, model),
+        **texts_of_stable_loop(model, loop, peaks=peaks, proofs=proofs, folding=folding, certify=certify),
     )
 
 
@@ -279,21 +274,26 @@ def check_matrix(
     known = replace(
         found,
         reason=reason,
-        margins=disk_margins(forms[0][0], K),
-        perturbation=model.perturbation,
+        channels=disk_margins(forms[0][0], K),
+        given=Given(
+            perturbation=model.perturbation,
+            form=taken,
+            demand=w_P,
+            delay=float(delay) if forms[0][1] else 0.0,
+            band=model.omega[[0, -1]],
+        ),
         confidence=describe_confidence(model),
-        band=model.omega[[0, -1]],
-        form=taken,
-        demand=w_P,
     )
     taken_form, folding = next((form, words) for form, words in forms if form.form == taken)
     if known.nominally_stable:
         omega, S_worst = largest_gains(performance_loop(taken_form, K, None), taken_form.omega)
-        known = replace(known, S_worst=float(S_worst.max()), omega_S_worst=float(omega[S_worst.argmax()]))
+        at = int(S_worst.argmax())
+        margins = replace(known.margins, S_worst=float(S_worst[at]), omega_S_worst=float(omega[at]))
+        known = replace(known, margins=margins)
     if not folding:
         return known
     not_proved = f"That the weights of the sampled set cover every alias; {found.not_proved}"
-    return replace(known, folding=folding, delay=float(delay), not_proved=not_proved)
+    return replace(known, folding=folding, not_proved=not_proved)
 
 
 def best_form(reports: dict[str, RobustnessReport]) -> str:
@@ -301,6 +301,7 @@ def best_form(reports: dict[str, RobustnessReport]) -> str:
 
     def established(form: str) -> tuple[bool, bool, float]:
         report = reports[form]
-        return report.robust_performance, report.robustly_stable, float(np.nan_to_num(report.margin_rs, nan=-1.0))
+        proofs, margin = report.proofs, float(np.nan_to_num(report.margins.rs, nan=-1.0))
+        return proofs.robust_performance, proofs.robustly_stable, margin
 
     return max(reports, key=established)

@@ -16,12 +16,9 @@ from nlfrf._base.arguments import format_hertz, require_positive, short_form
 from nlfrf._base.values import value
 from robust._base.states import Verdict
 from robust._base.types import Blocks
-from robust.analysis.report import (
-    SAMPLES_ONLY,
-    RobustnessReport,
-    nominal_verdict,
-    structure_proof_sentences,
-)
+from robust.analysis.findings import Margins, Proofs, ReportCurves
+from robust.analysis.report import RobustnessReport
+from robust.analysis.text import SAMPLES_ONLY, nominal_verdict, structure_proof_sentences
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.lti.stability import StabilityResult
@@ -87,7 +84,7 @@ def check_structure(
     >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
     >>> blocks = {"pole": Block("y", "pole", 2.5, kind="real"), "actuator": Block("u", "u", 0.5)}
     >>> report = check_structure(interconnection([lag, K], blocks))      # s + 5 - 2.5 d1 + 2 d2: 4.5 of 5
-    >>> report.verdict, round(report.margin_rs, 3)
+    >>> report.verdict, round(report.margins.rs, 3)
     ('robust', 1.111)
     """
     if not isinstance(system, UncertainSystem):
@@ -123,21 +120,18 @@ def check_structure(
     )
     proved, not_proved = structure_proof_sentences(system, stable, performs)
     return RobustnessReport(
-        omega=curves.omega,
-        rs=curves.mu,
-        np_=np.full(curves.omega.size, np.nan),
-        rp=curves.mu_rp,
-        nominally_stable=True,
-        robustly_stable=stable,
-        robust_performance=performs,
-        margin_rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
-        margin_rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
-        margin_broken=broken,
-        omega_rs=float(curves.omega[curves.mu.argmax()]),
-        omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
-        worst=worst,
-        certificates=certificates,
         verdict=verdict,
+        nominally_stable=True,
+        curves=ReportCurves(omega=curves.omega, rs=curves.mu, rp=curves.mu_rp, np_=np.full(curves.omega.size, np.nan)),
+        margins=Margins(
+            rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
+            omega_rs=float(curves.omega[curves.mu.argmax()]),
+            rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
+            omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
+            broken=broken,
+            worst=worst,
+        ),
+        proofs=Proofs(certificates=certificates, robustly_stable=stable, robust_performance=performs),
         reason=reason,
         proved=proved,
         not_proved=not_proved,
@@ -185,10 +179,7 @@ def report_on_unstable_loop(omega: np.ndarray, nominal: StabilityResult) -> Robu
     """Return the report on a loop whose nominal is not stable: no bounds."""
     nothing = np.full(omega.size, np.nan)
     return RobustnessReport(
-        omega=omega,
-        rs=nothing,
-        np_=nothing,
-        rp=nothing,
+        curves=ReportCurves(omega=omega, rs=nothing, np_=nothing, rp=nothing),
         nominally_stable=False,
         verdict=nominal_verdict(nominal),
         reason=f"the nominal loop is {nominal}",

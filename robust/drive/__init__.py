@@ -5,12 +5,10 @@ check              the entry point: gains of a drive checked against traces of i
 controller_gains   a controller as the gains of a drive
 cures              what a change of the drive does to a friction verdict
 feedforward_gains  mass, friction and jerk as gains of the drive, and what they leave
-filters            filter slots: notch, low-pass, biquad
 friction           friction in the loop of a drive, read from traces at rest, and the proof with it
 gains_file         gains in a TOML file, every number with its unit
 p_pi               the gains of a drive as one controller
 plc                a function block for a PLC
-settings           the settings of a drive, with their units
 simulation         an axis as it was read, run under its drive: whether it rests, and what to change where it hunts
 """
 

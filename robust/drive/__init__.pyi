@@ -9,11 +9,6 @@ from .feedforward_gains import FeedforwardGains as FeedforwardGains
 from .feedforward_gains import compensated as compensated
 from .feedforward_gains import feedforward as feedforward
 from .feedforward_gains import feedforward_error as feedforward_error
-from .filters import FilterSlot as FilterSlot
-from .filters import biquad as biquad
-from .filters import low_pass as low_pass
-from .filters import notch as notch
 from .gains_file import load_gains as load_gains
 from .p_pi import cascade as cascade
 from .plc import structured_text as structured_text
-from .settings import DriveSettings as DriveSettings

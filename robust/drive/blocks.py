@@ -1,8 +1,7 @@
 """The gains of a drive as blocks of `robust.tune`, and the blocks of a design as gains to type in; both exact.
 
 The velocity loop adds the error of the sample before, a block is its Tustin image: kp (1 + Ts/tn z^-1/(1 - z^-1)) is
-kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter slot is exact at its own frequency, a
-block in the plane 2/Ts (z - 1)/(z + 1): its omega is 2/Ts tan(pi f Ts), width and damping ratio stay.
+kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter is a block as it is.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from robust.drive.filters import FilterSlot, low_pass, notch
+from nlfrf.axis import Drive
 from robust.drive.p_pi import (
     hold_mean,
     realise_fir,
@@ -23,21 +22,18 @@ from robust.drive.p_pi import (
     velocity_section,
     warn_of_slow_position_loop,
 )
-from robust.drive.settings import DriveSettings
 from robust.lti.lti import with_names
-from robust.synthesis.tuning.blocks import Filter2, Notch, Pid, TunableBlock
+from robust.synthesis.blocks import Filter, Notch, Pid, TunableBlock
 
 LEAST_DEPTH = 1e-3  # of a notch as a block: its logarithm is searched for
 
 
-def to_blocks(
-    settings: DriveSettings, *, output_unit: str = ""
-) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
     """Return a drive as fixed parts and blocks for `robust.tune`: its gains are the start.
 
     Parameters
     ----------
-    settings : DriveSettings
+    settings : Drive
         Gains, filters, sampling and units.
     output_unit : str
         Unit of the plant input, as for `cascade`.
@@ -49,8 +45,8 @@ def to_blocks(
         input "force" or "current", at which the disturbance "d" acts. Between them "position error", "velocity set
         point", "velocity error" and "set point", in units of the velocity loop.
     blocks : dict of str to block
-        "K_x" and "K_v", a `Pid` each, and "filter 1", ... for each notch and low-pass. A biquad is a fixed part. The
-        depth of a notch starts at 0.001 at least.
+        "K_x" and "K_v", a `Pid` each, and "filter 1", ... for each filter. The depth of a notch starts at 0.001 at
+        least.
 
     Raises
     ------
@@ -74,7 +70,7 @@ def to_blocks(
 
     Examples
     --------
-    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     >>> system, blocks = to_blocks(settings)
     >>> blocks["K_x"].kp, round(blocks["K_v"].ki, 6)
     (31.0, 3150.0)
@@ -82,14 +78,12 @@ def to_blocks(
     >>> round(again.kv, 9), round(again.kp, 9), round(again.tn, 9)
     (31.0, 126.0, 0.04)
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     warn_of_slow_position_loop(settings)
     return parts_and_blocks(settings, output_unit)
 
 
-def parts_and_blocks(
-    settings: DriveSettings, output_unit: str
-) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+def parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
     """Return what `to_blocks` returns, without its warning."""
     unit = output_unit or settings.output_unit
     kp = settings.gain * settings.output_factor(unit)
@@ -104,26 +98,24 @@ def parts_and_blocks(
     signals = [f"behind filter {k}" if k else "behind K_v" for k in range(slots)] + ["set point"]
     blocks: dict[str, TunableBlock] = {
         "K_x": Pid(kp=settings.kv, reads="held error", drives="velocity set point"),
-        "K_v": Pid(kp=kp - ki * settings.dt / 2, ki=ki or None, reads="velocity error", drives=signals[0]),
+        "K_v": Pid(kp=kp - ki * settings.dt / 2, ki=ki, reads="velocity error", drives=signals[0]),
     }
     system = fixed_parts(settings, "current" if unit == "A" else "force")
     for k, slot in enumerate(settings.filters):
-        reads, drives = signals[k], signals[k + 1]
-        block = block_of_slot(slot, settings.dt, reads=reads, drives=drives)
-        if block is None:
-            system.append(with_names(realise_section(slot.section(settings.fs), settings.dt), (reads,), (drives,)))
-        else:
-            blocks[f"filter {k + 1}"] = block
+        require_kind("filters", slot, Filter)
+        if isinstance(slot, Notch):
+            slot = replace(slot, depth=max(slot.depth, LEAST_DEPTH))
+        blocks[f"filter {k + 1}"] = replace(slot, reads=signals[k], drives=signals[k + 1])
     return system, blocks
 
 
-def fixed_parts(settings: DriveSettings, plant_input: str) -> list[control.StateSpace]:
+def fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
     """Return all of a drive that is no gain: differences, hold, feedforward of the velocity, and the sums."""
     dt, n = settings.dt, settings.position_every
     both = settings.encoder == "both"
     motor, load = ("motor", "load") if both else ("position", "position")
-    factor = settings.load_factor if both else settings.unit_factor
-    velocity = times(settings.unit_factor, realise_section(velocity_section(settings), dt))
+    factor = settings.load_scale.factor if both else settings.position_scale.factor
+    velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), dt))
 
     def gain(D: list[list[float]], reads: tuple[str, ...], drives: str) -> control.StateSpace:
         return with_names(control.StateSpace([], [], [], D, dt), reads, (drives,))
@@ -143,25 +135,12 @@ def fixed_parts(settings: DriveSettings, plant_input: str) -> list[control.State
     return parts
 
 
-def block_of_slot(slot: FilterSlot, dt: float, *, reads: str, drives: str) -> TunableBlock | None:
-    """Return a notch or a low-pass as a block; None for a biquad."""
-    _, b1, _ = slot.numerator
-    _, a1, a0 = slot.denominator
-    omega = 2 / dt * np.tan(np.pi * slot.frequency * dt)
-    if slot.kind == "notch":
-        depth = max(float(b1 / a1), LEAST_DEPTH)
-        return Notch(omega=omega, depth=depth, width=float(a1 / np.sqrt(a0)), reads=reads, drives=drives)
-    if slot.kind == "low-pass":
-        return Filter2(omega=omega, zeta=float(a1 / np.sqrt(a0) / 2), reads=reads, drives=drives)
-    return None
-
-
-def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, output_unit: str = "") -> DriveSettings:
+def with_blocks(settings: Drive, blocks: Mapping[str, TunableBlock], *, output_unit: str = "") -> Drive:
     """Return the drive with the numbers of tuned blocks, to type in: `kv`, `kp`, `tn` and the filters.
 
     Parameters
     ----------
-    settings : DriveSettings
+    settings : Drive
         The drive that `to_blocks` took.
     blocks : dict of str to block
         Of the design, under the names that `to_blocks` gave: `design.blocks`.
@@ -170,7 +149,7 @@ def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, 
 
     Returns
     -------
-    DriveSettings
+    Drive
 
     Raises
     ------
@@ -184,12 +163,12 @@ def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, 
     Examples
     --------
     >>> from dataclasses import replace
-    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     >>> _, blocks = to_blocks(settings)
     >>> with_blocks(settings, blocks | {"K_x": replace(blocks["K_x"], kp=40.0)}).kv
     40.0
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     _, own = parts_and_blocks(settings, output_unit)
     for name, block in own.items():
         if type(blocks.get(name)) is not type(block) or blocks[name].present() != block.present():
@@ -204,22 +183,8 @@ def with_blocks(settings: DriveSettings, blocks: Mapping[str, TunableBlock], *, 
     K_x, K_v = blocks["K_x"], blocks["K_v"]
     assert isinstance(K_x, Pid)
     assert isinstance(K_v, Pid)
-    assert K_x.kp is not None
-    assert K_v.kp is not None
-    ki = K_v.ki or 0.0
-    kp = K_v.kp + ki * settings.dt / 2
+    kp = K_v.kp + K_v.ki * settings.dt / 2
     scale = settings.gain / settings.kp * settings.output_factor(output_unit or settings.output_unit)
-    filters = tuple(
-        slot_of_block(blocks[f"filter {k + 1}"], settings.dt) if f"filter {k + 1}" in own else slot
-        for k, slot in enumerate(settings.filters)
-    )
-    return replace(settings, kv=K_x.kp, kp=kp / scale, tn=kp / ki if ki else np.inf, filters=filters)
-
-
-def slot_of_block(block: TunableBlock, dt: float) -> FilterSlot:
-    """Return the filter slot of a block."""
-    if isinstance(block, Notch):
-        frequency = float(np.arctan(block.omega * dt / 2) / (np.pi * dt))
-        return notch(frequency, bandwidth=block.width * frequency, depth=min(block.depth, 1 - 1e-12))
-    assert isinstance(block, Filter2)
-    return low_pass(float(np.arctan(block.omega * dt / 2) / (np.pi * dt)), zeta=block.zeta)
+    filters = [replace(block, reads="", drives="") for name in own if isinstance(block := blocks[name], Filter)]
+    tn = kp / K_v.ki if K_v.ki else np.inf
+    return replace(settings, kv=K_x.kp, kp=kp / scale, tn=tn, filters=tuple(filters))

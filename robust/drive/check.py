@@ -31,6 +31,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import to_plain, value
+from nlfrf.axis import Drive
 from robust._base.states import State, Verdict
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
@@ -38,7 +39,6 @@ from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
-from robust.drive.settings import DriveSettings
 from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice
 from robust.friction.balance import motion_of_record
 from robust.friction.classes import any_bounded
@@ -146,7 +146,7 @@ class DriveCheck:
 
     Fields
     ------
-    settings : DriveSettings
+    settings : Drive
         The gains, for a position in m or rad.
     unit : str
         Unit of the force that they ask for: "N", "Nm", or "A" without a torque constant.
@@ -164,11 +164,11 @@ class DriveCheck:
         Whether the input of the traces is the actual current, so that nothing in them shows delay and lag.
     doubts : tuple of Doubt
         Why the gains are not safe though the verdict may be good, or why the model cannot judge them.
-    given : DriveSettings or None
+    given : Drive or None
         The settings as given: those of `settings` have delay and lag of the trace where it refutes the given ones.
     """
 
-    settings: DriveSettings
+    settings: Drive
     unit: str
     traces: tuple[str, ...]
     base: str
@@ -177,17 +177,17 @@ class DriveCheck:
     friction: DriveFriction
     actual: bool
     doubts: tuple[Doubt, ...] = ()
-    given: DriveSettings | None = None
+    given: Drive | None = None
 
     @property
     def linear_passed(self) -> bool:
         """Whether the linear loop is stable with the whole set, and nothing speaks against its model or its margins."""
-        return self.report.robustly_stable and not self.doubts
+        return self.report.proofs.robustly_stable and not self.doubts
 
     @property
     def proved(self) -> bool:
         """Whether the drive itself is proved: stable with the whole set, at rest with every friction of the class."""
-        return self.report.robustly_stable and self.friction.proved and self.settings.position_every == 1
+        return self.report.proofs.robustly_stable and self.friction.proved and self.settings.position_every == 1
 
     @property
     def verdict(self) -> DriveVerdict:
@@ -216,7 +216,7 @@ class DriveCheck:
         more = ("The verdict below only says that no linear plant of the set is unstable",)
         return (
             f"NOT PASSED: linear loop: {why}",
-            *(more if self.report.robustly_stable else ()),
+            *(more if self.report.proofs.robustly_stable else ()),
             f"Friction was {friction}",
         )
 
@@ -234,7 +234,7 @@ class DriveCheck:
         found, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
         assert isinstance(found, dict)
         assert isinstance(found["friction"], dict)
-        found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.S_worst}
+        found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst}
         known = fit if force is None and fit is not None else None if force is None else force.sliding
         simulated = self.friction.simulated
         mass = None if known is None or not np.isfinite(known.stds["mass"]) else known.mass
@@ -262,13 +262,13 @@ class DriveCheck:
     @property
     def stiffness(self) -> str | None:
         """The least stiffness of the axis in its loop, over frequency; None where it is not stable or not known."""
-        G, K = self.report.G, self.report.K
+        G, K = self.report.curves.G, self.report.curves.K
         if G is None or K is None or not self.report.nominally_stable:
             return None
         stiffness = np.abs(1 + G * K) / np.abs(G)
         k = int(np.argmin(stiffness))
         unit = ratio_unit(self.unit, self.settings.base_unit)
-        return f"{stiffness[k]:.3g} {unit} at least, at {format_hertz(self.report.omega[k])}; more at all others"
+        return f"{stiffness[k]:.3g} {unit} at least, at {format_hertz(self.report.curves.omega[k])}; more at all others"
 
     @property
     def assumption(self) -> str:
@@ -307,14 +307,14 @@ class DriveCheck:
         return "\n\n".join(f"{title}\n{content}" for title, content in parts.items() if content)
 
 
-def read_trace(path: Path, settings: DriveSettings, *, actual: bool = False, **load: Any) -> nlfrf.Record:
+def read_trace(path: Path, settings: Drive, *, actual: bool = False, **load: Any) -> nlfrf.Record:
     """Read a trace of a drive in the units of its velocity loop: position in m or rad, force in N or Nm, or current.
 
     Parameters
     ----------
     path : Path
         A measurement file as `nlfrf.load_record` reads it.
-    settings : DriveSettings
+    settings : Drive
         Of the drive; a position without a unit is in its `position_unit`, an input without one in its output unit.
     actual : bool
         Whether the input is the actual current or force, measured behind the hold; a set point is held.
@@ -329,7 +329,7 @@ def read_trace(path: Path, settings: DriveSettings, *, actual: bool = False, **l
 
 
 def read_traces(
-    traces: Sequence[Path], settings: DriveSettings, *, actual: bool = False, **load: Any
+    traces: Sequence[Path], settings: Drive, *, actual: bool = False, **load: Any
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
     """Read traces of any origin: records, names and conditions for `check_drive`, as `read_experiments` returns them.
 
@@ -374,7 +374,7 @@ def collect_warnings(name: str) -> Iterator[list[str]]:
 def read_experiments(
     traces: Sequence[Path],
     designs: Sequence[nlfrf.axis.AxisExperiment],
-    settings: DriveSettings,
+    settings: Drive,
     *,
     actual: bool = False,
     n_levels: int = 3,
@@ -447,7 +447,7 @@ def read_experiments(
 def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
     """Return which levels of a pre-test to read: its three, or more between the lowest of them and the top."""
     named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
-    states = nlfrf.axis.LevelState
+    states = nlfrf.axis.FrictionRegime
     readable = (states.STICKS, states.BENDS, states.SLIDES)
     top = max(k for k, state in enumerate(levels.states) if state in readable)
     if count <= len(named) or top - named[0] + 1 < count:
@@ -455,7 +455,7 @@ def choose_levels(levels: nlfrf.axis.AxisLevels, count: int) -> list[int]:
     return np.unique(np.round(np.linspace(named[0], top, count)).astype(int)).tolist()
 
 
-def compare_gains(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) -> RecordedGains:
+def compare_gains(design: nlfrf.axis.AxisExperiment, settings: Drive) -> RecordedGains:
     """Compare the gains an experiment was designed for with these; unknown where kp cannot be converted to A."""
     try:
         kp = settings.gain * settings.output_factor("A")
@@ -465,7 +465,7 @@ def compare_gains(design: nlfrf.axis.AxisExperiment, settings: DriveSettings) ->
     return RecordedGains.SAME if same else RecordedGains.OTHER
 
 
-def to_drive_units(record: nlfrf.Record, settings: DriveSettings, path: Path, *, actual: bool) -> nlfrf.Record:
+def to_drive_units(record: nlfrf.Record, settings: Drive, path: Path, *, actual: bool) -> nlfrf.Record:
     """Return a record in the units of the velocity loop; the errors and units are those of `read_trace`."""
     if abs(record.fs / settings.fs - 1) > 1e-6:
         raise ValueError(
@@ -474,11 +474,12 @@ def to_drive_units(record: nlfrf.Record, settings: DriveSettings, path: Path, *,
         )
     base, force = settings.base_unit, settings.force_unit
     kind, factor = POSITIONS.get(record.y_unit, ("", 1.0))
-    if record.y_unit in ("", settings.position_unit):
-        factor = settings.unit_factor
+    position = settings.position_scale
+    if record.y_unit in ("", position.unit):
+        factor = position.factor
     elif kind != base:
         raise ValueError(
-            f"trace must have the position in {settings.position_unit} or a multiple of {base}, got {path.name} in "
+            f"trace must have the position in {position.unit} or a multiple of {base}, got {path.name} in "
             f"{record.y_unit}"
         )
     given = record.u_unit or settings.output_unit
@@ -503,7 +504,7 @@ def to_drive_units(record: nlfrf.Record, settings: DriveSettings, path: Path, *,
 
 def check_drive(
     records: Sequence[nlfrf.Record],
-    settings: DriveSettings,
+    settings: Drive,
     *,
     names: Sequence[str] = (),
     actual: bool = False,
@@ -525,7 +526,7 @@ def check_drive(
     ----------
     records : sequence of nlfrf.Record
         From `read_trace`: set point of force or current in, position out.
-    settings : DriveSettings
+    settings : Drive
         Gains, filters, sampling and units.
     names : sequence of str
         Of the traces.
@@ -559,7 +560,7 @@ def check_drive(
     ----------
     SP 2.4.3: max |S| below 2, a phase margin of 30 deg or more.
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     peak = require_positive("peak", peak)
     if settings.encoder == "both":
         raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
@@ -671,7 +672,7 @@ def check_drive(
 
 
 def simulate_drive(
-    friction: DriveFriction, settings: DriveSettings, *, model: UncertaintyModel, report: RobustnessReport, masses: int
+    friction: DriveFriction, settings: Drive, *, model: UncertaintyModel, report: RobustnessReport, masses: int
 ) -> DriveFriction:
     """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
     force, reason = friction.force, reason_against_simulation(friction.force, settings, masses)
@@ -679,11 +680,11 @@ def simulate_drive(
         reason = "the linear loop is unstable"
     if reason or force is None:
         return replace(friction, unsimulated=reason)
-    S_most = max(report.peak, report.S_worst)
+    S_most = max(report.peak, report.margins.S_worst)
 
-    def keeps(other: DriveSettings) -> bool:
+    def keeps(other: Drive) -> bool:
         found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
-        return found.robustly_stable >= report.robustly_stable and found.S_worst <= S_most
+        return found.proofs.robustly_stable >= report.proofs.robustly_stable and found.margins.S_worst <= S_most
 
     found = simulate_rest(force, settings)
     if found.ended <= found.amplitudes.size / 2:
@@ -720,7 +721,7 @@ def read_force(
     return force, force.reason
 
 
-def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlfrf.Bla:
+def machine_frf(bla: nlfrf.Bla, settings: Drive, *, actual: bool) -> nlfrf.Bla:
     """Return the BLA of the machine alone, without delay and lag of the current loop where they are in the trace."""
     s = 1j * bla.omega
     late = np.exp(s * settings.delay) * (1 + s * settings.lag)
@@ -728,8 +729,8 @@ def machine_frf(bla: nlfrf.Bla, settings: DriveSettings, *, actual: bool) -> nlf
 
 
 def fit_machine(
-    bla: nlfrf.Bla, record: nlfrf.Record, settings: DriveSettings, *, actual: bool
-) -> tuple[nlfrf.Bla, NominalFit, DriveSettings]:
+    bla: nlfrf.Bla, record: nlfrf.Record, settings: Drive, *, actual: bool
+) -> tuple[nlfrf.Bla, NominalFit, Drive]:
     """Return the BLA of the machine, its fit, and the settings with a delay and lag that the trace does not refute.
 
     What is taken off too much leaves a machine that leads. Delay and lag of the settings are tried, then those that the
@@ -757,7 +758,7 @@ def fit_machine(
     return min(not_leading, key=lambda one: one[0])[1:]
 
 
-def late_as_traced(record: nlfrf.Record, settings: DriveSettings) -> list[DriveSettings]:
+def late_as_traced(record: nlfrf.Record, settings: Drive) -> list[Drive]:
     """Return the settings with delay and lag together as a trace of a sliding axis shows them; none where it does not.
 
     The lag is kept as far as there is so much.
@@ -770,7 +771,7 @@ def late_as_traced(record: nlfrf.Record, settings: DriveSettings) -> list[DriveS
     return [replace(settings, lag=lag, delay_periods=(late - lag) * settings.fs)]
 
 
-def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: DriveSettings) -> str:
+def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive) -> str:
     """Why a delay is not that of the traces: what is left where it is too long is fitted by unstable poles."""
     fast = machine.poles()[machine.poles().real > 0]
     fast = fast[np.abs(fast) > LEAD * bla.omega[-1]]
@@ -806,7 +807,7 @@ def cancels_unstable_pole(G: control.StateSpace) -> bool:
     return any(np.any(np.abs(zeros - p) < CANCELLED * p.real) for p in poles if p.real > 0)
 
 
-def reason_of_late_settings(machine: nlfrf.Bla, settings: DriveSettings) -> str:
+def reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:
     """Why a delay is too long: it turns the phase of what is left up by more than a machine can, or by a whole turn."""
     omega, steps = machine.omega, machine.G[1:] * machine.G[:-1].conj()
     widths = np.diff(omega)
@@ -850,10 +851,10 @@ def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, 
 
 def doubt_of_crossover(report: RobustnessReport) -> Doubt | None:
     """Why margins are those of an assumed model: the loop crosses over where nothing was measured."""
-    if report.band is None or report.G is None or report.K is None:
+    if report.given.band is None or report.curves.G is None or report.curves.K is None:
         return None
-    crossover = classical_margins(report.omega, report.G * report.K).crossover
-    first, last = report.band
+    crossover = classical_margins(report.curves.omega, report.curves.L).crossover
+    first, last = report.given.band
     if not (crossover < 0.999 * first or crossover > 1.001 * last):
         return None
     above = crossover > last
@@ -927,7 +928,7 @@ def doubt_of_margins(report: RobustnessReport) -> Doubt | None:
     return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cure}")
 
 
-def doubt_of_approximation(settings: DriveSettings) -> Doubt | None:
+def doubt_of_approximation(settings: Drive) -> Doubt | None:
     """Why what is proved is not proved of the drive: a slower position loop was taken as its mean over the phase."""
     if settings.position_every == 1:
         return None
@@ -945,7 +946,7 @@ def behind_lag(machine: control.StateSpace, lag: float) -> control.StateSpace:
     return in_series(control.StateSpace([[-1 / lag]], [[1 / lag]], [[1.0]], [[0.0]], 0), machine, dt=0)
 
 
-def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSettings, unit: str) -> StepResponse:
+def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: Drive, unit: str) -> StepResponse:
     """Return the step of the position set point, through the loops of the drive."""
     G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
@@ -959,7 +960,7 @@ def step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: DriveSe
     return measure_step(t, y[0], u=np.full(t.size, np.nan), final=final, cut=True)
 
 
-def describe_parameters(settings: DriveSettings) -> str:
+def describe_parameters(settings: Drive) -> str:
     """Say which of the settings are typed into the drive, and what an ampere is."""
     observed = settings.velocity_from == "observer"
     typed = {

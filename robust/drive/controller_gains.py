@@ -22,9 +22,9 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
+from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
 from robust.drive.p_pi import hold_mean, realise_section, velocity_section
-from robust.drive.settings import DriveSettings
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import discretize
@@ -45,9 +45,9 @@ class DriveReading:
 
     Fields
     ------
-    settings : DriveSettings
+    settings : Drive
         The gains; of two solutions the one with the slower position loop.
-    alternative : DriveSettings or None
+    alternative : Drive or None
         The other solution, the same controller exactly: `kv` and 1/`tn` have changed places.
     misfit : float
         Largest error of the cascade over frequency, relative to K.
@@ -58,15 +58,16 @@ class DriveReading:
 
     Examples
     --------
-    >>> from robust.drive import DriveSettings, cascade
-    >>> settings = DriveSettings(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01)
+    >>> from nlfrf.axis import Drive
+    >>> from robust.drive import cascade
+    >>> settings = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01)
     >>> found = gains(cascade(settings), like=settings)
     >>> round(found.settings.kv, 6), round(found.settings.kp, 6), round(found.settings.tn, 9), found.misfit < 1e-9
     (60.0, 143.0, 0.01, True)
     """
 
-    settings: DriveSettings
-    alternative: DriveSettings | None
+    settings: Drive
+    alternative: Drive | None
     misfit: float
 
     def __str__(self) -> str:
@@ -75,7 +76,7 @@ class DriveReading:
         return f"{self.settings}{more}\nerror at most {self.misfit:.1e} of K"
 
 
-def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> DriveReading:
+def gains(K: LinearSystem, *, like: Drive, output_unit: str = "") -> DriveReading:
     """Read a controller as the gains kv, kp, tn and the velocity low-pass of a drive, or refuse it with its misfit.
 
     A PID with filtered derivative is a cascade where its two zeros are real, and slow against its filter.
@@ -85,7 +86,7 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
     K : control.StateSpace, TransferFunction or float
         From `cascade`, `design_frf`, `tune` or by hand: of one position, or of the two that `like` has. A continuous K
         is sampled by the bilinear map at `like.fs` first.
-    like : DriveSettings
+    like : Drive
         The drive: sampling, units, filters, encoders. `kv`, `kp` and `tn` in it are not used; neither is
         `velocity_lag`, which is read with one encoder and differences.
     output_unit : str
@@ -109,14 +110,14 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
     --------
     A PID of kp (s + 1/tn)(s + kv)/s, with kp = 2 A/(m/s), tn = 10 ms, kv = 40 1/s, and with a derivative filter.
 
-    >>> from robust.drive import DriveSettings
+    >>> from nlfrf.axis import Drive
     >>> from robust.shaping import pid
-    >>> drive = DriveSettings(fs=4000, kv=1, kp=1, kp_unit="A/(m/s)")
+    >>> drive = Drive(fs=4000, kv=1, kp=1, kp_unit="A/(m/s)")
     >>> found = gains(pid(280.0, 8000.0, 2.0, filter_time=0.5e-3), like=drive).settings
     >>> [round(number, 2) for number in (found.kv, 1e3 * found.tn, found.kp, 1e3 * found.velocity_lag)]
     [41.41, 10.98, 2.12, 0.38]
     """
-    require_kind("like", like, DriveSettings)
+    require_kind("like", like, Drive)
     K = multivariable("K", K)
     n_inputs = 2 if like.encoder == "both" else 1
     if (K.ninputs, K.noutputs) != (n_inputs, 1):
@@ -130,8 +131,8 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
         raise ValueError(f"K must be sampled as the drive is, {like.dt:g} s, got {timebase(K):g} s")
     angles = np.geomspace(SLOWEST, FASTEST, N_FREQUENCIES)
     behind = np.ones(angles.size, dtype=complex)
-    for slot in like.filters:
-        behind *= response_at(realise_section(slot.section(like.fs), like.dt), angles)[0]
+    for section in like.sections:
+        behind *= response_at(realise_section(section, like.dt), angles)[0]
     measured = response_at(K, angles) / (behind * like.output_factor(output_unit or like.output_unit))
     if not np.all(np.abs(measured) > 0):
         raise ValueError("K must act on every position that the drive reads, got a response of zero")
@@ -152,7 +153,7 @@ def gains(K: LinearSystem, *, like: DriveSettings, output_unit: str = "") -> Dri
     return DriveReading(settings=found[0], alternative=found[1] if len(found) > 1 else None, misfit=misfit)
 
 
-def read_pid(K: np.ndarray, p: np.ndarray, like: DriveSettings) -> list[tuple[float, float, float, float]]:
+def read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, float, float, float]]:
     """Return (kp, kv, a, b) of K p (1 - b q) = n0 + n1 p + n2 p^2, both solutions; q = 1 - p."""
     R = K * p
     columns = np.stack([(1 - p) * R, np.ones_like(p), p, p**2])
@@ -187,7 +188,7 @@ def read_pid(K: np.ndarray, p: np.ndarray, like: DriveSettings) -> list[tuple[fl
             refusals.append((z, a))
             continue
         # K(z = infinity), where p = 1 and q = 0
-        kp = (n0 + n1 + n2) / ((1 - b) * like.fs + kv) / like.unit_factor
+        kp = (n0 + n1 + n2) / ((1 - b) * like.fs + kv) / like.position_scale.factor
         found.append((kp, kv, a, b))
     if not found:
         z, a = refusals[0]
@@ -199,11 +200,11 @@ def read_pid(K: np.ndarray, p: np.ndarray, like: DriveSettings) -> list[tuple[fl
 
 
 def read_known_velocity(
-    K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: DriveSettings
+    K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: Drive
 ) -> tuple[float, float, float, float]:
     """Return (kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a."""
     V, H = parts_of(like, angles)
-    scale = like.unit_factor
+    scale = like.position_scale.factor
     kp, by_reset, by_position, _ = solve_relative(scale * np.stack([p * V, (1 - p) * V, p * H, (1 - p) * H]), K * p)
     if not kp:
         raise ValueError("K must act on the velocity, got one without a gain on it")
@@ -211,18 +212,18 @@ def read_known_velocity(
 
 
 def read_two_encoders(
-    K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: DriveSettings
+    K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: Drive
 ) -> tuple[float, float, float, float]:
     """Return (kp, kv, a, nan) of a velocity loop on the motor and a position loop on the load."""
     V, H = parts_of(like, angles)
-    kp, by_reset = solve_relative(like.unit_factor * np.stack([p * V, (1 - p) * V]), K[0] * p)
+    kp, by_reset = solve_relative(like.position_scale.factor * np.stack([p * V, (1 - p) * V]), K[0] * p)
     if not kp:
         raise ValueError("K must act on the velocity of the motor, got one without a gain on it")
-    by_position, _ = solve_relative(like.load_factor * np.stack([p * H, (1 - p) * H]), K[1] * p)
+    by_position, _ = solve_relative(like.load_scale.factor * np.stack([p * H, (1 - p) * H]), K[1] * p)
     return kp, by_position / kp, by_reset / kp, np.nan
 
 
-def settings_of(like: DriveSettings, kp: float, kv: float, a: float, b: float) -> DriveSettings:
+def settings_of(like: Drive, kp: float, kv: float, a: float, b: float) -> Drive:
     """Return the settings of a drive with what was read."""
     if not (kp > 0 and kv > -1e-12 and a > -1e-12):
         raise ValueError(
@@ -239,19 +240,19 @@ def settings_of(like: DriveSettings, kp: float, kv: float, a: float, b: float) -
     )
 
 
-def misfit_of(settings: DriveSettings, K: np.ndarray, *, p: np.ndarray, angles: np.ndarray) -> float:
+def misfit_of(settings: Drive, K: np.ndarray, *, p: np.ndarray, angles: np.ndarray) -> float:
     """Largest error of a cascade relative to K over the frequencies; K without filters and output factor."""
     V, H = parts_of(settings, angles)
     pi = settings.gain * (1 + settings.dt / settings.tn * (1 - p) / p)
     if settings.encoder == "both":
-        paths = np.stack([settings.unit_factor * V, settings.kv * settings.load_factor * H])
+        paths = np.stack([settings.position_scale.factor * V, settings.kv * settings.load_scale.factor * H])
     else:
-        paths = settings.unit_factor * (V + settings.kv * H)[None]
+        paths = settings.position_scale.factor * (V + settings.kv * H)[None]
     with np.errstate(all="ignore"):
         return float(np.max(np.abs(pi * paths - K) / np.abs(K)))
 
 
-def parts_of(settings: DriveSettings, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def parts_of(settings: Drive, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (W,) responses from a position to its velocity, and of what the position loop holds."""
     velocity = realise_section(velocity_section(settings), settings.dt)
     return response_at(velocity, angles)[0], response_at(hold_mean(settings), angles)[0]

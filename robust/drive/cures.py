@@ -9,9 +9,9 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind, require_positive
 from nlfrf._base.values import value
+from nlfrf.axis import Drive
 from robust._base.states import FrictionVerdict
 from robust.drive.p_pi import cascade
-from robust.drive.settings import DriveSettings
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_loop
 from robust.friction.ports import largest_forces
@@ -62,7 +62,7 @@ class FrictionCure:
 
 def friction_cures(
     machine: FrictionPlant,
-    settings: DriveSettings,
+    settings: Drive,
     friction: AnyFriction | FrictionAtPorts,
     *,
     Fs: float | Sequence[float],
@@ -80,7 +80,7 @@ def friction_cures(
     ----------
     machine : FrictionPlant
         In the units of the velocity loop (m or rad).
-    settings : DriveSettings
+    settings : Drive
         The drive as it is.
     friction : AnyFriction or FrictionAtPorts
         The class.
@@ -109,12 +109,12 @@ def friction_cures(
     --------
     >>> from robust.friction import any_maxwell_slip
     >>> from robust import friction_plant
-    >>> settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    >>> settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     >>> cures = friction_cures(friction_plant(1.0, 0.0), settings, any_maxwell_slip(1e5, 3.0), Fs=1.0)
     >>> str(cures[0].verdict), cures[0].change
     ('proved', 'no integral action (dead band or leak of the integrator)')
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     forces = largest_forces(machine, Fs)
     q = require_positive("compensation_error", compensation_error)
     unit = settings.kp_unit
@@ -144,7 +144,7 @@ def friction_cures(
 
 def judge(
     machine: FrictionPlant,
-    settings: DriveSettings,
+    settings: Drive,
     friction: AnyFriction | FrictionAtPorts,
     *,
     forces: np.ndarray,

@@ -7,7 +7,7 @@ order in T,
 
     F* = (m + c T) a + c v + m T j + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v.
 
-`robust.synthesis.feedforward` finds a filter for plants that are stable by themselves; a free mass is none of them.
+`robust.synthesis.feedforward_filter` is for plants that are stable by themselves; a free mass is none of them.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind, require_nonnegative, require_positive, require_real, short_form
 from nlfrf._base.values import value
+from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
-from robust.drive.settings import DriveSettings
 from robust.friction.classes import AnyFriction, any_bounded
 from robust.friction.levels import SIGMAS, FrictionClass
 from robust.friction.plant import FrictionPlant
@@ -51,7 +51,7 @@ class FeedforwardGains:
         The gains are the middle. Without a Stribeck effect `stiction` is `coulomb`, and `stribeck_velocity` nan.
     lead : float
         Time T by which force follows its set point: lag, delay and half a period of hold [s].
-    settings : DriveSettings or None
+    settings : Drive or None
         The drive whose units the gains have; without one they are forces.
 
     References
@@ -72,7 +72,7 @@ class FeedforwardGains:
     stiction: np.ndarray
     stribeck_velocity: np.ndarray
     lead: float
-    settings: DriveSettings | None
+    settings: Drive | None
 
     def force(self, v: float | np.ndarray, a: float | np.ndarray, j: float | np.ndarray = 0.0) -> np.ndarray:
         """Return the force [N] or [Nm] to add for a velocity, acceleration and jerk of the set point."""
@@ -167,9 +167,9 @@ def feedforward(
     coulomb: Interval = 0.0,
     stiction: Interval | None = None,
     stribeck_velocity: Interval | None = None,
-    settings: DriveSettings | None = None,
+    settings: Drive | None = None,
 ) -> FeedforwardGains:
-    """Return the feedforward gains of an axis without a spring: what `robust.synthesis.feedforward` has no filter for.
+    """Return the feedforward gains of an axis without a spring: `robust.synthesis.feedforward_filter` takes none.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def feedforward(
         Friction while sliding and at standstill [N] or [Nm].
     stribeck_velocity : float or (low, high), optional
         Over which it falls from the one to the other, as exp(-(v/vs)^2) [m/s] or [rad/s]; needed with `stiction`.
-    settings : DriveSettings, optional
+    settings : Drive, optional
         The drive: its lag and delay make the jerk gain, its torque constant and units those of the gains.
 
     Returns
@@ -200,8 +200,8 @@ def feedforward(
 
     Examples
     --------
-    >>> from robust.drive import DriveSettings
-    >>> drive = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=50.0, lag=0.3e-3)
+    >>> from nlfrf.axis import Drive
+    >>> drive = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=50.0, lag=0.3e-3)
     >>> print(feedforward(control.tf([1], [12, 20, 0]), coulomb=(14, 16), settings=drive))
     acceleration: 0.24027 A/(m/s^2)
     velocity: 0.4 A/(m/s)
@@ -210,7 +210,7 @@ def feedforward(
     dry friction that is left while the axis slides: 1 N, 6.25 % of stiction (at standstill and at a reversal all of it)
     """
     if settings is not None:
-        require_kind("settings", settings, DriveSettings)
+        require_kind("settings", settings, Drive)
         settings.output_factor(settings.force_unit)
     read = (None, None) if plant is None else rigid_body(plant)
     mass = read[0] if mass is None else mass

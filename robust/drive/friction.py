@@ -14,10 +14,10 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.values import value
+from nlfrf.axis import Drive
 from robust._base.states import FrictionVerdict
 from robust.drive.cures import FrictionCure, friction_cures
 from robust.drive.p_pi import cascade
-from robust.drive.settings import DriveSettings
 from robust.drive.simulation import SimulatedRest
 from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
 from robust.friction.classes import AnyFriction, FrictionAtPorts
@@ -307,7 +307,7 @@ def largest_damping(fit: FrictionFit) -> float:
 
 def judge_friction(
     records: Sequence[nlfrf.Record],
-    settings: DriveSettings,
+    settings: Drive,
     *,
     actual: bool,
     stiction: float,
@@ -379,7 +379,7 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
 
 
 def bound_any_friction(
-    machine: control.StateSpace, settings: DriveSettings, friction: AnyFriction, *, output_unit: str
+    machine: control.StateSpace, settings: Drive, friction: AnyFriction, *, output_unit: str
 ) -> FrictionProof:
     """Return the bound of the error of a linear machine with any bounded friction, under its drive."""
     plant = friction_behind_lag(friction_plant(machine, position_unit=settings.base_unit), settings.lag)

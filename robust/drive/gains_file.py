@@ -5,46 +5,44 @@ from __future__ import annotations
 import os
 import tomllib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from nlfrf._base.arguments import require_known, short_form
-from nlfrf._base.types import Json, JsonObject
-from nlfrf._base.units import parse_quantity, split_quantity
+import numpy as np
+
+from nlfrf._base.arguments import require_positive, short_form
+from nlfrf._base.drive_entries import USUAL_KV, is_unusual_gain, read_drive_entries
+from nlfrf._base.types import Json
+from nlfrf._base.units import parse_quantity
+from nlfrf.axis import Drive
 from robust._base.warnings import DesignWarning
-from robust.drive.filters import FilterSlot, biquad, low_pass, notch
-from robust.drive.settings import USUAL_KV, DriveSettings, is_unusual_gain
+from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch
 
-#: Entry of the file -> kind of quantity, as it is.
-NUMBERS = {
-    **dict.fromkeys(("fs", "observer_frequency"), "frequency"),
-    **dict.fromkeys(("tn", "lag", "delay", "velocity_lag"), "time"),
-    "kv": "rate",
-    "limit": "output",
-    "torque_constant": "torque constant",
-    "velocity_feedforward": "share",
+#: Filters of a drive: their frequency is typed under their name, the other numbers under these, with these defaults.
+FILTERS: dict[str, dict[str, float]] = {
+    "notch": {"bandwidth": np.nan, "depth": 0.0},
+    "low_pass": {"zeta": LowPass.zeta},
+    "biquad": {"zeta": np.nan, "numerator_frequency": np.nan, "numerator_zeta": np.nan},
 }
-#: Entries that are texts or whole numbers, as `DriveSettings` takes them.
-PLAIN = ("position_every", "encoder", "velocity_from", "position_unit", "load_unit", "unit_factor", "load_factor")
-FILTERS: dict[str, Callable[..., FilterSlot]] = {"notch": notch, "low_pass": low_pass, "biquad": biquad}
 FILTER_NUMBERS = {"bandwidth": "frequency", "depth": "share", "zeta": "share"} | {
     "numerator_frequency": "frequency",
     "numerator_zeta": "share",
 }
 
 
-def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
+def load_gains(path: str | os.PathLike[str]) -> Drive:
     """Read the settings of a drive from a TOML file, in which every number has its unit.
 
     Parameters
     ----------
     path : path
-        With `fs`, `kv`, `kp`, and what else `DriveSettings` has; `delay` in ms in place of periods; filters in tables
-        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency, and the other numbers of that function. A
+        With `fs`, `kv`, `kp`, and what else `Drive` has; `delay` in ms in place of periods; filters in tables
+        [[filters]] of one of `notch`, `low_pass`, `biquad`, the frequency [Hz], and the other numbers: `bandwidth` and
+        `depth` of a notch; `zeta`; `zeta`, `numerator_frequency` and `numerator_zeta` of a biquad. A
         file without `lag` or `delay` stands for none, and for one period: the settings name both as assumed.
 
     Returns
     -------
-    DriveSettings
+    Drive
 
     Raises
     ------
@@ -82,27 +80,12 @@ def load_gains(path: str | os.PathLike[str]) -> DriveSettings:
             content = tomllib.load(file)
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"path must be a TOML file with the gains of a drive, got {path}: {error}") from None
-    require_known(str(path), content, [*NUMBERS, *PLAIN, "kp", "filters"])
-    if missing := [name for name in ("fs", "kv", "kp") if name not in content]:
-        raise ValueError(f"{path} must have an entry {missing[0]}, got none")
-    found: JsonObject = {name: content[name] for name in PLAIN if name in content}
-    for name, kind in NUMBERS.items():
-        if name in content:
-            found[name] = parse_quantity(name, kind, content[name])
-    try:
-        found["kp"], found["kp_unit"] = split_quantity(content["kp"])
-    except ValueError:
-        raise ValueError(
-            f'kp must be a number with its unit, such as "143 A/(m/s)", got {short_form(content["kp"])}'
-        ) from None
-    found["assumed"] = tuple(name for name in ("lag", "delay") if name not in found)
-    if "delay" in found:
-        found["delay_periods"] = found.pop("delay") * found["fs"]
+    slots = content.pop("filters", [])
+    found = read_drive_entries(str(path), content)
     warn_of_unusual_gain(found["kv"], content["kv"])
-    slots = content.get("filters", [])
     if not isinstance(slots, list):
         raise ValueError(f"filters must be tables [[filters]], got {short_form(slots)}")
-    return DriveSettings(**found, filters=tuple(map(read_slot, slots)))
+    return Drive(**found, filters=tuple(map(read_slot, slots)))
 
 
 def warn_of_unusual_gain(kv: float, written: Json) -> None:
@@ -117,7 +100,7 @@ def warn_of_unusual_gain(kv: float, written: Json) -> None:
         )
 
 
-def read_slot(given: Json) -> FilterSlot:
+def read_slot(given: Json) -> Filter:
     """One filter of the file."""
     kinds = [kind for kind in FILTERS if isinstance(given, Mapping) and kind in given]
     if len(kinds) != 1:
@@ -125,11 +108,15 @@ def read_slot(given: Json) -> FilterSlot:
     kind = kinds[0]
     if others := sorted(set(given) - {kind} - set(FILTER_NUMBERS)):
         raise ValueError(f"filters must have no entry {others[0]}; of {', '.join(FILTER_NUMBERS)} what {kind} takes")
-    numbers = {name: parse_quantity(name, FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
-    try:
-        slot: FilterSlot = FILTERS[kind](parse_quantity(kind, "frequency", given[kind]), **numbers)
-    except TypeError:
-        raise ValueError(
-            f"filters must have the numbers that {kind} takes, got {', '.join(numbers) or 'none'}"
-        ) from None
-    return slot
+    typed = {name: parse_quantity(name, FILTER_NUMBERS[name], given[name]) for name in given if name != kind}
+    numbers = FILTERS[kind] | typed
+    if set(numbers) != set(FILTERS[kind]) or np.isnan(list(numbers.values())).any():
+        raise ValueError(f"filters must have the numbers that {kind} takes, got {', '.join(typed) or 'none'}")
+    f = require_positive(kind, parse_quantity(kind, "frequency", given[kind]))
+    omega = 2 * np.pi * f
+    if kind == "notch":
+        return Notch(omega=omega, width=numbers["bandwidth"] / f, depth=numbers["depth"])
+    if kind == "low_pass":
+        return LowPass(omega=omega, zeta=numbers["zeta"])
+    upper = 2 * np.pi * numbers.pop("numerator_frequency")
+    return Biquad(omega=omega, numerator_omega=upper, **numbers)

@@ -13,20 +13,20 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
+from nlfrf.axis import Drive
 from robust._base.warnings import DesignWarning
-from robust.drive.filters import bilinear_section
-from robust.drive.settings import DriveSettings
 from robust.lti.connections import in_series
 from robust.lti.lti import with_names
 from robust.lti.sampling import sampled
+from robust.synthesis.blocks import second_order_section
 
 
-def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
+def cascade(settings: Drive, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
     """Return the drive as one controller, for `check`, `prove_friction` and all the rest.
 
     Parameters
     ----------
-    settings : DriveSettings
+    settings : Drive
         Gains, filters, sampling and units.
     output_unit : str
         Unit of u: "A", or "N" ("Nm" where it turns). The output unit of `kp_unit` when not given. It has to be that of
@@ -59,14 +59,14 @@ def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = 
 
     Examples
     --------
-    >>> settings = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
+    >>> settings = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
     >>> K = cascade(settings, output_unit="N")
     >>> K.input_labels, K.output_labels, K.dt
     (['position'], ['force'], 0.00025)
     >>> round(float(abs(K(np.exp(2j * np.pi * 400 / 4000)))) / 1e6, 2)           # MN/m at 400 Hz
     18.69
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     unit = output_unit or settings.output_unit
     scale = settings.gain * settings.output_factor(unit)
     warn_of_slow_position_loop(settings)
@@ -81,10 +81,10 @@ def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = 
     return with_names(K, inputs, ("current" if unit == "A" else "force",))
 
 
-def with_set_point(settings: DriveSettings, *, output_unit: str = "") -> control.StateSpace:
+def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSpace:
     """Return the drive as it runs, from the position set point and the measured positions to u, all in their units."""
     scale = settings.gain * settings.output_factor(output_unit or settings.output_unit)
-    factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
+    factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
     n, held = settings.position_every, hold_mean(settings)
     ahead = settings.velocity_feedforward * settings.fs / n  # differences over a period of the position loop
     difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
@@ -95,40 +95,39 @@ def with_set_point(settings: DriveSettings, *, output_unit: str = "") -> control
     return in_series(error, *behind_velocity_loop(settings, scale), dt=settings.dt)
 
 
-def measured_velocity(settings: DriveSettings) -> control.StateSpace:
+def measured_velocity(settings: Drive) -> control.StateSpace:
     """Return what the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
-    velocity = times(settings.unit_factor, realise_section(velocity_section(settings), settings.dt))
-    factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
+    velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), settings.dt))
+    factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
     return stack_systems(velocity, times(settings.kv * factor, hold_mean(settings)), joined=settings.encoder != "both")
 
 
-def behind_velocity_loop(settings: DriveSettings, scale: float) -> list[control.StateSpace]:
+def behind_velocity_loop(settings: Drive, scale: float) -> list[control.StateSpace]:
     """Return the PI of a velocity error, times a scale, and the filters behind it."""
     dt = settings.dt
     share = dt / settings.tn
     pi = control.StateSpace([[1.0]], [[1.0]], [[scale * share]], [[scale]], dt)
     gain = control.StateSpace([], [], [], [[scale]], dt)
-    return [pi if share else gain, *(realise_section(slot.section(settings.fs), dt) for slot in settings.filters)]
+    return [pi if share else gain, *(realise_section(one, dt) for one in settings.sections)]
 
 
-def velocity_section(settings: DriveSettings) -> np.ndarray:
+def velocity_section(settings: Drive) -> np.ndarray:
     """Return (6,) section from a position to its velocity: differences behind a low-pass, or the observer."""
     fs = settings.fs
     if settings.velocity_from == "observer":
         omega = 2 * np.pi * settings.observer_frequency
-        top, bottom = np.array([0.0, omega**2, 0.0]), np.array([1.0, 2 * omega, omega**2])
-        return bilinear_section(top, bottom, frequency=settings.observer_frequency, fs=fs)
+        return second_order_section([0.0, omega, 0.0], [1.0, 2.0, 1.0], 1 / np.tan(omega / fs / 2))
     share = 1 / (1 + settings.velocity_lag * fs)
     return np.array([share * fs, -share * fs, 0.0, 1.0, share - 1.0, 0.0])
 
 
-def hold_mean(settings: DriveSettings) -> control.StateSpace:
+def hold_mean(settings: Drive) -> control.StateSpace:
     """Mean over its phase of a position loop that samples in every so many periods and holds in between."""
     n = settings.position_every
     return realise_fir(np.full(n, 1 / n), settings.dt)
 
 
-def warn_of_slow_position_loop(settings: DriveSettings) -> None:
+def warn_of_slow_position_loop(settings: Drive) -> None:
     """Warn that K is an approximation where the position loop runs slower than the velocity loop."""
     if settings.position_every > 1:
         warnings.warn(

@@ -11,15 +11,15 @@ import re
 import numpy as np
 
 from nlfrf._base.arguments import require_kind, short_form
+from nlfrf.axis import Drive
 from robust.drive.p_pi import velocity_section
-from robust.drive.settings import DriveSettings
 
 #: Words of IEC 61131-3 that no block can be named after.
 RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}
 RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}
 
 
-def structured_text(settings: DriveSettings, *, name: str = "PositionController", output_unit: str = "") -> str:
+def structured_text(settings: Drive, *, name: str = "PositionController", output_unit: str = "") -> str:
     """Return a function block in structured text that runs the cascade once a call, every period of the velocity loop.
 
     Inputs are the position set point, the measured position (of motor and load with two encoders), a force or current
@@ -29,7 +29,7 @@ def structured_text(settings: DriveSettings, *, name: str = "PositionController"
 
     Parameters
     ----------
-    settings : DriveSettings
+    settings : Drive
         Gains, filters, sampling and units. `lag` and `delay_periods` are properties of the current loop: no statement.
     name : str
         Name of the block.
@@ -52,14 +52,14 @@ def structured_text(settings: DriveSettings, *, name: str = "PositionController"
 
     Examples
     --------
-    >>> settings = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, limit=28.8)
+    >>> settings = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, limit=28.8)
     >>> text = structured_text(settings, name="FB_Axis")
     >>> print(text.splitlines()[0])
     FUNCTION_BLOCK FB_Axis
     >>> [row.strip() for row in text.splitlines() if row.strip().startswith("integral :=")]
     ['integral := 0.0;', 'integral := integral + integral_gain * velocity_error;']
     """
-    require_kind("settings", settings, DriveSettings)
+    require_kind("settings", settings, Drive)
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or name.upper() in RESERVED:
         raise ValueError(f"name must be an identifier of IEC 61131-3, got {short_form(name)}")
     unit = output_unit or settings.output_unit
@@ -76,19 +76,19 @@ def structured_text(settings: DriveSettings, *, name: str = "PositionController"
     return "\n".join(rows) + "\n"
 
 
-def declarations(settings: DriveSettings, unit: str, factor: float) -> list[str]:
+def declarations(settings: Drive, unit: str, factor: float) -> list[str]:
     """Return the variables of the block, with their units and numbers."""
     base, two = settings.base_unit, settings.encoder == "both"
     gain, fs = settings.gain * factor, settings.fs
-    position_factor = settings.load_factor if two else settings.unit_factor
-    set_point_unit = settings.load_unit if two else settings.position_unit
+    position_factor = settings.load_scale.factor if two else settings.position_scale.factor
+    set_point_unit = settings.load_scale.unit if two else settings.position_scale.unit
     sections = {"velocity": velocity_section(settings)}
-    sections |= {f"filter{k + 1}": slot.section(fs) for k, slot in enumerate(settings.filters)}
+    sections |= {f"filter{k + 1}": one for k, one in enumerate(settings.sections)}
     constants: list[tuple[str, float, str]] = [
         ("position_gain", settings.kv, "1/s"),
         ("set_point_factor", position_factor, f"{base}/{set_point_unit}"),
         ("feedforward_gain", settings.velocity_feedforward * fs / settings.position_every, "1/s"),
-        ("velocity_factor", settings.unit_factor, f"{base}/{settings.position_unit}"),
+        ("velocity_factor", settings.position_scale.factor, f"{base}/{settings.position_scale.unit}"),
         ("velocity_gain", gain, f"{unit}/({base}/s)"),
         ("integral_gain", gain * settings.dt / settings.tn, f"{unit}/({base}/s)"),
     ]
@@ -99,8 +99,8 @@ def declarations(settings: DriveSettings, unit: str, factor: float) -> list[str]
             if letter:
                 constants.append((f"{key}_{letter}", float(number), ""))
     inputs = [("position_set", "LREAL", f"set point [{set_point_unit}]")]
-    inputs += [("position", "LREAL", f"measured{' at the motor' if two else ''} [{settings.position_unit}]")]
-    inputs += [("load_position", "LREAL", f"measured at the load [{settings.load_unit}]")] if two else []
+    inputs += [("position", "LREAL", f"measured{' at the motor' if two else ''} [{settings.position_scale.unit}]")]
+    inputs += [("load_position", "LREAL", f"measured at the load [{settings.load_scale.unit}]")] if two else []
     inputs += [("added", "LREAL", f"feedforward, added behind the filters [{unit}]"), ("reset", "BOOL", "start anew")]
     states = ["position_set_before", "position_origin", "velocity_set", "velocity_error", "integral", "unlimited"]
     states += [f"{key}_{state}" for key in sections for state in ("s1", "s2", "in", "out")]
@@ -113,7 +113,7 @@ def declarations(settings: DriveSettings, unit: str, factor: float) -> list[str]
     return [*rows, *(f"    {state} : LREAL := 0.0;" for state in states), "END_VAR"]
 
 
-def statements(settings: DriveSettings) -> list[str]:
+def statements(settings: Drive) -> list[str]:
     """Return the statements of one call."""
     keys = ["velocity", *(f"filter{k + 1}" for k in range(len(settings.filters)))]
     limit = np.isfinite(settings.limit)

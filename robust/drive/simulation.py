@@ -13,7 +13,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.values import value
-from robust.drive.settings import DriveSettings
+from nlfrf.axis import Drive
 from robust.friction.force import FrictionForce
 from robust.friction.units import format_length
 
@@ -128,7 +128,7 @@ def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
     return tuple(law for law in LAWS if not refuted.get(law))
 
 
-def reason_against_simulation(force: FrictionForce | None, settings: DriveSettings, masses: int = 1) -> str:
+def reason_against_simulation(force: FrictionForce | None, settings: Drive, masses: int = 1) -> str:
     """Why an axis is not simulated; empty where it is."""
     if masses > 1:
         return "the trace in motion shows motor and load as one mass"
@@ -142,7 +142,7 @@ def reason_against_simulation(force: FrictionForce | None, settings: DriveSettin
 
 
 def simulate_rest(
-    force: FrictionForce, settings: DriveSettings, *, order: Sequence[int] = range(RUNS), most: float = np.inf
+    force: FrictionForce, settings: Drive, *, order: Sequence[int] = range(RUNS), most: float = np.inf
 ) -> SimulatedRest:
     """Run an axis from random moves into a hold, with numbers drawn from their intervals.
 
@@ -150,7 +150,7 @@ def simulate_rest(
     ----------
     force : FrictionForce
         Machine and friction as read, in N and m or in Nm and rad.
-    settings : DriveSettings
+    settings : Drive
         The drive, in the same units.
     order : sequence of int
         The runs, below `RUNS`. Their draws are the same for every drive: two drives differ by their gains alone.
@@ -175,19 +175,19 @@ def simulate_rest(
     return SimulatedRest(laws=laws, amplitudes=amplitudes, periods=periods, unit=settings.base_unit)
 
 
-def swing_in_the_end(law: str, force: FrictionForce, settings: DriveSettings, draws: np.ndarray) -> tuple[float, float]:
+def swing_in_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float]:
     """Return amplitude [m] and period [s] of one run, by (4 + MOVES,) draws between zero and one."""
-    drive, (friction, oversampling) = drive_in_force(settings), draw_friction(law, force, settings, draws[:4])
+    friction, oversampling = draw_friction(law, force, settings, draws[:4])
     axis = nlfrf.rig.ServoAxis(
         motor_inertia=force.sliding.mass,
-        force_constant=1.0,
-        drive=drive,
+        drive=settings,
         motor_friction=friction,
         motor_damping=max(0.0, force.sliding.damping),
         motion="linear" if settings.base_unit == "m" else "rotary",
     )
-    way, reset = coulomb_of(force) / (drive.kp * drive.kv), drive.tn if np.isfinite(drive.tn) else 1 / drive.kv
-    move, hold = (int(count * reset * drive.fs) + 1 for count in (MOVE, HOLD))
+    way = coulomb_of(force) / (gain_in_force(settings) * settings.kv)
+    reset = settings.tn if np.isfinite(settings.tn) else 1 / settings.kv
+    move, hold = (int(count * reset * settings.fs) + 1 for count in (MOVE, HOLD))
     ends = way * np.cumsum(10 ** (1.5 * draws[4:] - 1) * np.resize([1.0, -1.0], MOVES))
     position = np.concatenate([np.repeat(ends, move), np.full(hold, ends[-1])])
     trace = nlfrf.rig.run_servo(axis, position=position, oversampling=oversampling)
@@ -199,7 +199,7 @@ def swing_in_the_end(law: str, force: FrictionForce, settings: DriveSettings, dr
         return 0.0, np.nan
     away = last - (last.max() + last.min()) / 2
     turns = np.count_nonzero(np.diff(np.sign(away[np.abs(away) > swing / 4])))
-    return swing / 2, 2 * last.size / drive.fs / turns if turns else np.nan
+    return swing / 2, 2 * last.size / settings.fs / turns if turns else np.nan
 
 
 def coulomb_of(force: FrictionForce) -> float:
@@ -207,7 +207,7 @@ def coulomb_of(force: FrictionForce) -> float:
     return float(min(abs(force.sliding.coulomb), force.Fs[1]))
 
 
-def draw_friction(law: str, force: FrictionForce, settings: DriveSettings, draws: np.ndarray) -> tuple[Any, int]:
+def draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Any, int]:
     """Return friction of a law with numbers from their intervals by (4,) draws, and the steps a period it takes."""
     Fs = force.Fs[0] + draws[0] * (force.Fs[1] - force.Fs[0])
     stiffest = force.sliding.mass * (2 * np.pi * STIFFEST * settings.fs) ** 2
@@ -225,7 +225,7 @@ def draw_friction(law: str, force: FrictionForce, settings: DriveSettings, draws
         strength = Fs * DEFLECTIONS / DEFLECTIONS.sum()
         return nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=Fs / Fc, vs=vs), 1
     # bristles relax with K0 |v| / Fc while they slip; the fastest move has this v
-    speed = 3 * Fc / (settings.gain * settings.output_factor(settings.force_unit))
+    speed = 3 * Fc / gain_in_force(settings)
     steps = int(np.ceil(K0 * speed / Fc / settings.fs))
     if law == "Dahl":
         return nlfrf.friction.Dahl(sigma0=K0, Fc=Fs), steps
@@ -235,25 +235,13 @@ def draw_friction(law: str, force: FrictionForce, settings: DriveSettings, draws
     return nlfrf.friction.Leuven(Fs=Fs, Fc=Fc, vs=vs, sigma1=damping, sigma2=0.0, curve=curve), steps
 
 
-def drive_in_force(settings: DriveSettings) -> nlfrf.rig.ServoDrive:
-    """Return the drive with a force in the place of its current."""
-    factor = settings.output_factor(settings.force_unit)
-    return nlfrf.rig.ServoDrive(
-        fs=settings.fs,
-        kv=settings.kv,
-        kp=settings.gain * factor,
-        tn=settings.tn,
-        max_current=settings.limit * factor,
-        lag=settings.lag,
-        delay_periods=settings.delay_periods,
-        velocity_lag=settings.velocity_lag,
-        position_every=settings.position_every,
-        filters=np.array([one.section(settings.fs) for one in settings.filters]).reshape(-1, 6),
-    )
+def gain_in_force(settings: Drive) -> float:
+    """Return the gain of the velocity loop with a force in the place of its current [N s/m] or [Nm s/rad]."""
+    return settings.gain * settings.output_factor(settings.force_unit)
 
 
 def with_advice(
-    found: SimulatedRest, force: FrictionForce, settings: DriveSettings, keeps: Callable[[DriveSettings], bool]
+    found: SimulatedRest, force: FrictionForce, settings: Drive, keeps: Callable[[Drive], bool]
 ) -> SimulatedRest:
     """Return the result with the mildest change of the drive that brings rest, or else halves the amplitude.
 
@@ -277,15 +265,15 @@ def with_advice(
     return replace(found, advice=halved)
 
 
-def describe_offset(force: FrictionForce, settings: DriveSettings) -> str:
+def describe_offset(force: FrictionForce, settings: Drive) -> str:
     """Say how far from its set point an axis may rest without an integral part."""
     if np.isfinite(settings.tn):
         return ""
-    drive = drive_in_force(settings)
-    return f" within {format_length(float(force.Fs[1]) / (drive.kp * drive.kv), settings.base_unit)} of the set point"
+    way = float(force.Fs[1]) / (gain_in_force(settings) * settings.kv)
+    return f" within {format_length(way, settings.base_unit)} of the set point"
 
 
-def format_gain(name: str, number: float, settings: DriveSettings) -> str:
+def format_gain(name: str, number: float, settings: Drive) -> str:
     """Return a gain with its unit."""
     if name == "tn":
         return f"{1e3 * number:.4g} ms" if np.isfinite(number) else "none (no integral action)"

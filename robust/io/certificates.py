@@ -20,6 +20,7 @@ from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
+from robust.analysis.findings import Proofs
 from robust.analysis.lmi_proofs import perturbation_loop
 from robust.analysis.loop import assemble_loop
 from robust.analysis.loop_proofs import stability_claim
@@ -64,13 +65,15 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     if isinstance(report, (FrictionProof, SaturatedProof)) and report.certificate is not None:
         save_friction_proof(report, path)
         return
-    proofs = [c for c in getattr(report, "certificates", ()) if c.holds]
-    found = [c for c in proofs if isinstance(c.claim, LoopClaim)]
+    known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
+    proofs = [c for c in known.certificates if c.holds]
+    found = [c.claim for c in proofs if isinstance(c.claim, LoopClaim)]
     scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim | IntervalClaim)}
     how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
     warned = getattr(report, "warnings", ())
     if isinstance(report, RobustnessReport) and scaled and not found:
-        write_claim(path, ScaledFile(claims=scaled, form=report.form, delay=report.delay), found=how, warnings=warned)
+        given = report.given
+        write_claim(path, ScaledFile(claims=scaled, form=given.form, delay=given.delay), found=how, warnings=warned)
         return
     if not found:
         raise ValueError(
@@ -78,9 +81,9 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
             + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else short_form(report))
         )
     claim = replace(
-        found[0].claim,
-        claims=tuple(name for c in found for name in c.claim.claims),
-        scaling=found[-1].claim.scaling,
+        found[0],
+        claims=tuple(name for claim in found for name in claim.claims),
+        scaling=found[-1].scaling,
     )
     write_claim(path, claim, found=how, warnings=warned)
 

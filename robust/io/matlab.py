@@ -124,7 +124,7 @@ def proof_structs(content: RobustnessReport | ScaledFile) -> np.ndarray:
     held = (
         content.claims
         if isinstance(content, ScaledFile)
-        else {c.subject: c.claim for c in content.certificates if c.holds}
+        else {c.subject: c.claim for c in content.proofs.certificates if c.holds}
     )
     claims = {subject: claim for subject, claim in held.items() if isinstance(claim, ScaledClaim)}
     if not claims:

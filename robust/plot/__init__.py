@@ -21,11 +21,11 @@ from robust.plot.loops import (
     plot_step,
 )
 from robust.plot.models import (
-    plot_bode,
     plot_budget,
     plot_fit,
     plot_nominal,
     plot_orders,
+    plot_set,
     plot_validation,
     plot_weight,
 )
@@ -33,7 +33,6 @@ from robust.plot.tuning import plot_limits
 
 __all__ = [
     "RestCase",
-    "plot_bode",
     "plot_bounds",
     "plot_budget",
     "plot_check",
@@ -49,6 +48,7 @@ __all__ = [
     "plot_quasi_linear",
     "plot_rest",
     "plot_roots",
+    "plot_set",
     "plot_step",
     "plot_validation",
     "plot_weight",

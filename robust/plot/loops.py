@@ -39,16 +39,18 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
     if isinstance(report, LoopGains):
         return draw_gains(ax, report)
     require_one_loop(report)
-    f = to_hertz(report.omega)
-    ax.plot(f, to_decibel(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
-    ax.plot(f, to_decibel(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
-    ax.plot(f, to_decibel(np.abs(report.T)), "-.", lw=1.4, color=COLOR["limit"], label="|T|")
-    if report.w_P is not None:
-        ax.plot(f, -to_decibel(report.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
+    f = to_hertz(report.curves.omega)
+    ax.plot(f, to_decibel(np.abs(report.curves.L)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
+    ax.plot(f, to_decibel(np.abs(report.curves.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
+    ax.plot(f, to_decibel(np.abs(report.curves.T)), "-.", lw=1.4, color=COLOR["limit"], label="|T|")
+    if report.curves.w_P is not None:
+        ax.plot(f, -to_decibel(report.curves.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
     ax.axhline(0, color="0.5", lw=0.8)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop")
     seen = report.classical
-    mark_measured_band(ax, report, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain)
+    mark_measured_band(
+        ax, report.curves.omega, report.given.band, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain
+    )
     fit_vertical_axis(ax)
     return finish_axes(ax)
 
@@ -76,12 +78,12 @@ def require_one_loop(report: RobustnessReport) -> None:
         raise ValueError("report must be of one loop for this picture, got one of several: plot_loop takes loop_gains")
 
 
-def mark_measured_band(ax: Axes, report: RobustnessReport | LoopFamily | LoopGains, *happens: float) -> None:
-    """The measured band of a report or family, and frequencies [rad/s] at which something happens."""
-    f = to_hertz(report.omega)
-    band = (f[0], f[-1]) if report.band is None else tuple(to_hertz(np.asarray(report.band)))
-    top = f[-1] if f[-1] > band[1] * (1 + 1e-9) else np.inf  # of a plant known on its lines only, nothing above is
-    mark_band(ax, band, happens=[to_hertz(w) for w in happens], top=top)
+def mark_measured_band(ax: Axes, omega: np.ndarray, band: np.ndarray | None, *happens: float) -> None:
+    """The measured band of curves over omega [rad/s], and frequencies [rad/s] at which something happens."""
+    f = to_hertz(omega)
+    low, high = (f[0], f[-1]) if band is None else to_hertz(np.asarray(band))
+    top = f[-1] if f[-1] > high * (1 + 1e-9) else np.inf  # of a plant known on its lines only, nothing above is
+    mark_band(ax, (low, high), happens=[to_hertz(w) for w in happens], top=top)
 
 
 def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
@@ -96,32 +98,32 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     """
     require_kind("report", report, RobustnessReport)
     ax, single = axes_or_new(ax), report.is_single
-    there = report.omega > 0
-    f = to_hertz(report.omega[there])
+    there = report.curves.omega > 0
+    f = to_hertz(report.curves.omega[there])
     curves = (
-        (report.rs, "robust stability" + ", upper bound of mu" * (not single), COLOR["limit"], "-"),
-        (report.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
-        (report.rp, "robust performance", COLOR["radius"], "-" if single else "--"),
+        (report.curves.rs, "robust stability" + ", upper bound of mu" * (not single), COLOR["limit"], "-"),
+        (report.curves.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
+        (report.curves.rp, "robust performance", COLOR["radius"], "-" if single else "--"),
     )
-    if single or report.band is not None:
-        mark_measured_band(ax, report, report.omega_rs, report.omega_rp)
-    inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1]) if single or report.band is not None else f > 0
+    if single or report.given.band is not None:
+        mark_measured_band(ax, report.curves.omega, report.given.band, report.margins.omega_rs, report.margins.omega_rp)
+    inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1]) if single or report.given.band is not None else f > 0
     drawn = [curve[there][np.isfinite(curve[there]) & (curve[there] > 0) & inside] for curve, *_ in curves]
     for curve, label, color, style in curves:
         if np.isfinite(curve).any():
             ax.plot(f, curve[there], style, lw=1.6, color=color, label=label)
-    if single and np.isfinite(report.margin_rs) and report.margin_rs > 0:
+    if single and np.isfinite(report.margins.rs) and report.margins.rs > 0:
         ax.plot(
-            to_hertz(report.omega_rs),
-            1 / report.margin_rs,
+            to_hertz(report.margins.omega_rs),
+            1 / report.margins.rs,
             "o",
             color=COLOR["limit"],
             label="limits the stability margin",
         )
-    if np.isfinite(report.margin_broken):
+    if np.isfinite(report.margins.broken):
         label = "reached by a perturbation that was found"
-        ax.axhline(1 / report.margin_broken, color=COLOR["loop"], lw=1, ls=":", label=label)
-        drawn.append(np.array([1 / report.margin_broken]))
+        ax.axhline(1 / report.margins.broken, color=COLOR["loop"], lw=1, ls=":", label=label)
+        drawn.append(np.array([1 / report.margins.broken]))
     ax.axhline(1, color="0.3", lw=1, ls=":" if single else "-")
     ax.set(
         xscale="log",
@@ -155,7 +157,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     require_one_loop(report)
     n_discs = require_integer("n_discs", n_discs, least=0)
     ax = axes_or_new(ax)
-    L = report.G * report.K
+    L = report.curves.L
     reach = 2.5
     ax.plot(L.real, L.imag, "-", lw=1.6, color=COLOR["radius"], label="nominal L")
     ax.plot(L.real, -L.imag, "-", lw=0.7, color=COLOR["noise"])
@@ -217,7 +219,7 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     )
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
     finite = np.where(np.isfinite(family.worst), family.worst, np.max(np.abs(family.nominal)))
-    mark_measured_band(ax, family, family.omega[np.argmax(finite)])
+    mark_measured_band(ax, family.omega, family.band, family.omega[np.argmax(finite)])
     fit_vertical_axis(ax, most=60.0)
     return finish_axes(ax)
 

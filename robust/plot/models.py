@@ -92,7 +92,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
 
 def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """Return the nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
-    require_one_channel(model, "plot_bode shows every entry", "for this picture", parametric=False)
+    require_one_channel(model, "plot_set shows every entry", "for this picture", parametric=False)
     ax = axes_or_new(ax)
     omega = model.omega if model.measured_only else widened_band(model)
     G = model.at(omega)
@@ -108,7 +108,7 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
-def plot_bode(
+def plot_set(
     model: UncertaintyModel, bla: Bla | Sequence[Bla] | None = None, *, ax: Axes | None = None
 ) -> tuple[Axes, Axes] | np.ndarray:
     """Plot measured points, nominal and set together: magnitude and phase over logarithmic frequency.
@@ -176,7 +176,7 @@ def plot_bode(
 
 
 def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None) -> np.ndarray:
-    """Draw `plot_bode` of several channels."""
+    """Draw `plot_set` of several channels."""
     f, size, reach = to_hertz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])

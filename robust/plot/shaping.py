@@ -70,13 +70,13 @@ class LoopPicture:
         """
         omega = self.model.omega
         report = check(self.model, K, w_P=self.w_P, delay=self.delay, certify=False)
-        known = np.log(np.abs(report.G * report.K))
-        L = np.exp(np.interp(np.log(omega), np.log(report.omega), known, right=np.nan))  # nan above Nyquist
+        known = np.log(np.abs(report.curves.L))
+        L = np.exp(np.interp(np.log(omega), np.log(report.curves.omega), known, right=np.nan))  # nan above Nyquist
         self.violations = (self.low > L) | (self.high < L)
         self.before.set_data(*self.line.get_data())
         self.before.set_visible(self.report is not None)
         self.line.set_data(
-            to_hertz(report.omega), to_decibel(np.abs(report.G * report.K))
+            to_hertz(report.curves.omega), to_decibel(np.abs(report.curves.L))
         )  # on both sides of the band too
         self.dots.set_data(to_hertz(omega[self.violations]), to_decibel(L[self.violations]))
         self.report = report
@@ -126,9 +126,9 @@ def describe_check(report: RobustnessReport) -> str:
     """Return stability, worst demand and crossover in a line."""
     if not report.nominally_stable:
         return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability is not decided"
-    over = np.flatnonzero(np.abs(report.G * report.K) > 1)
-    crossover = f", crossover {format_hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
-    return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"
+    over = np.flatnonzero(np.abs(report.curves.L) > 1)
+    crossover = f", crossover {format_hertz(report.curves.omega[over[-1]])}" if over.size else ", no crossover"
+    return f"nominally stable; max rs {np.max(report.curves.rs):.2f}, max rp {np.max(report.curves.rp):.2f}{crossover}"
 
 
 def plot_loop_bounds(

@@ -176,7 +176,7 @@ def model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla
     """Return a model as `robust model` draws it."""
     from robust import plot
 
-    return [(plot.plot_weight, model), (lambda one, ax: plot.plot_bode(one, blas, ax=ax), model)]
+    return [(plot.plot_weight, model), (lambda one, ax: plot.plot_set(one, blas, ax=ax), model)]
 
 
 def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
@@ -193,7 +193,7 @@ def write_report_files(report: RobustnessReport, out: Path, say: Callable[[objec
     """Write a report, and next to it a verified certificate of what was proved."""
     write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
     handed = certificate_path(out)
-    if any(certificate.holds and certificate.claim is not None for certificate in report.certificates):
+    if any(certificate.holds and certificate.claim is not None for certificate in report.proofs.certificates):
         save_certificate(report, handed)
         with spinner("verifying"):
             say(replace(verify_certificate(handed), warnings=()))  # the report has said them

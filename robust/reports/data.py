@@ -7,7 +7,7 @@ import numpy as np
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import format_count
-from robust.analysis.report import describe_confidence
+from robust.analysis.text import describe_confidence
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
@@ -170,7 +170,7 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
             )
 
     shown = "Nominal plant and its set" + ", with the lines that were measured" * bool(blas)
-    pictures = [parts.draw_picture(plot.plot_bode, model, blas, tall=True, caption=f"{shown}.")]
+    pictures = [parts.draw_picture(plot.plot_set, model, blas, tall=True, caption=f"{shown}.")]
     if nominal is not None:
         pictures.append(
             parts.draw_picture(plot.plot_fit, nominal, caption="Measured lines, model, and what is left between them.")

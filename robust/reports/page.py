@@ -21,8 +21,9 @@ from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
 from robust.analysis.loop_level import LoopSignals
-from robust.analysis.report import RobustnessReport, describe_confidence
+from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
+from robust.analysis.text import describe_confidence
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
@@ -131,7 +132,7 @@ def write_report(
     else:
         require_report_of(report, model, K=K, w_P=w_P, delay=delay)
         report = replace(add_warnings(report, model.warnings), confidence=describe_confidence(model))
-    w_P, delay = report.demand, report.delay  # what was checked is what is reported
+    w_P, delay = report.given.demand, report.given.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
         *([] if friction is None else [friction_section(report, friction)]),

@@ -12,7 +12,13 @@ import nlfrf
 from nlfrf._base.arguments import format_count, format_hertz
 from robust.analysis.family import sample_loops
 from robust.analysis.performance import loop_gains, step_response
-from robust.analysis.report import RobustnessReport, format_margin_factor, format_stability_margin
+from robust.analysis.report import RobustnessReport
+from robust.analysis.text import (
+    describe_disk_margin,
+    describe_performance,
+    format_margin_factor,
+    format_stability_margin,
+)
 from robust.analysis.worst_plant import worst_case
 from robust.io.biquads import loop_sections
 from robust.io.pid import format_gains
@@ -45,12 +51,12 @@ def verdict_section(report: RobustnessReport) -> Section:
 def describe_margins(report: RobustnessReport) -> str:
     """Return how far the loop is from trouble, in one line; nothing where it is in trouble."""
     parts = []
-    if report.nominally_stable and np.isfinite(report.margin_rs):
-        parts.append(format_margin_factor(report.margin_rs))
-    if report.margins is not None and not report.margins.reason:
-        parts.append(report.margins.least())
-    if report.nominally_stable and np.isfinite(report.disk_margin):
-        gain, phase = 20 * np.log10(report.gain_margin), np.degrees(report.phase_margin)
+    if report.nominally_stable and np.isfinite(report.margins.rs):
+        parts.append(format_margin_factor(report.margins.rs))
+    if report.channels is not None and not report.channels.reason:
+        parts.append(report.channels.least())
+    if report.nominally_stable and np.isfinite(report.margins.disk):
+        gain, phase = 20 * np.log10(report.margins.disk_gain), np.degrees(report.margins.disk_phase)
         parts.append(f"the nominal loop bears {gain:.1f} dB of gain, or {phase:.0f} deg of phase, or less of both")
     return "; ".join(parts)
 
@@ -62,8 +68,8 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
     dt, unit = timebase(K), model.unit
     facts = [("controller", describe_system(K)), ("poles", describe_roots(poles(K), dt))]
     if not report.is_single:
-        if report.margins is not None:
-            facts.append(("disk margins", rows_of_value(report.margins)))
+        if report.channels is not None:
+            facts.append(("disk margins", rows_of_value(report.channels)))
         gains = loop_gains(model.nominal, K, omega=model.omega)
         return Section(
             name="loop",
@@ -107,14 +113,16 @@ def check_section(report: RobustnessReport) -> Section:
     if not report.is_single:
         facts, caption = [("check", rows_of_value(report))], "Bounds of mu; each must stay below one."
     if report.is_single and report.nominally_stable:
-        if np.isfinite(report.margin_rs):
-            facts.append(("stability of the set", format_stability_margin("rs", report.margin_rs, report.omega_rs)))
-        if np.isfinite(report.margin_rp):
-            facts.append(("performance", report.performance_words()))
-        if np.isfinite(report.disk_margin):
-            facts.append(("disk margin", report.disk_words()))
+        if np.isfinite(report.margins.rs):
+            facts.append(
+                ("stability of the set", format_stability_margin("rs", report.margins.rs, report.margins.omega_rs))
+            )
+        if np.isfinite(report.margins.rp):
+            facts.append(("performance", describe_performance(report.curves, report.margins, report.performance)))
+        if np.isfinite(report.margins.disk):
+            facts.append(("disk margin", describe_disk_margin(report.margins)))
     table = [("subject", "bound", "proved at all frequencies", "how, or why not")]
-    for c in report.certificates:
+    for c in report.proofs.certificates:
         how = f"{c.method}, {format_count(len(c.intervals), 'interval')}, {c.judged}" if c.holds else c.reason
         table.append((c.subject, f"{c.level:g}", "yes" if c.holds else "no", how))
     return Section(
@@ -123,7 +131,7 @@ def check_section(report: RobustnessReport) -> Section:
         lead="Curves on a grid prove nothing between its points. A certificate is judged by its own numbers, never by "
         "the word of the solver that proposed it.",
         facts=tuple(facts),
-        table=tuple(table) if report.certificates else (),
+        table=tuple(table) if report.proofs.certificates else (),
         pictures=(parts.draw_picture(plot.plot_check, report, caption=caption),),
     )
 

@@ -76,8 +76,8 @@ def require_report_of(
     report: RobustnessReport, model: UncertaintyModel, *, K: control.StateSpace, w_P: Weight | None, delay: float
 ) -> None:
     """Refuse a report of something else than what is to be reported."""
-    if delay not in (0.0, report.delay):
-        raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
+    if delay not in (0.0, report.given.delay):
+        raise ValueError(f"delay must be that of the report, {report.given.delay:g} s, got {delay:g} s")
     if w_P is not None and not has_demand(report, w_P):
         raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
     if report.is_single != model.is_single or not (is_of_loop if model.is_single else is_of_matrix_loop)(
@@ -93,18 +93,18 @@ def is_of_matrix_loop(report: RobustnessReport, model: UncertaintyModel, K: cont
 
 def is_of_loop(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
     """Return whether a report is of this set and this controller, by their responses at some of its frequencies."""
-    at = slice(None, None, max(1, report.omega.size // 50))
-    omega = report.omega[at]
+    at = slice(None, None, max(1, report.curves.omega.size // 50))
+    omega = report.curves.omega[at]
     if model.measured_only:
-        again = check_lines(model, K, w_P=None, delay=report.delay, n_unstable=0)
-        if not np.array_equal(again.omega, report.omega):
+        again = check_lines(model, K, w_P=None, delay=report.given.delay, n_unstable=0)
+        if not np.array_equal(again.curves.omega, report.curves.omega):
             return False
-        now = again.G[at], again.K[at], again.radius[at]
+        now = again.curves.G[at], again.curves.K[at], again.curves.radius[at]
     else:
-        curves = assemble_loop(model, K, w_P=None, delay=report.delay).curves(omega)
+        curves = assemble_loop(model, K, w_P=None, delay=report.given.delay).curves(omega)
         now = curves.G, curves.K, np.abs(curves.w)
-    known = report.G[at], report.K[at], report.radius[at]
-    return model.form == report.form and all(map(is_equal, now, known))
+    known = report.curves.G[at], report.curves.K[at], report.curves.radius[at]
+    return model.form == report.given.form and all(map(is_equal, now, known))
 
 
 def is_equal(one: np.ndarray, other: np.ndarray) -> bool:
@@ -114,17 +114,19 @@ def is_equal(one: np.ndarray, other: np.ndarray) -> bool:
 
 def has_demand(report: RobustnessReport, w_P: Weight) -> bool:
     """Return whether a performance weight is the one that a report was made with."""
-    if not report.is_single and report.demand is not None:
-        given, known = (response_by_channel(multivariable("w_P", w), report.omega) for w in (w_P, report.demand))
+    if not report.is_single and report.given.demand is not None:
+        given, known = (
+            response_by_channel(multivariable("w_P", w), report.curves.omega) for w in (w_P, report.given.demand)
+        )
         return given.shape == known.shape and is_equal(given, known)
-    if report.w_P is None:
+    if report.curves.w_P is None:
         return False
-    return is_equal(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P)
+    return is_equal(np.abs(response(state_space("w_P", w_P), report.curves.omega)), report.curves.w_P)
 
 
 def has_margins(report: RobustnessReport, now: LoopMargins) -> bool:
     """Return whether the nominal loop has the margins of the report."""
-    known = report.margins
+    known = report.channels
     if known is None or (len(known.inputs), len(known.outputs)) != (len(now.inputs), len(now.outputs)):
         return False
     pairs = zip(margin_parts(known), margin_parts(now), strict=True)
@@ -141,8 +143,8 @@ def has_mu_peak(report: RobustnessReport, model: UncertaintyModel, K: control.St
     if not report.nominally_stable:
         return True
     peaks = [
-        stability_bound_at(form.loop(K), report.omega_rs)
+        stability_bound_at(form.loop(K), report.margins.omega_rs)
         for form in (model, model.alternative_form)
         if form is not None
     ]
-    return bool(np.isclose(peaks, 1 / report.margin_rs, rtol=0.02, atol=0).any())  # searched for, to better than that
+    return bool(np.isclose(peaks, 1 / report.margins.rs, rtol=0.02, atol=0).any())  # searched for, to better than that

@@ -1,12 +1,13 @@
 """Synthesis of controllers.
 
+blocks        elements of controllers: notch, lead, low-pass, PID, with what `tune` may move in them
 fixed         controllers of fixed structure, from the FRF or with a proof
 hinf          H-infinity synthesis
-nested_loops  `cascade`: an outer and an inner loop as one controller
+nesting       `nested_loops`: an outer and an inner loop as one controller
 reduction     a controller of lower order that keeps what was proved
-shaping       compensators: lead, lag, notch, PID, roll-off
+shaping       compensators: lead, lag, notch, low-pass, PID
 tuning        blocks of any structure in any loops, tuned together for several plants
-two_dof       prefilter and feedforward
+two_dof       prefilter and feedforward filter
 """
 
 import lazy_loader

@@ -1,9 +1,9 @@
 from .fixed.structures import ControllerStructure as ControllerStructure
 from .hinf.dk import DkDesign as DkDesign
 from .hinf.hinfsyn import Synthesis as Synthesis
-from .nested_loops import cascade as cascade
+from .nesting import nested_loops as nested_loops
 from .reduction import Reduction as Reduction
 from .two_dof import Feedforward as Feedforward
 from .two_dof import Prefilter as Prefilter
-from .two_dof import feedforward as feedforward
+from .two_dof import feedforward_filter as feedforward_filter
 from .two_dof import prefilter as prefilter

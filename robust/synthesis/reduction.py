@@ -327,9 +327,9 @@ def rank_candidates(
         except ValueError:  # a loop without a solution
             continue
         change = change_of_T(model, whole, small=K, before=before)
-        performs = report.margin_rp >= 1 if before.robust_performance else change <= MAX_CHANGE_OF_T
-        if (report.margin_rs > 1 and performs) or every:
-            size = report.margin_rp if before.robust_performance else -change
+        performs = report.margins.rp >= 1 if before.proofs.robust_performance else change <= MAX_CHANGE_OF_T
+        if (report.margins.rs > 1 and performs) or every:
+            size = report.margins.rp if before.proofs.robust_performance else -change
             found.append((report.nominally_stable, float(np.nan_to_num(size)), method, K))
     return [(method, K) for _, _, method, K in sorted(found, key=lambda one: one[:2], reverse=True)]
 
@@ -338,9 +338,9 @@ def compare_reports(report: RobustnessReport, before: RobustnessReport, change: 
     """Return whether everything that was proved before is proved again, and what is not."""
     if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
-    if before.robust_performance and not report.robust_performance:
+    if before.proofs.robust_performance and not report.proofs.robust_performance:
         return False, "robust performance is not proved any more"
-    if not before.robust_performance and not change <= MAX_CHANGE_OF_T:
+    if not before.proofs.robust_performance and not change <= MAX_CHANGE_OF_T:
         return False, f"the closed loop moved by {change:.3g}"
     return True, ""
 
@@ -350,14 +350,14 @@ def change_of_T(
 ) -> float:
     """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
     if has_several_channels(model):
-        G, one = response_by_channel(model.nominal, before.omega), np.eye(model.n_outputs)
+        G, one = response_by_channel(model.nominal, before.curves.omega), np.eye(model.n_outputs)
         L = (
-            np.moveaxis(np.einsum("jkw,klw->jlw", G, response_by_channel(part, before.omega)), 2, 0)
+            np.moveaxis(np.einsum("jkw,klw->jlw", G, response_by_channel(part, before.curves.omega)), 2, 0)
             for part in (K, small)
         )
         S, S_r = (np.linalg.inv(one + part) for part in L)
         return float(np.linalg.norm(S_r - S, 2, axis=(1, 2)).max())
     with np.errstate(all="ignore"):
-        d = before.T * (1 - response(small, before.omega) / before.K)  # (W,) (K - K_r) G S
-        change = np.abs(before.S * d / (1 - d))
+        d = before.curves.T * (1 - response(small, before.curves.omega) / before.curves.K)  # (W,) (K - K_r) G S
+        change = np.abs(before.curves.S * d / (1 - d))
     return float(np.nanmax(change)) if np.isfinite(change).any() else np.inf

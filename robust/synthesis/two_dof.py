@@ -299,7 +299,7 @@ class Feedforward:
     >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
-    >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))
+    >>> found = feedforward_filter(model, 2.0, control.tf([1], [0.5, 1]))
     >>> bool(found.error.max() < found.error_worst.max() < 0.1 < found.error_without.max())
     True
     """
@@ -314,7 +314,7 @@ class Feedforward:
     error_without: np.ndarray
 
 
-def feedforward(
+def feedforward_filter(
     model: UncertaintyModel, K: Controller, reference: LinearSystem, *, effort: float = 1e-3, delay: float = 0.0
 ) -> Feedforward:
     """Find what is to be added to u so that a loop follows a reference model, and what the set makes of the result.
@@ -350,7 +350,7 @@ def feedforward(
     >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
-    >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))     # F = (s + 1)/(s/2 + 1): sqrt(5/2) at 2 rad/s
+    >>> found = feedforward_filter(model, 2.0, control.tf([1], [0.5, 1]))   # (s + 1)/(s/2 + 1): sqrt(5/2) at 2 rad/s
     >>> round(float(found.F.dcgain()), 2), bool(abs(abs(found.F(2j)) - np.sqrt(5 / 2)) < 0.02)
     (1.0, True)
     """

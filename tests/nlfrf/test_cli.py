@@ -402,8 +402,8 @@ motor_inertia = 7.17
 load_inertia = 15.0
 stiffness = 1.33e6
 damping = 100.0
-force_constant = 125.0
 [drive]
+torque_constant = 125.0
 fs = 4000
 kv = 30
 kp = 33
@@ -549,7 +549,7 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(nlfr
 def test_what_the_commands_of_an_axis_refuse(nlfrf_command, tmp_path, arguments, message):
     band = "--period 500 --f-min 8 --f-max 100 --seed 1"
     (tmp_path / "bad.toml").write_text("motor_inertai = 3\n[drive]\nfs = 4000\nkv = 1\nkp = 1\n")
-    (tmp_path / "bare.toml").write_text("force_constant = 3\n[drive]\nfs = 4000\nkv = 1\nkp = 1\n")
+    (tmp_path / "bare.toml").write_text("spring = 3\n[drive]\nfs = 4000\nkv = 1\nkp = 1\n")
     (tmp_path / "broken.toml").write_text("mass = = 3\n")
     for step in (f"axis design belt {band} --rms 30 -o play.csv", "axis play belt play.csv -o trace.csv"):
         assert nlfrf_command(*step.split())[0] == 0
@@ -564,21 +564,21 @@ def test_an_axis_with_units_is_the_one_in_plain_numbers(tmp_path):
     linear, rotary = tmp_path / "linear.toml", tmp_path / "rotary.toml"
     linear.write_text(
         'motor_inertia = "7170 g"\nload_inertia = 15\nstiffness = "1.33 N/um"\ndamping = "100 N/(m/s)"\n'
-        'force_constant = "125 N/A"\nresolution = "50 nm"\n[drive]\nfs = "4 kHz"\nkv = "1.8 m/min/mm"\n'
-        'kp = "33 A s/m"\ntn = "30 ms"\nlag = "500 us"\nmax_current = "17000 mA"\nvelocity_feedforward = "80 %"\n',
+        'resolution = "50 nm"\n[drive]\ntorque_constant = "125 N/A"\nfs = "4 kHz"\nkv = "1.8 m/min/mm"\n'
+        'kp = "33 A s/m"\ntn = "30 ms"\nlag = "500 us"\nlimit = "17000 mA"\nvelocity_feedforward = "80 %"\n',
         encoding="utf-8",
     )
     rotary.write_text(
-        'motion = "rotary"\nmotor_inertia = "5200 kg cm²"\nforce_constant = "12 Nm/A"\nmotor_damping = "15 Nms/rad"\n'
-        '[drive]\nfs = 4000\nkv = "900 1/min"\nkp = "2 A/rpm"\n',
+        'motion = "rotary"\nmotor_inertia = "5200 kg cm²"\nmotor_damping = "15 Nms/rad"\n'
+        '[drive]\ntorque_constant = "12 Nm/A"\nfs = 4000\nkv = "900 1/min"\nkp = "2 A/rpm"\n',
         encoding="utf-8",
     )
     found = load_axis(linear)
     assert (found.motor_inertia, found.stiffness, found.resolution) == pytest.approx((7.17, 1.33e6, 50e-9))
     assert (found.drive.fs, found.drive.kv, found.drive.kp, found.drive.tn) == pytest.approx((4000, 30, 33, 0.03))
-    assert (found.drive.lag, found.drive.max_current, found.drive.velocity_feedforward) == (0.5e-3, 17.0, 0.8)
+    assert (found.drive.lag, found.drive.limit, found.drive.velocity_feedforward) == (0.5e-3, 17.0, 0.8)
     found = load_axis(rotary)
-    assert (found.motor_inertia, found.drive.kv, found.drive.kp) == pytest.approx((0.52, 15, 60 / np.pi))
+    assert (found.motor_inertia, found.drive.kv, found.drive.gain) == pytest.approx((0.52, 15, 60 / np.pi))
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ PARTS = {
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
     "robust.proofs": {"exact": "", "search": "exact"},
     "robust.friction": {"exact": "", ".": "exact"},
-    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": ""},
+    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": "."},
     "robust.reports": {".": "", "shaping_page": ""},
 }
 #: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.

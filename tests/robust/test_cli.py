@@ -163,15 +163,15 @@ def told_as_json(robust_command):
     assert code == 0
     assert list(told) == ["K.json", "Km.json"]
     assert told["K.json"]["verdict"] == "statistically robust"
-    assert told["K.json"]["robustly_stable"] is True
-    assert list(told["K.json"]["rs"]) == ["shape"]
-    assert told["K.json"]["gain_margin"] > 1
+    assert told["K.json"]["proofs"]["robustly_stable"] is True
+    assert list(told["K.json"]["curves"]["rs"]) == ["shape"]
+    assert told["K.json"]["margins"]["disk_gain"] > 1
     assert "wrote all-K.txt" in err
     assert "wrote all-Km.certificate.json" in err
     code, out, _ = robust_command("verify all-K.certificate.json --json")
     assert (code, json.loads(out)["verified"]) == (0, True)
     code, out, _ = robust_command("check m.json K.json --delay 0.001 --bandwidth 5 --json")
-    assert (code, json.loads(out)["K.json"]["robust_performance"]) == (1, False)  # more than the set allows
+    assert (code, json.loads(out)["K.json"]["proofs"]["robust_performance"]) == (1, False)  # more than the set allows
     code, out, err = robust_command(
         "design m.json --method pid --structure P --bandwidth 20 --peak 1.2 -o s.json --json"
     )

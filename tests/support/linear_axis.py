@@ -6,7 +6,6 @@ import control
 import numpy as np
 
 import nlfrf
-from robust.drive import DriveSettings
 
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
 
@@ -14,18 +13,13 @@ PRESETS = ("linear motor", "belt", "ball screw", "joint")
 def frictionless(preset, *, encoder="motor", **drive):
     """The axis without friction, quantisation and limit."""
     axis = nlfrf.servo_axis(preset)
-    drive = replace(axis.drive, max_current=np.inf, velocity_feedforward=0.0, **drive)
-    return replace(axis, motor_friction=None, load_friction=None, resolution=0.0, drive=drive, encoder=encoder)
+    drive = replace(axis.drive, limit=np.inf, velocity_feedforward=0.0, encoder=encoder, **drive)
+    return replace(axis, motor_friction=None, load_friction=None, resolution=0.0, drive=drive)
 
 
 def settings_of(axis, **more):
     """The drive of an axis as settings."""
-    drive = axis.drive
-    unit = "A/(rad/s)" if axis.motion == "rotary" else "A/(m/s)"
-    given = {"fs": drive.fs, "kv": drive.kv, "kp": drive.kp, "kp_unit": unit, "tn": drive.tn, "lag": drive.lag}
-    given |= {"torque_constant": axis.force_constant, "delay_periods": drive.delay_periods}
-    given |= {"velocity_lag": drive.velocity_lag, "velocity_feedforward": drive.velocity_feedforward}
-    return DriveSettings(**given | {"position_every": drive.position_every} | more)
+    return replace(axis.drive, **{"limit": np.inf} | more)
 
 
 def linear_plant(axis, *, sensors=("encoder",), with_lag=True):

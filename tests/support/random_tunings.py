@@ -80,7 +80,7 @@ def random_blocks(rng, structure):
             {
                 "K": tuning.Gain(K=k, reads="e", drives="e_1"),
                 "lead": tuning.Lead(omega=3.0, reads="e_1", drives="e_2"),
-                "filter": tuning.Filter2(omega=20.0, reads="e_2", drives="u"),
+                "filter": tuning.LowPass(omega=20.0, reads="e_2", drives="u"),
             },
             "y",
         )
@@ -219,5 +219,5 @@ def worst_distance(design):
             w_P = 1 / (one.limit.bound * one.ratio)
             report = robust.check(model, K, w_P=w_P, delay=design.delay, certify=False)
             if report.nominally_stable:
-                away = max(away, abs(float(np.max(report.rp)) - 1))
+                away = max(away, abs(float(np.max(report.curves.rp)) - 1))
     return away

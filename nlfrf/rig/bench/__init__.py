@@ -1,6 +1,7 @@
 """The friction rig, simulated: experiments on it, and a sampled controller around it.
 
 closed_loop  a sampled controller around the rig, or a stack of them
+drive        a drive: gains, filters, sampling and units, of a simulated axis as of a real one
 machine      machines of several coupled masses
 motion       the machine's motion through any force, from rest on
 rig          the machine `Rig`, the paper's own `paper_rig`, a stage of two axes

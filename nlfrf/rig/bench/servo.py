@@ -29,12 +29,12 @@ from nlfrf._base.arguments import (
     require_nonnegative,
     require_positive,
     require_real,
-    require_real_array,
 )
-from nlfrf._base.values import ArrayField, freeze_array, value
+from nlfrf._base.values import value
 from nlfrf.records.record import Record, SignalLabels
 from nlfrf.rig.bench import machine as axes
 from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, samples_or_zeros, steps_per_sample
+from nlfrf.rig.bench.drive import Drive
 from nlfrf.rig.bench.rig import Rig, initial_memory
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
 from nlfrf.rig.kernels import data as packing
@@ -52,85 +52,6 @@ UNSETTLED = 1e-2
 
 
 @value
-class ServoDrive:
-    """A drive: position P, velocity PI, current limit and lag, all sampled.
-
-    The velocity is the difference of two encoder readings. While the current is limited, the integrator does not run
-    further into the limit.
-
-    Parameters
-    ----------
-    fs : float
-        Sampling frequency of the velocity loop and of the current set point [Hz].
-    kv : float
-        Gain of the position loop [1/s].
-    kp : float
-        Gain of the velocity loop [A s/m] or [A s/rad].
-    tn : float
-        Reset time of the velocity loop [s]; infinite: no integral part.
-    max_current : float
-        Limit of the current set point, either way [A].
-    lag : float
-        Time constant of the current loop [s]; zero: the current follows at once.
-    delay_periods : float
-        From sampling to the current set point changing, in periods of `fs`; any part of one, or several.
-    velocity_lag : float
-        Time constant of a low-pass on the velocity [s].
-    velocity_feedforward : float
-        Share of the velocity of the position set point that goes straight to the velocity loop, 0 to 1; the presets of
-        `servo_axis` have 1.
-    position_every : int
-        The position loop runs in every so many periods.
-    filters : (S, 6) ndarray, optional
-        Second-order sections between the PI and the limit (notch, low-pass), as scipy.signal makes them.
-
-    Raises
-    ------
-    ValueError
-        Numbers out of range; filters that are no second-order sections.
-
-    References
-    ----------
-    H. Gross, J. Hamann, G. Wiegärtner, *Electrical Feed Drives in Automation*, Publicis MCD, 2001: the cascade.
-
-    Examples
-    --------
-    >>> ServoDrive(fs=4000, kv=60, kp=30, tn=0.02).delay_periods
-    1.0
-    """
-
-    fs: float
-    kv: float
-    kp: float
-    tn: float = np.inf
-    max_current: float = np.inf
-    lag: float = 0.0
-    delay_periods: float = 1.0
-    velocity_lag: float = 0.0
-    velocity_feedforward: float = 0.0
-    position_every: int = 1
-    filters: ArrayField = None
-
-    def __post_init__(self) -> None:
-        require_positive("fs", self.fs)
-        for name in ("kv", "kp", "lag", "delay_periods", "velocity_lag"):
-            require_nonnegative(name, getattr(self, name))
-        for name in ("tn", "max_current"):
-            if getattr(self, name) != np.inf:
-                require_positive(name, getattr(self, name))
-        if not 0 <= require_real("velocity_feedforward", self.velocity_feedforward) <= 1:
-            raise ValueError(f"velocity_feedforward must lie between 0 and 1, got {self.velocity_feedforward:g}")
-        require_integer("position_every", self.position_every, least=1)
-        sections = np.zeros((0, 6)) if self.filters is None else require_real_array("filters", self.filters, ndim=2)
-        if sections.shape[1:] != (6,) or not np.allclose(sections[:, 3], 1):
-            raise ValueError(
-                "filters must be second-order sections (S, 6) with 1 in the fourth column, got "
-                f"{'another fourth column' if sections.shape[1:] == (6,) else f'shape {sections.shape}'}"
-            )
-        object.__setattr__(self, "filters", freeze_array(sections))
-
-
-@value
 class ServoAxis:
     """A motor and a load behind a belt, a screw or a gear, an encoder, and the drive; one rigid mass without a load.
 
@@ -138,10 +59,9 @@ class ServoAxis:
     ----------
     motor_inertia : float
         [kg] or [kg m^2], in the coordinate of the load.
-    force_constant : float
-        [N/A] or [Nm/A], in the coordinate of the load.
-    drive : ServoDrive
-        Gains, limits and sampling of the drive.
+    drive : Drive
+        Gains, limits, sampling, torque constant and encoder of the drive, all in the coordinate of the load. Its
+        velocity comes from differences.
     motor_friction, load_friction : law, optional
         Friction to ground at either mass.
     motor_damping, load_damping : float
@@ -152,8 +72,6 @@ class ServoAxis:
         Of belt, screw or gear between motor and load [N/m], [Ns/m] or [Nm/rad], [Nm s/rad].
     spring : float
         From the load to ground [N/m] or [Nm/rad]; zero for a free axis.
-    encoder : str
-        "motor" or "load": which of them the encoder reads.
     resolution : float
         Step of the encoder [m] or [rad]; zero for none.
     motion : str
@@ -176,8 +94,7 @@ class ServoAxis:
     """
 
     motor_inertia: float
-    force_constant: float
-    drive: ServoDrive
+    drive: Drive
     motor_friction: Friction | None = None
     motor_damping: float = 0.0
     load_inertia: float = 0.0
@@ -186,18 +103,20 @@ class ServoAxis:
     stiffness: float = 0.0
     damping: float = 0.0
     spring: float = 0.0
-    encoder: str = "motor"
     resolution: float = 0.0
     motion: str = "linear"
 
     def __post_init__(self) -> None:
         require_positive("motor_inertia", self.motor_inertia)
-        require_positive("force_constant", self.force_constant)
-        require_kind("drive", self.drive, ServoDrive)
+        require_kind("drive", self.drive, Drive)
         for name in ("motor_damping", "load_inertia", "load_damping", "stiffness", "damping", "spring", "resolution"):
             require_nonnegative(name, getattr(self, name))
-        require_choice("encoder", self.encoder, ("motor", "load"))
         require_choice("motion", self.motion, tuple(MOTIONS))
+        self.drive.output_factor(
+            self.units[1]
+        )  # refuses units of another motion, and a torque constant that is missing
+        if self.encoder == "both" or self.drive.velocity_from == "observer":
+            raise ValueError("drive must read one encoder and take differences of it, got one with two or an observer")
         for law in (self.motor_friction, self.load_friction):
             if law is not None:
                 pack_law(law)
@@ -214,6 +133,16 @@ class ServoAxis:
     def units(self) -> tuple[str, str]:
         """Units of position and force."""
         return MOTIONS[self.motion]
+
+    @property
+    def encoder(self) -> str:
+        """Return which mass the encoder reads, "motor" or "load"."""
+        return self.drive.encoder
+
+    @property
+    def force_constant(self) -> float:
+        """Force over what the velocity loop puts out, in N or Nm over A, or one."""
+        return self.drive.output_factor(self.units[1])
 
     @property
     def inertia(self) -> float:
@@ -267,7 +196,8 @@ class ServoTrace:
     velocity_set, velocity : (n,) ndarray
         Set point and difference of encoder readings [m/s] or [rad/s].
     current_set, current : (n,) ndarray
-        Set point behind the limit, and current of the motor when it is computed [A].
+        Set point behind the limit, and current of the motor when it is computed [A]; a force where that is what the
+        velocity loop puts out.
     limited : (n,) ndarray of bool
         Whether the current limit was at work.
     x, v, friction : (axes, n) ndarray
@@ -403,10 +333,10 @@ def attempt(
     gains = {
         "kv": drive.kv,
         "feedforward": drive.velocity_feedforward,
-        "kp": drive.kp,
-        "integral": drive.kp * Ts / drive.tn,
+        "kp": drive.gain,
+        "integral": drive.gain * Ts / drive.tn,
         "smoothing": Ts / (Ts + drive.velocity_lag),
-        "current_limit": drive.max_current,
+        "current_limit": drive.limit,
         "lag": drive.lag,
         "delay": min(drive.delay_periods, n),  # all later is after the end
         "resolution": axis.resolution,
@@ -422,7 +352,7 @@ def attempt(
             int(axis.encoder == "load"),
             float(axis.force_constant),
             np.array([float(gains[name]) for name in GAINS]),
-            np.array(drive.filters),
+            drive.sections,
             int(drive.position_every),
             bool(closed),
             signals["position"],
@@ -631,9 +561,9 @@ def warn_of(experiment: ServoExperiment, worst: dict[str, float]) -> None:
     """Warn of what makes a record another one than was asked for."""
     texts = []
     if worst["limited"] > SELDOM:
-        limit = experiment.axis.drive.max_current
+        limit, unit = experiment.axis.drive.limit, experiment.axis.drive.output_unit
         texts.append(
-            f"the current was at its limit of {limit:g} A in {100 * worst['limited']:.2g} % of the samples: "
+            f"the current was at its limit of {limit:g} {unit} in {100 * worst['limited']:.2g} % of the samples: "
             "the FRF is that of the limit too. Lower the level"
         )
     if worst["turned"] > SELDOM:
@@ -691,18 +621,26 @@ def servo_axis(preset: str) -> ServoAxis:
     if preset == "linear motor":
         return ServoAxis(
             motor_inertia=12.0,
-            force_constant=52.8,
             motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.3, vs=5e-3),
             motor_damping=20.0,
             resolution=5e-8,
-            drive=ServoDrive(fs=4000, kv=100, kp=143, tn=0.01, max_current=28.8, lag=0.3e-3, velocity_feedforward=1.0),
+            drive=Drive(
+                kp_unit="A/(m/s)",
+                torque_constant=52.8,
+                fs=4000,
+                kv=100,
+                kp=143,
+                tn=0.01,
+                limit=28.8,
+                lag=0.3e-3,
+                velocity_feedforward=1.0,
+            ),
         )
     if preset == "belt":
         # 32 teeth of 5 mm: 25.46 mm a radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
         r, gear = 32 * 5e-3 / (2 * np.pi), 5
         return ServoAxis(
             motor_inertia=(gear**2 * 1.74e-4 + 3e-4) / r**2,
-            force_constant=gear * 0.636 / r,
             motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.2, vs=5e-3),
             motor_damping=20.0,
             load_inertia=15.0,
@@ -711,13 +649,22 @@ def servo_axis(preset: str) -> ServoAxis:
             stiffness=632500 * (1 / 0.7 + 1 / 1.5),
             damping=100.0,
             resolution=2 * np.pi * r / gear / 2**17,
-            drive=ServoDrive(fs=4000, kv=30, kp=33, tn=0.03, max_current=17.0, lag=0.5e-3, velocity_feedforward=1.0),
+            drive=Drive(
+                kp_unit="A/(m/s)",
+                torque_constant=gear * 0.636 / r,
+                fs=4000,
+                kv=30,
+                kp=33,
+                tn=0.03,
+                limit=17.0,
+                lag=0.5e-3,
+                velocity_feedforward=1.0,
+            ),
         )
     if preset == "ball screw":
         r = 10e-3 / (2 * np.pi)  # a lead of 10 mm
         return ServoAxis(
             motor_inertia=(3.19e-4 + 2.41e-4 + 0.3e-4) / r**2,
-            force_constant=0.544 / r,
             motor_friction=sliders(K0=2e7, Fs=100.0, stiction=1.2, vs=2e-3),
             motor_damping=300.0,
             load_inertia=150.0,
@@ -726,11 +673,20 @@ def servo_axis(preset: str) -> ServoAxis:
             stiffness=8e7,
             damping=5000.0,
             resolution=10e-3 / 2**17,
-            drive=ServoDrive(fs=4000, kv=50, kp=280, tn=0.02, max_current=42.0, lag=0.5e-3, velocity_feedforward=1.0),
+            drive=Drive(
+                kp_unit="A/(m/s)",
+                torque_constant=0.544 / r,
+                fs=4000,
+                kv=50,
+                kp=280,
+                tn=0.02,
+                limit=42.0,
+                lag=0.5e-3,
+                velocity_feedforward=1.0,
+            ),
         )
     return ServoAxis(
         motor_inertia=100**2 * 5.2e-5,
-        force_constant=100 * 0.12,
         motor_friction=sliders(K0=1.5e4, Fs=6.0, stiction=1.3, vs=5e-3),
         motor_damping=15.0,
         load_inertia=1.5,
@@ -740,5 +696,15 @@ def servo_axis(preset: str) -> ServoAxis:
         damping=10.0,
         resolution=2 * np.pi / (100 * 2**14),
         motion="rotary",
-        drive=ServoDrive(fs=4000, kv=15, kp=16, tn=0.05, max_current=10.0, lag=0.5e-3, velocity_feedforward=1.0),
+        drive=Drive(
+            kp_unit="A/(rad/s)",
+            torque_constant=100 * 0.12,
+            fs=4000,
+            kv=15,
+            kp=16,
+            tn=0.05,
+            limit=10.0,
+            lag=0.5e-3,
+            velocity_feedforward=1.0,
+        ),
     )

@@ -172,7 +172,7 @@ def uncertainty(
     ...     G, form="input", left=(0.2, 0.2), right=(1, 1), omega=np.logspace(-2, 2), perturbation="LTI")
     >>> K = control.ss(np.zeros((2, 2)), np.eye(2), 2 * np.eye(2), 2 * np.eye(2))    # 2 (1 + 1/s) in both loops
     >>> report = check(model, K)
-    >>> report.verdict, round(report.margin_rs, 2)                                  # 5 would be 100 %
+    >>> report.verdict, round(report.margins.rs, 2)                                  # 5 would be 100 %
     ('robust', 4.99)
     """
     bla = bla_of_fit(bla, nominal)

@@ -433,7 +433,7 @@ function pidGains(state, dt) {
 const places = { integrator: e => `robust.shaping.lag(${hz(e)}, np.inf, dt=dt)`,
   lead: e => `robust.shaping.lead(${hz(e)}, np.radians(${e.phase}), dt=dt)`,
   notch: e => `robust.shaping.notch(${hz(e)}, depth=${e.depth}, width=${e.width}, dt=dt)`,
-  "roll-off": e => `robust.shaping.roll_off(${hz(e)}, order=${e.order}, zeta=${e.zeta}, dt=dt)` };
+  "roll-off": e => `robust.shaping.low_pass(${hz(e)}, order=${e.order}, zeta=${e.zeta}, dt=dt)` };
 function hz(element) { return `2 * np.pi * ${element.f}`; }
 
 /** The Python that makes the controller and checks it. */

@@ -9,7 +9,7 @@ from nlfrf._base.types import JsonObject
 from robust._base.types import Controller
 from robust.lti.connections import in_series
 from robust.lti.realisation import state_space
-from robust.synthesis.shaping import lag, lead, notch, roll_off
+from robust.synthesis.shaping import lag, lead, low_pass, notch
 
 
 def shaped_controller(state: JsonObject, K: Controller, dt: float) -> control.StateSpace:
@@ -26,7 +26,7 @@ def shaped_controller(state: JsonObject, K: Controller, dt: float) -> control.St
 
 
 def shaping_element(element: JsonObject, dt: float) -> control.StateSpace:
-    """One element, by the function of `compensators` that the page writes out for it."""
+    """One element, by the function of `robust.shaping` that the page writes out for it."""
     omega, kind = 2 * np.pi * element["f"], element["kind"]
     if kind == "integrator":
         return lag(omega, np.inf, dt=dt)
@@ -34,4 +34,4 @@ def shaping_element(element: JsonObject, dt: float) -> control.StateSpace:
         return lead(omega, np.radians(element["phase"]), dt=dt)
     if kind == "notch":
         return notch(omega, depth=element["depth"], width=element["width"], dt=dt)
-    return roll_off(omega, order=element["order"], zeta=element["zeta"], dt=dt)
+    return low_pass(omega, order=element["order"], zeta=element["zeta"], dt=dt)

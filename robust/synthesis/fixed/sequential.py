@@ -310,8 +310,8 @@ def check_whole_set(
             report = check(plant, block_diagonal(K, dt))
         except ValueError as error:
             return f"the whole cannot be checked: {error}", np.nan
-        good = report.robustly_stable
-        return "" if good else f"the whole set is not stable: {report.reason}", float(report.margin_rs)
+        good = report.proofs.robustly_stable
+        return "" if good else f"the whole set is not stable: {report.reason}", float(report.margins.rs)
     finer = on_lines.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
     for lines in (on_lines, finer):
         if why := check_sequential_stability(plant, lines, K=K, order=order, dt=dt):

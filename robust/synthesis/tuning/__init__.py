@@ -1,6 +1,5 @@
 """Blocks of fixed structure in any loops, tuned together for several plants.
 
-blocks      what can be tuned: gains, PID, notch, lead, filter, state space
 closing     the closed loop and how it moves with the blocks
 design      the result
 friction    a limit that keeps the proof with friction

@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz, format_small_count, join_names, require_integer
 from nlfrf._base.values import value
 from robust.lti.wiring import join_by_name
-from robust.synthesis.tuning.blocks import TunableBlock, parameter_values, signal_names
+from robust.synthesis.blocks import TunableBlock, parameter_values, signal_names
 from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Limit
 from robust.synthesis.tuning.plants import MeasuredPlant, Plants, see_plants

@@ -12,7 +12,7 @@ from nlfrf._base.values import value
 from robust.lti.lti import is_clockless, response, timebase
 from robust.lti.realisation import rightmost_pole, state_space
 from robust.lti.stability import is_stable
-from robust.synthesis.tuning.blocks import signal_names
+from robust.synthesis.blocks import signal_names
 from robust.synthesis.tuning.worst import (
     ONE_DISC,
     SECOND_VALUE_RATIO,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.synthesis.tuning.blocks import Parameter, TunableBlock, parameter_values, with_parameters
+from robust.synthesis.blocks import Parameter, TunableBlock, parameter_values, with_parameters
 
 COMPLEX_STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
 
@@ -29,6 +29,8 @@ class Controller:
         Of all blocks together: M has n_states + n_out rows and n_states + n_in columns.
     lower, upper, start : (p,) ndarray
         Coordinates.
+    dt : float
+        Sampling time [s]; 0 where continuous.
     """
 
     blocks: dict[str, TunableBlock]
@@ -39,6 +41,7 @@ class Controller:
     lower: np.ndarray
     upper: np.ndarray
     start: np.ndarray
+    dt: float
 
     @property
     def labels(self) -> list[str]:
@@ -74,7 +77,7 @@ class Controller:
                     step = 1j * COMPLEX_STEP if along == k + i else 0.0
                     numbers[parameter.name][parameter.index] = parameter.from_coordinate(x[k + i] + step)
                 numbers = {key: array if array.ndim else array[()] for key, array in numbers.items()}
-                parts = block.state_space(numbers)
+                parts = block.state_space(numbers, self.dt)
                 A, B, C, D = (np.asarray(part) if along is None else np.imag(part) / COMPLEX_STEP for part in parts)
                 s, o, i_ = slice(state, state + n), slice(row, row + p), slice(column, column + m)
                 M[s, s], M[s, i_], M[o, s], M[o, i_] = A, B, C, D
@@ -110,4 +113,5 @@ def controller_of_blocks(blocks: Mapping[str, TunableBlock], dt: float) -> Contr
         lower=bounds[:, 0],
         upper=bounds[:, 1],
         start=np.array([parameter.to_coordinate(parameter.start) for _, parameter in parameters]),
+        dt=dt,
     )

@@ -23,7 +23,7 @@ from robust.models.fit.nominal import frd
 from robust.models.sets.forms import ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import frf_sampling_time, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form
-from robust.synthesis.tuning.blocks import signal_names
+from robust.synthesis.blocks import signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
 #: Stands for a radius that is infinite: its square is still a number.

@@ -25,7 +25,7 @@ from robust.lti.realisation import multivariable
 from robust.lti.stability import assess_stability, poles_with_rounding
 from robust.lti.wiring import Port, join_by_name
 from robust.models.sets.model import UncertaintyModel
-from robust.synthesis.tuning.blocks import Pid, TunableBlock, require_blocks
+from robust.synthesis.blocks import Pid, TunableBlock, require_blocks
 from robust.synthesis.tuning.closing import ClosedLoop, state_plant
 from robust.synthesis.tuning.design import Ended, Known, LimitValue, TunedDesign
 from robust.synthesis.tuning.friction import FrictionChannel, FrictionLimit
@@ -80,8 +80,8 @@ def tune(
         One plant, or several of which each meets every limit. Continuous ones are put behind hold and delay where dt is
         given.
     blocks : dict of str to block
-        `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Filter2` or `StateSpace`, by name; their numbers are the first
-        start. A sampled block is its own Tustin image.
+        `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Lag`, `LowPass`, `Biquad` or `StateSpace`, by name; their
+        numbers are the first start. A sampled block is its own Tustin image.
     hard, soft : list of Limit
         What must be met, and what is made small. A `FrictionLimit` is hard.
     decay : float

@@ -300,7 +300,7 @@ LOOPS = [
 @pytest.mark.parametrize("drive", LOOPS)
 @pytest.mark.parametrize("name", ["belt", "joint"])
 def test_a_kick_decays_or_grows_as_the_poles_of_the_loop_say(name, drive):
-    axis = free(name, max_current=np.inf, **drive)
+    axis = free(name, limit=np.inf, **drive)
     force = np.zeros(7000)
     force[0] = 1.0
     x = np.abs(run_servo(axis, force=force, oversampling=4).position)
@@ -321,7 +321,7 @@ def test_crossover_of_a_mass_under_a_velocity_loop():
     ("axis", "message"),
     [
         (free("linear motor", kp=1500.0), "is unstable without friction: peaks and set points"),
-        (replace(free("linear motor"), force_constant=0.0528), "is unstable without friction: peaks and set points"),
+        (free("linear motor", torque_constant=0.0528), "is unstable without friction: peaks and set points"),
         (free("linear motor", kp=1.43, kv=1.0, tn=0.4), r"crosses over at 1[\d.]+ Hz, far outside the lines of 6"),
         (free("linear motor", tn=12.0), "tn = 12 s is longer than the period of 0.5 s: .*tn is in seconds"),
     ],

@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
-from nlfrf.axis import LevelState, design_experiment, design_ramp, find_levels, load_trace, play_experiment
+from nlfrf.axis import FrictionRegime, design_experiment, design_ramp, find_levels, load_trace, play_experiment
 from nlfrf.rig import run_servo
 from tests.support.backlash import play_backlash
 
@@ -62,7 +62,7 @@ def test_the_stiffness_of_the_plateau_is_the_presliding_stiffness(tmp_path):
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     levels = find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
-    sticks = np.array([state is LevelState.STICKS for state in levels.states])
+    sticks = np.array([state is FrictionRegime.STICKS for state in levels.states])
     plateau = levels.stiffness[sticks]
     assert np.allclose(plateau, axis.motor_friction.stiffness.sum(), rtol=0.05)
     asked = (levels.set_point_rms / levels.position_rms)[sticks]  # a mass on a spring; the lowest are quantised
@@ -98,14 +98,14 @@ def test_a_ramp_that_does_not_show_all_three_says_why(tmp_path, how, reason):
 
 def test_levels_at_the_limit_of_the_current_are_not_read(tmp_path):
     axis = servo_axis("belt")
-    tight = replace(axis, drive=replace(axis.drive, max_current=200 / axis.force_constant))
+    tight = replace(axis, drive=replace(axis.drive, limit=200 / axis.force_constant))
     ramp = design_ramp(without_friction(axis), **BAND, rms=150, n_levels=10)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(tight, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     with pytest.warns(DataWarning, match="u seems clipped"):
         records = load_trace(tmp_path / "trace.csv", ramp)
     levels = find_levels(records, ramp)
-    assert levels.states[-1] is LevelState.LIMITED
+    assert levels.states[-1] is FrictionRegime.LIMITED
 
 
 def test_an_axis_without_friction_has_no_levels(tmp_path):
@@ -118,10 +118,8 @@ FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
 
 
 def levels_with_play(tmp_path, **machine):
-    drive = nlfrf.rig.ServoDrive(fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
-    rough = nlfrf.rig.ServoAxis(
-        motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, force_constant=1.0, drive=drive
-    )
+    drive = nlfrf.axis.Drive(kp_unit="N/(m/s)", fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
+    rough = nlfrf.rig.ServoAxis(motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, drive=drive)
     band = {"n_samples": 1000, "f_min": 4, "f_max": 100, "rng": 1}
     ramp = design_ramp(rough, **band, rms=200, n_levels=14, span=3e3)
     u, y = play_backlash(ramp, **BACKLASH, **FRICTION, **machine)

@@ -279,7 +279,7 @@ def test_a_trace_that_begins_long_before(at_rest):
 
 def test_a_saturated_current(run, tmp_path):
     peak = run.experiment.peak_force
-    tight = replace(AXIS, drive=replace(AXIS.drive, max_current=0.5 * peak / AXIS.force_constant))
+    tight = replace(AXIS, drive=replace(AXIS.drive, limit=0.5 * peak / AXIS.force_constant))
     play_experiment(tight, run.folder / "play.csv", tmp_path / "trace.csv")
     with pytest.warns(DataWarning, match="u seems clipped: .* lower the level or widen the range"):
         load_trace(tmp_path / "trace.csv", run.experiment)

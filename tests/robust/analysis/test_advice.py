@@ -26,7 +26,7 @@ def test_a_misfit_that_goes_on_below_the_band_is_named_and_cured_by_orders():
     assert model.radius[0] == pytest.approx(34.8, rel=0.1)
     assert model.radius_misfit[0] > 0.99 * model.radius[0]
     report = check(model, control.tf([1e-2 * 2 * np.pi * 0.01], [1, 2 * np.pi * 0.004]), certify=False)
-    assert report.omega_rs < 2 * np.pi * 1, "limited below the band"
+    assert report.margins.omega_rs < 2 * np.pi * 1, "limited below the band"
     assert "below the measured band" in report.advice
     assert "go on from the first line, 1 Hz, where the radius is misfit 100 %" in report.advice
     assert "robust orders" in report.advice

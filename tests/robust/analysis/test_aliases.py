@@ -42,12 +42,12 @@ def test_an_operator_between_the_samples_is_not_proved_against():
     )
     report = check(the_set(G, w, perturbation="operator"), K)
     assert report.verdict == "not certified"
-    assert report.margin_rs < 1
-    assert not any(c.holds for c in report.certificates)
-    smaller = the_set(G, gain(0.7 * report.margin_rs * 0.99), perturbation="operator")
+    assert report.margins.rs < 1
+    assert not any(c.holds for c in report.proofs.certificates)
+    smaller = the_set(G, gain(0.7 * report.margins.rs * 0.99), perturbation="operator")
     proved = check(smaller, K)
     assert proved.verdict == "robust"
-    assert proved.certificates[0].verify().verified
+    assert proved.proofs.certificates[0].verify().verified
 
 
 def test_a_plant_of_the_set_with_a_mode_above_nyquist_is_not_proved_stable():
@@ -65,7 +65,7 @@ def test_a_plant_of_the_set_with_a_mode_above_nyquist_is_not_proved_stable():
     assert np.abs(control.feedback(sampled(true, 1 / 200) * K, 1).poles()).max() > 1.01
     report = check(model, K)
     assert report.verdict == "not certified"
-    assert report.margin_rs < 1
+    assert report.margins.rs < 1
     assert "from 125 Hz" in report.reason
     assert "Sample faster" in report.reason
 
@@ -80,7 +80,7 @@ def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
         G, K, w, form, delay = (case[k] for k in ("G", "K", "w", "form", "delay"))
         T = float(K.dt)
         report = check(the_set(G, w, form), K, delay=delay)
-        at = report.omega_rs
+        at = report.margins.omega_rs
         k, g = tf_response(K, np.array([at])), tf_response(case["in_loop"], np.array([at]))
         KS = complex((k / (1 + k * g))[0])
         Delta = worst_member(tf_response, G, w, form, T, delay, at, KS, n=12, narrow=1e-5)
@@ -93,9 +93,9 @@ def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
 
         share = np.abs(alias_terms(tf_response, G, w, form, T, delay, np.array([at]), 12)[0])
         assert share.shape == (1, 25)
-        if radius(report.margin_rs * 1.1) > 1 + 1e-9:  # the modes of so narrow an all-pass are hardly damped
+        if radius(report.margins.rs * 1.1) > 1 + 1e-9:  # the modes of so narrow an all-pass are hardly damped
             seen += 1
-        assert radius(report.margin_rs * 0.99) < 1 + 1e-9
+        assert radius(report.margins.rs * 0.99) < 1 + 1e-9
 
 
 @pytest.mark.parametrize("form", ["multiplicative", "additive"])
@@ -108,7 +108,7 @@ def test_operators_of_a_proved_set_never_destabilise(form):
             continue
         G, K, w = case["G"], case["K"], case["w"]
         report = check(the_set(G, w, form, "operator"), K)
-        T, factor = float(K.dt), report.margin_rs
+        T, factor = float(K.dt), report.margins.rs
 
         def at(size, G=G, w=w, K=K, T=T):
             return worst_period_map(G, control.StateSpace(w.A, w.B, w.C * size, w.D * size, 0), form, K, T, 6)
@@ -129,7 +129,7 @@ def test_what_reaches_the_sampler_unfiltered_is_not_certified():
         report = check(the_set(G, w, form, kind), K)
         assert report.verdict == "not certified"
         assert "reaches the sampler unfiltered" in report.reason
-        assert report.margin_rs == 0
+        assert report.margins.rs == 0
         assert "rs has no bound" in unwrapped(report)
         rolled = the_set(G, control.tf([0.02], [0.1, 1]), form, kind)
         assert check(rolled, K).verdict == "robust"
@@ -142,7 +142,7 @@ def test_an_inverse_weight_of_one_above_nyquist():
     report = check(the_set(lag, w, "inverse-multiplicative"), gain(0.5, 1.0))
     assert report.verdict == "not certified"
     assert "of one or more there it holds plants of any gain" in report.reason
-    assert report.margin_rs < 0.06
+    assert report.margins.rs < 0.06
 
 
 def test_a_set_of_sampled_plants_speaks_of_the_samples():
@@ -191,8 +191,8 @@ def test_performance_counts_every_alias():
     worst = np.abs(S) / (1 - np.abs(k * S) * (np.abs(hold) * F).sum(1))
     for target in (0.98, 1.02):
         report = check(the_set(G, w), K, w_P=gain(target / worst.max()))
-        assert report.robust_performance == (target < 1)
-        assert report.rp.max() == pytest.approx(target, rel=2e-3)
+        assert report.proofs.robust_performance == (target < 1)
+        assert report.curves.rp.max() == pytest.approx(target, rel=2e-3)
 
 
 @pytest.mark.attack(every=3)
@@ -203,16 +203,16 @@ def test_a_certificate_holds_for_its_numbers_only(form, kind):
     G, _, K = light_mode()
     w = control.ss(control.tf([0.1], [0.3, 1]))
     report = check(the_set(G, w, form, kind), K, w_P=gain(0.2))
-    proof = report.certificates[0]
+    proof = report.proofs.certificates[0]
     assert proof.judged == "proved, rigorous"
     assert proof.claim.claims == (ALIASED[STABILITY],)
     assert proof.verify().verified
     with pytest.raises(ValueError, match="perturbation must be one of LTI, statistical, operator"):
         replace(proof.claim, perturbation="anything")
-    larger = replace(proof.claim.weight, C=proof.claim.weight.C * report.margin_rs * 1.01)
+    larger = replace(proof.claim.weight, C=proof.claim.weight.C * report.margins.rs * 1.01)
     assert not replace(proof, claim=replace(proof.claim, weight=larger)).verify(time_cap=2).verified
-    if len(report.certificates) > 1 and report.certificates[1].holds:
-        assert report.certificates[1].verify().verified
+    if len(report.proofs.certificates) > 1 and report.proofs.certificates[1].holds:
+        assert report.proofs.certificates[1].verify().verified
 
 
 def test_the_sums_over_all_aliases():
@@ -243,11 +243,11 @@ def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
     """Near Nyquist the hold keeps 2/pi of a frequency: the condition of operators fails, no linear plant breaks it."""
     G, K = control.tf([1], [1, 1]), control.ss([[-0.8]], [[1.0]], [[0.12]], [[0.0]], 1.0)  # K peaks at Nyquist
     unit = check(the_set(G, gain(1.0), perturbation="operator"), K)
-    assert unit.omega_rs == pytest.approx(np.pi, rel=1e-3)
-    between = the_set(G, gain(1.7 * unit.margin_rs), perturbation="operator")
+    assert unit.margins.omega_rs == pytest.approx(np.pi, rel=1e-3)
+    between = the_set(G, gain(1.7 * unit.margins.rs), perturbation="operator")
     loop = assemble_loop(between, K, w_P=None, delay=0.0)
-    made_of = rs_breakdown(loop.with_aliases(loop.curves(unit.omega_rs)), (1.0, 2.0), 1.7)
+    made_of = rs_breakdown(loop.with_aliases(loop.curves(unit.margins.omega_rs)), (1.0, 2.0), 1.7)
     assert made_of.single_frequency < 1 < made_of.without_aliases
     assert check(between, K).verdict == "not certified"
-    far = check(the_set(G, gain(8 * unit.margin_rs), perturbation="operator"), K)
+    far = check(the_set(G, gain(8 * unit.margins.rs), perturbation="operator"), K)
     assert far.verdict == "not robust"

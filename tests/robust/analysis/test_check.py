@@ -69,44 +69,44 @@ def test_curves_of_the_report(form):
     G, K, w = control.tf([2], [1, 1]), control.tf([3], [1, 2]), control.tf([0.1, 0.05], [0.2, 1])
     w_P = performance_weight(0.5, M_S=3.0, A=0.1)
     report = check(simple(w, form, G), K, w_P=w_P)
-    s = 1j * report.omega
+    s = 1j * report.curves.omega
     g, k, size = 2 / (s + 1), 3 / (s + 2), (0.1 * s + 0.05) / (0.2 * s + 1)
     S = 1 / (1 + g * k)
     rs = {"multiplicative": g * k, "additive": k, "inverse-multiplicative": 1, "inverse-additive": g}[form] * size * S
-    assert pytest.approx(S, rel=1e-9) == report.S
-    assert pytest.approx(1 - S, rel=1e-9) == report.T
-    assert report.rs == pytest.approx(np.abs(rs), rel=1e-9)
-    assert report.np_ == pytest.approx(np.abs(response(w_P, report.omega) * S), rel=1e-9)
+    assert pytest.approx(S, rel=1e-9) == report.curves.S
+    assert pytest.approx(1 - S, rel=1e-9) == report.curves.T
+    assert report.curves.rs == pytest.approx(np.abs(rs), rel=1e-9)
+    assert report.curves.np_ == pytest.approx(np.abs(response(w_P, report.curves.omega) * S), rel=1e-9)
     if form == "multiplicative":  # SP eq. 7.61: |w_P S|/(1 - |w T|)
-        assert report.rp == pytest.approx(report.np_ / (1 - report.rs), rel=1e-9)
-    assert report.margin_rs == pytest.approx(1 / report.rs.max(), rel=1e-4)
-    assert report.margin_rs <= 1 / report.rs.max() * (1 + 1e-12)
+        assert report.curves.rp == pytest.approx(report.curves.np_ / (1 - report.curves.rs), rel=1e-9)
+    assert report.margins.rs == pytest.approx(1 / report.curves.rs.max(), rel=1e-4)
+    assert report.margins.rs <= 1 / report.curves.rs.max() * (1 + 1e-12)
     assert report.verdict == "robust"
 
 
 def test_disk_margin_of_the_published_example():
     """L = 25/(s^3 + 10 s^2 + 10 s + 10): 0.458, 4.05 dB, 25.8 deg at 1.94 rad/s."""
     report = check(simple(1e-3, nominal=control.tf([25], [1, 10, 10, 10])), 1.0)
-    assert report.disk_margin == pytest.approx(0.458, abs=1e-3)
-    assert 20 * np.log10(report.gain_margin) == pytest.approx(4.05, abs=0.01)
-    assert np.degrees(report.phase_margin) == pytest.approx(25.8, abs=0.05)
-    assert report.omega_disk == pytest.approx(1.94, abs=0.02)
+    assert report.margins.disk == pytest.approx(0.458, abs=1e-3)
+    assert 20 * np.log10(report.margins.disk_gain) == pytest.approx(4.05, abs=0.01)
+    assert np.degrees(report.margins.disk_phase) == pytest.approx(25.8, abs=0.05)
+    assert report.margins.omega_disk == pytest.approx(1.94, abs=0.02)
 
 
 def test_sp_distillation_column_in_one_loop():
     """SP 8.11.3 has T = 0.7/(s + 0.7) in each channel: NP 0.5 and RS 0.526 are those of one of them."""
     w_I, w_P = control.tf([1, 0.2], [0.5, 1]), control.tf([0.5, 0.05], [1, 1e-7])
     report = check(simple(w_I, nominal=control.tf([1], [75, 1])), 0.7 * control.tf([75, 1], [1, 0]), w_P=w_P)
-    assert report.np_.max() == pytest.approx(0.5, abs=1e-3)
-    assert report.rs.max() == pytest.approx(0.526, abs=1e-3)
+    assert report.curves.np_.max() == pytest.approx(0.5, abs=1e-3)
+    assert report.curves.rs.max() == pytest.approx(0.526, abs=1e-3)
 
 
 def test_verdict_follows_the_class():
     for perturbation, verdict in (("LTI", "robust"), ("operator", "robust"), ("statistical", "statistically robust")):
         report = check(simple(perturbation=perturbation), 2.0)
         assert report.verdict == verdict
-        assert report.robustly_stable
-        assert report.perturbation == perturbation
+        assert report.proofs.robustly_stable
+        assert report.given.perturbation == perturbation
     assert "no theorem applies" in report.not_proved
 
 
@@ -114,12 +114,12 @@ def test_an_unstable_loop_has_no_margins():
     report = check(simple(nominal=control.tf([1], [1, -1])), 0.5, w_P=performance_weight(1.0))
     assert report.verdict == "not robust"
     assert not report.nominally_stable
-    assert not report.robustly_stable
-    assert not report.robust_performance
-    for number in (report.margin_rs, report.margin_rp, report.disk_margin, report.omega_rs):
+    assert not report.proofs.robustly_stable
+    assert not report.proofs.robust_performance
+    for number in (report.margins.rs, report.margins.rp, report.margins.disk, report.margins.omega_rs):
         assert np.isnan(number)
-    assert np.isnan(report.rs).all()
-    assert np.isnan(report.rp).all()
+    assert np.isnan(report.curves.rs).all()
+    assert np.isnan(report.curves.rp).all()
     assert "pole" in report.reason
     assert "disk margin" not in unwrapped(report)
 
@@ -127,8 +127,8 @@ def test_an_unstable_loop_has_no_margins():
 def test_a_set_too_large_is_not_robust_and_says_where():
     report = check(simple(control.tf([2, 0.2], [1, 1])), 2.0)
     assert report.verdict == "not robust"
-    assert report.margin_rs < 1
-    assert f"{report.omega_rs / 2 / np.pi:.3g}"[:3] in report.reason
+    assert report.margins.rs < 1
+    assert f"{report.margins.omega_rs / 2 / np.pi:.3g}"[:3] in report.reason
     assert "shrink" in unwrapped(report)
 
 
@@ -136,49 +136,49 @@ def test_without_a_proof_nothing_is_certified():
     report = check(simple(), 2.0, certify=False)
     assert report.verdict == "not certified"
     assert "certify=False" in report.reason
-    assert not report.robustly_stable
-    assert report.margin_rs > 1
-    assert report.certificates == ()
+    assert not report.proofs.robustly_stable
+    assert report.margins.rs > 1
+    assert report.proofs.certificates == ()
 
 
 def test_performance_has_its_own_field():
     hard = check(simple(), 2.0, w_P=performance_weight(50.0))
     assert hard.verdict == "robust"
-    assert not hard.robust_performance
-    assert hard.margin_rp == 0.0
+    assert not hard.proofs.robust_performance
+    assert hard.margins.rp == 0.0
     easy = check(simple(), 2.0, w_P=performance_weight(0.1, A=0.9))
-    assert easy.robust_performance
-    assert easy.margin_rp > 1
+    assert easy.proofs.robust_performance
+    assert easy.margins.rp > 1
 
 
 def test_margin_rp_is_where_rp_reaches_one():
     w, w_P = control.tf([0.3, 0.1], [0.5, 1]), performance_weight(0.3, A=0.6)
-    x = check(simple(w), 2.0, w_P=w_P).margin_rp
-    assert np.max(check(simple(w * x), 2.0, w_P=w_P).rp) == pytest.approx(1.0, rel=1e-6)
+    x = check(simple(w), 2.0, w_P=w_P).margins.rp
+    assert np.max(check(simple(w * x), 2.0, w_P=w_P).curves.rp) == pytest.approx(1.0, rel=1e-6)
 
 
 def test_operator_performance_needs_one_scaling_for_all_frequencies():
     """The same loop and weights: promised for linear perturbations, not for nonlinear ones."""
     w, w_P = control.tf([0.5, 0.1], [0.3, 1]), performance_weight(0.5, M_S=2.0, A=0.5)
-    scale = 0.97 / np.max(check(simple(w), 2.0, w_P=w_P).rp)
+    scale = 0.97 / np.max(check(simple(w), 2.0, w_P=w_P).curves.rp)
     for factor, nonlinear in ((0.3, True), (1.0, False)):
         demand = w_P * (scale * factor)
-        assert check(simple(w), 2.0, w_P=demand).robust_performance
+        assert check(simple(w), 2.0, w_P=demand).proofs.robust_performance
         report = check(simple(w, perturbation="operator"), 2.0, w_P=demand)
         assert report.verdict == "robust"
-        assert report.robust_performance == nonlinear
+        assert report.proofs.robust_performance == nonlinear
 
 
 def test_sampled_controller_sees_hold_and_delay():
     """Phase lost by hold and delay: (1/2 + d/T) omega T, against the continuous loop."""
     T, K = 0.05, control.ss([], [], [], [[3.0]], 0.05)
     report = check(simple(), K, delay=T)
-    L = report.G * report.K
-    at = np.argmin(np.abs(report.omega - 3.0))
-    omega = report.omega[at]
+    L = report.curves.G * report.curves.K
+    at = np.argmin(np.abs(report.curves.omega - 3.0))
+    omega = report.curves.omega[at]
     lost = np.angle(3 / (1j * omega + 1)) - np.angle(L[at])
     assert lost == pytest.approx(1.5 * omega * T, rel=0.01)
-    assert report.omega.max() <= np.pi / T
+    assert report.curves.omega.max() <= np.pi / T
     assert check(simple(), control.ss([], [], [], [[60.0]], T), delay=T).verdict == "not robust"
     assert check(simple(), 60.0).verdict == "robust"
 
@@ -237,7 +237,7 @@ class TestMeasuredLinesOnly:
         assert report.nominally_stable
         assert report.verdict == "not certified"
         assert "on the measured lines only" in report.reason
-        assert np.isnan(report.margin_rs)
+        assert np.isnan(report.margins.rs)
         model = UncertaintyModel(self.frf(LAG), 0.3, "multiplicative", LINES, np.full(3, 0.3), perturbation="LTI")
         # the lines of the radius must be lines of the FRF
         omega = self.OMEGA[::7]
@@ -247,7 +247,7 @@ class TestMeasuredLinesOnly:
         report = check(model, 2.0)
         assert report.verdict == "not certified"
         assert "on the measured lines only" in report.reason
-        assert report.margin_rs == pytest.approx(1 / (0.3 * 2 / 3), rel=1e-3)
+        assert report.margins.rs == pytest.approx(1 / (0.3 * 2 / 3), rel=1e-3)
 
     @pytest.mark.parametrize(
         ("system", "K", "n_unstable", "stable"),
@@ -316,10 +316,10 @@ class TestMeasuredLinesOnly:
         f = np.arange(1, 200, 2) * 0.02
         bla = make_bla(lambda s: 1 / (s + 1), f, f0=0.02, sigma_distortion=0.01)
         report = check(bla, 2.0)
-        assert report.perturbation == "statistical"
+        assert report.given.perturbation == "statistical"
         radius = bla.bound(of="realization") / np.abs(bla.G)
-        assert report.rs == pytest.approx(radius * np.abs(report.T), rel=1e-9)
-        assert check(frd(bla), 2.0).disk_margin == pytest.approx(report.disk_margin)
+        assert report.curves.rs == pytest.approx(radius * np.abs(report.curves.T), rel=1e-9)
+        assert check(frd(bla), 2.0).margins.disk == pytest.approx(report.margins.disk)
 
 
 @pytest.mark.parametrize(

@@ -23,10 +23,10 @@ def lag_loop(pole, actuator, gain=4.0, **block):
 def test_margins_in_closed_form():
     """The pole is at -5 + pole d1 - 4 actuator d2: the margin is 5/(pole + 4 actuator), at zero frequency."""
     report = check_structure(lag_loop(2.0, 0.5))
-    assert report.margin_rs == pytest.approx(5 / 4, rel=1e-6)
-    assert report.omega_rs == 0
-    assert report.margin_broken == pytest.approx(5 / 4, rel=1e-6)
-    assert report.worst == pytest.approx({"pole": 1.0, "actuator": 1.0}, rel=1e-3)
+    assert report.margins.rs == pytest.approx(5 / 4, rel=1e-6)
+    assert report.margins.omega_rs == 0
+    assert report.margins.broken == pytest.approx(5 / 4, rel=1e-6)
+    assert report.margins.worst == pytest.approx({"pole": 1.0, "actuator": 1.0}, rel=1e-3)
     assert report.verdict == "robust"
     assert "every constant value of pole and every stable linear actuator, all at once" in report.proved
     assert "verdict:     ROBUST" in str(report)
@@ -35,19 +35,19 @@ def test_margins_in_closed_form():
 def test_what_it_takes_to_be_called_robust():
     broken = check_structure(lag_loop(4.0, 0.5))
     assert broken.verdict == "not robust"
-    assert broken.margin_broken == pytest.approx(5 / 6, rel=1e-6)
+    assert broken.margins.broken == pytest.approx(5 / 6, rel=1e-6)
     assert check_structure(lag_loop(2.0, 0.5, perturbation="statistical")).verdict == "statistically robust"
     assert check_structure(lag_loop(2.0, 0.5), certify=False).verdict == "not certified"
     unstable = check_structure(lag_loop(1.0, 0.1, gain=-2.0))
     assert unstable.verdict == "not robust"
-    assert np.isnan(unstable.margin_rs)
+    assert np.isnan(unstable.margins.rs)
     assert "nominal loop is unstable: a pole at 1" in unstable.reason
 
 
 def test_an_operator_needs_one_scaling_for_all_frequencies():
     report = check_structure(lag_loop(1.0, 0.5, perturbation="operator"))
     assert report.verdict == "robust"
-    assert "KYP" in report.certificates[0].method
+    assert "KYP" in report.proofs.certificates[0].method
     assert "nonlinear ones included" in report.proved
     # where the best scaling changes with frequency there is no such proof, though mu is below one
     low, high = control.tf([1], [1, 1]), control.tf([1, 0], [1, 1])
@@ -57,7 +57,7 @@ def test_an_operator_needs_one_scaling_for_all_frequencies():
     ]
     assert low is not high
     both = {"one": Block("y2", "a", perturbation="operator"), "two": Block("y1", "b", perturbation="operator")}
-    assert check_structure(interconnection(cross, both)).robustly_stable
+    assert check_structure(interconnection(cross, both)).proofs.robustly_stable
 
 
 def test_a_repeated_operator_is_not_proved_as_a_repeated_number():
@@ -83,9 +83,9 @@ def test_performance_is_a_block_like_any_other():
         ]
         gain = {"gain": Block("u", "u", 0.2, kind="real")}
         report = check_structure(interconnection(systems, gain, inputs="r", outputs="z"))
-        assert report.robustly_stable
-        assert report.robust_performance is met
-        assert (report.margin_rp > 1) is met
+        assert report.proofs.robustly_stable
+        assert report.proofs.robust_performance is met
+        assert (report.margins.rp > 1) is met
 
 
 def test_at_agrees_with_joining_by_python_control():
@@ -110,9 +110,9 @@ def test_the_worst_perturbation_does_break_the_loop():
         [mass, K], {"spring": Block("x", "spring", 40.0, kind="real"), "gain": Block("u", "u", 0.3, kind="real")}
     )
     report = check_structure(system)
-    assert report.margin_rs <= report.margin_broken * (1 + 1e-9)
-    assert report.margin_broken < 1.05 * report.margin_rs
-    values = {name: number * report.margin_broken for name, number in report.worst.items()}
+    assert report.margins.rs <= report.margins.broken * (1 + 1e-9)
+    assert report.margins.broken < 1.05 * report.margins.rs
+    values = {name: number * report.margins.broken for name, number in report.margins.worst.items()}
     poles = upper_lft(system.N, control.ss([], [], [], np.diag(list(values.values())))).poles()
     assert np.min(np.abs(poles.real)) < 1e-3 * np.abs(poles).max()
 
@@ -134,10 +134,10 @@ def test_one_real_number_that_breaks_the_loop_between_the_lines_of_any_grid():
     for radius, verdict in ((3.0, "not robust"), (1.5, "robust")):
         report = check_structure(chain(3, 2, 4, {"k": Block("x1", "f", -radius, kind="real")}))
         assert report.verdict == verdict
-        assert report.margin_broken == pytest.approx(2 / radius, rel=1e-6)
-        assert report.margin_rs == pytest.approx(2 / radius, rel=1e-6)
-        assert report.omega_rs == pytest.approx(np.sqrt(2), rel=1e-6)
-        assert report.worst["k"] == pytest.approx(1.0)
+        assert report.margins.broken == pytest.approx(2 / radius, rel=1e-6)
+        assert report.margins.rs == pytest.approx(2 / radius, rel=1e-6)
+        assert report.margins.omega_rs == pytest.approx(np.sqrt(2), rel=1e-6)
+        assert report.margins.worst["k"] == pytest.approx(1.0)
 
 
 def test_two_real_numbers_in_closed_form():
@@ -146,9 +146,9 @@ def test_two_real_numbers_in_closed_form():
     smallest = (5 - np.sqrt(17)) / 2
     report = check_structure(chain(3, 2, 4, blocks))
     assert report.verdict == "not robust"
-    assert report.margin_broken == pytest.approx(smallest, rel=1e-6)
-    assert report.worst == pytest.approx({"a2": -1.0, "a1": -1.0}, rel=1e-6)
-    assert report.margin_rs <= smallest * (1 + 1e-9)
+    assert report.margins.broken == pytest.approx(smallest, rel=1e-6)
+    assert report.margins.worst == pytest.approx({"a2": -1.0, "a1": -1.0}, rel=1e-6)
+    assert report.margins.rs <= smallest * (1 + 1e-9)
 
 
 def test_real_numbers_in_a_sampled_loop():
@@ -159,7 +159,7 @@ def test_real_numbers_in_a_sampled_loop():
         excess.append(np.abs(1 + dt * np.roots([1, 3, 2, 4 + k])).max())
     smallest = numbers[np.argmax(np.array(excess) > 1)]
     report = check_structure(chain(3, 2, 4, {"k": Block("x1", "f", -3.0, kind="real")}, dt))
-    assert report.margin_broken == pytest.approx(smallest / 3, abs=1e-4)
+    assert report.margins.broken == pytest.approx(smallest / 3, abs=1e-4)
     assert report.verdict == "not robust"
 
 
@@ -174,7 +174,7 @@ def test_discrete_loops():
     K = control.ss([], [], [], [[-1.0]], 0.1, inputs="y", outputs="u")
     report = check_structure(interconnection([lag, K], {"pole": Block("y", "p", 0.8, kind="real")}))
     # z = 0 + 0.8 d
-    assert report.margin_rs == pytest.approx(1.25, rel=1e-6)
+    assert report.margins.rs == pytest.approx(1.25, rel=1e-6)
     assert report.verdict == "robust"
 
 
@@ -232,8 +232,8 @@ def test_the_time_cap_is_kept_where_scalings_are_many():
     assert time.monotonic() - begin < 60
     assert report.verdict == "not certified"
     assert "the time cap" in report.reason  # of the scalings, or of the box that was cut after them
-    assert np.isfinite(report.mu).all()
-    assert report.margin_rs <= report.margin_broken
+    assert np.isfinite(report.curves.rs).all()
+    assert report.margins.rs <= report.margins.broken
     with pytest.raises(ValueError, match="time_cap must be positive"):
         check_structure(interconnection([plant], blocks), time_cap=0)
 
@@ -247,11 +247,11 @@ def test_an_open_verdict_on_real_parameters_is_decided_part_by_part():
     w, z = [f"w{k}" for k in range(n)], [f"z{k}" for k in range(n)]
     plant = control.ss(A, B, C, np.zeros((n, n)), inputs=w, outputs=z)
     report = check_structure(interconnection([plant], {"d": Block(z, w, 2.5, kind="real")}), gap=0.6)
-    assert report.mu.max() > 1.1
+    assert report.curves.rs.max() > 1.1
     assert report.verdict == "robust", report.reason
-    assert "parts of the parameter box" in report.certificates[0].method
-    assert 1 < report.margin_rs <= report.margin_broken <= 1.6 * report.margin_rs
-    assert 2.5 * report.margin_broken == pytest.approx(4.1956, rel=1e-4)
-    assert abs(report.worst["d"]) == pytest.approx(1.0)
-    d = np.linspace(-1, 1, 2001) * 2.5 * report.margin_rs
+    assert "parts of the parameter box" in report.proofs.certificates[0].method
+    assert 1 < report.margins.rs <= report.margins.broken <= 1.6 * report.margins.rs
+    assert 2.5 * report.margins.broken == pytest.approx(4.1956, rel=1e-4)
+    assert abs(report.margins.worst["d"]) == pytest.approx(1.0)
+    d = np.linspace(-1, 1, 2001) * 2.5 * report.margins.rs
     assert np.linalg.eigvals(A + d[:, None, None] * (B @ C)).real.max() < 0

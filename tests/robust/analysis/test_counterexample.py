@@ -71,12 +71,12 @@ def test_the_loop_limit_cycles():
 def test_numbers_of_the_disc_and_of_the_operator():
     # two standard deviations of one realisation: 2 x 0.440 x 1.014
     report = check(model_of(2 * 0.440, "statistical"), K)
-    assert np.max(report.rs) == pytest.approx(0.891, abs=0.002)
-    assert report.robustly_stable
+    assert np.max(report.curves.rs) == pytest.approx(0.891, abs=0.002)
+    assert report.proofs.robustly_stable
     assert report.verdict == "statistically robust"
     assert "nonlinear plant itself" in report.not_proved
     gain = check(model_of(1.0, "operator"), K)
-    assert np.max(gain.rs) == pytest.approx(1.014, abs=0.002)
+    assert np.max(gain.curves.rs) == pytest.approx(1.014, abs=0.002)
     assert gain.verdict == "not robust"
 
 

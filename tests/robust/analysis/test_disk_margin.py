@@ -208,8 +208,8 @@ def test_the_report_of_a_matrix_tells_them():
         radius=np.full((4, 1), 0.05), confidence=0.95, inputs=("torque_x", "torque_y"),
     )  # fmt: skip
     report = check(model, np.eye(2))
-    assert report.margins.all_inputs.alpha == pytest.approx(1 / np.sqrt(100.5), rel=1e-5)
-    assert report.margins.input_names == ("torque_x", "torque_y")
+    assert report.channels.all_inputs.alpha == pytest.approx(1 / np.sqrt(100.5), rel=1e-5)
+    assert report.channels.input_names == ("torque_x", "torque_y")
     assert "all inputs at once gain -0.87 to +0.87 dB" in " ".join(str(report).split())
 
 

@@ -47,7 +47,7 @@ def test_a_peak_that_floating_point_leaves_open_is_decided():
     G, K = control.ss(control.tf([1], [1, 1])), control.tf([1, 1], [1, 0])
     below = check(model_of(G, 1 - 1e-10), K)
     assert below.verdict == "robust"
-    assert below.certificates[0].method == "exact arithmetic"
+    assert below.proofs.certificates[0].method == "exact arithmetic"
     assert "exact arithmetic, proved, rigorous" in " ".join(str(below).split())
     assert check(model_of(G, 1.0), K).verdict == "not robust"
 
@@ -61,10 +61,10 @@ def test_the_one_scaling_of_an_operator_is_found_in_any_units(unit, dt, delay):
     w, w_P = control.tf([0.3], [0.05, 1]), performance_weight(0.1, M_S=3, A=0.6)
     model = UncertaintyModel(G, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="operator")
     report = check(model, K, w_P=w_P, delay=delay)
-    assert [certificate.method for certificate in report.certificates] == ["exact arithmetic"] * 2
-    assert report.certificates[1].verify().verified
-    assert report.robust_performance
-    assert not check(model, K, w_P=w_P * 3, delay=delay).robust_performance
+    assert [certificate.method for certificate in report.proofs.certificates] == ["exact arithmetic"] * 2
+    assert report.proofs.certificates[1].verify().verified
+    assert report.proofs.robust_performance
+    assert not check(model, K, w_P=w_P * 3, delay=delay).proofs.robust_performance
 
 
 def test_performance_that_is_missed_on_the_grid_is_not_looked_for_with_aliases():
@@ -72,7 +72,7 @@ def test_performance_that_is_missed_on_the_grid_is_not_looked_for_with_aliases()
     model = UncertaintyModel(
         control.tf([1], [1, 1]), w, "additive", np.array([1.0]), np.array([0.1]), perturbation="LTI"
     )
-    stability, performance = check(model, K, w_P=control.tf([2.0], [1])).certificates
+    stability, performance = check(model, K, w_P=control.tf([2.0], [1])).proofs.certificates
     assert stability.holds
     assert not performance.holds
     assert not performance.violated

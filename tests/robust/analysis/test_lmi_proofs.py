@@ -27,26 +27,26 @@ def model(form="multiplicative", *, weight=0.5, plant=LAG, perturbation="LTI"):
 @pytest.mark.parametrize("solver", [None, "SCS"])
 def test_it_holds_just_under_the_limit_and_fails_just_above(form, solver):
     """rs is in proportion to the weight: at 0.99 of the limit it is proved, at 1.01 by nothing."""
-    rs = max(check(model(form, weight=0.1), 0.5).rs) / 0.1
+    rs = max(check(model(form, weight=0.1), 0.5).curves.rs) / 0.1
     for factor, holds in ((0.99, True), (1.01, False)):
         report = check(model(form, weight=factor / rs), 0.5, proof="lmi", solver=solver)
-        assert report.robustly_stable == holds, str(report)
+        assert report.proofs.robustly_stable == holds, str(report)
         assert report.verdict == ("robust" if holds else "not robust")
 
 
 def test_both_say_which_proved_what():
     report = check(model(), 0.5, w_P=control.tf([0.3], [1]), proof="both")
-    found = [(c.subject, c.method, c.P is None) for c in report.certificates]
+    found = [(c.subject, c.method, c.P is None) for c in report.proofs.certificates]
     subjects = ("robust stability", "robust performance")
     assert found == [(s, method, method == EXACT) for method in (EXACT, SCALED_KYP) for s in subjects]
     assert "robust performance at all frequencies: yes, scaled KYP, proved, rigorous" in unwrapped(str(report))
-    assert all(c.verify().verified for c in report.certificates)
+    assert all(c.verify().verified for c in report.proofs.certificates)
 
 
 def test_P_is_a_storage_function_of_the_loop():
     """The lag and the gain 0.5 with |w| <= 0.2 constant: b = 0.1/(s + 1.5), and P solves its scalar inequality."""
     one = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0]), np.array([0.1]))
-    proof = check(one, 0.5, proof="lmi").certificates[0]
+    proof = check(one, 0.5, proof="lmi").proofs.certificates[0]
     (P,) = proof.P
     assert proof.P.shape == (1, 1)
     assert proof.claim.system.A[0, 0] == pytest.approx(-1.5)
@@ -66,12 +66,12 @@ def test_where_no_inequality_covers_the_loop_it_says_so(given, K, options, reaso
     alone = check(given, K, proof="lmi", **options)
     assert alone.verdict == "not certified"
     assert reason in alone.reason
-    assert check(given, K, proof="both", **options).robustly_stable
+    assert check(given, K, proof="both", **options).proofs.robustly_stable
 
 
 def test_an_operator_needs_one_scaling_and_gets_it():
     report = check(model(perturbation="operator"), 0.5, w_P=control.tf([0.3], [1]), proof="lmi")
-    assert (report.verdict, report.robust_performance) == ("robust", True)
+    assert (report.verdict, report.proofs.robust_performance) == ("robust", True)
 
 
 def test_a_sampled_loop_goes_to_a_file_and_back(tmp_path):
@@ -91,7 +91,7 @@ def test_a_proof_for_matlab_holds_there(tmp_path):
     robust.io.export_matlab(report, tmp_path / "proof.mat")
     proofs = loadmat(tmp_path / "proof.mat", simplify_cells=True)["content"]["proofs"]
     assert [p["subject"] for p in proofs] == ["robust stability", "robust performance"]
-    np.testing.assert_array_equal(proofs[1]["P"], report.certificates[1].P)
+    np.testing.assert_array_equal(proofs[1]["P"], report.proofs.certificates[1].P)
     with pytest.raises(ValueError, match="content must hold a proof by scaled KYP"):
         robust.io.export_matlab(check(model(), 0.5), tmp_path / "none.mat")
     if shutil.which("octave") is not None:

@@ -20,7 +20,7 @@ def curve(G, K, w, delay, omega, form):
 def margin(G, K, w, form, delay=0.0):
     ones = np.array([1.0, 2.0]), np.array([1e-4, 1e-4])
     model = UncertaintyModel(control.tf(*G), control.tf(*w), form, *ones, perturbation="LTI")
-    return check(model, control.tf(*K), delay=delay, certify=False).margin_rs
+    return check(model, control.tf(*K), delay=delay, certify=False).margins.rs
 
 
 @pytest.mark.parametrize("slow", [1e-6, 1e-10, 1e-14])
@@ -52,8 +52,8 @@ def test_a_number_with_a_clock_is_a_sampled_controller():
     held = check(plant, control.StateSpace([], [], [], [[2.0]], 0.02))
     x = omega * 0.01
     wanted = 2 / (1j * omega + 1) * np.sin(x) / x * np.exp(-1j * x)
-    assert np.abs(held.S - 1 / (1 + wanted)).max() < 1e-12
-    assert np.abs(check(plant, 2.0).S - 1 / (1 + 2 / (1j * omega + 1))).max() < 1e-12
+    assert np.abs(held.curves.S - 1 / (1 + wanted)).max() < 1e-12
+    assert np.abs(check(plant, 2.0).curves.S - 1 / (1 + 2 / (1j * omega + 1))).max() < 1e-12
 
 
 def test_a_response_that_is_no_number_is_no_pole():

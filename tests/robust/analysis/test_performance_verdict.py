@@ -7,7 +7,7 @@ import pytest
 import robust
 from robust import UncertaintyModel, check
 from robust._base.states import Verdict
-from robust.analysis.report import VERDICT_MEANINGS, WITHOUT_CONFIDENCE
+from robust.analysis.text import VERDICT_MEANINGS, WITHOUT_CONFIDENCE
 
 LAG = control.tf([1], [1, 1])
 

@@ -57,14 +57,14 @@ def test_margins_are_those_of_the_closed_loop(name, form):
     model = the_model(G, form, 0.6 / peak)
     report = check(model, K, w_P=control.tf([0.05], [1]))
     assert report.verdict == "robust", report.reason
-    assert 1 / report.margin_rs == pytest.approx(0.6, rel=1e-5)
-    exact = closed(loop, report.omega)
-    for curve, name_ in ((report.S, "S"), (report.T, "T")):
+    assert 1 / report.margins.rs == pytest.approx(0.6, rel=1e-5)
+    exact = closed(loop, report.curves.omega)
+    for curve, name_ in ((report.curves.S, "S"), (report.curves.T, "T")):
         assert curve == pytest.approx(exact[name_], rel=1e-6, abs=1e-9)
-    assert report.rs == pytest.approx(0.6 / peak * np.abs(exact[CURVE[form]]), rel=1e-6, abs=1e-9)
-    assert np.isfinite(report.rp).all()
-    assert report.disk_margin == pytest.approx(1 / np.abs(wanted["S"] - 0.5).max(), rel=1e-4)
-    assert report.disk_margin == pytest.approx(disk_margin(G * K).alpha, rel=1e-3)
+    assert report.curves.rs == pytest.approx(0.6 / peak * np.abs(exact[CURVE[form]]), rel=1e-6, abs=1e-9)
+    assert np.isfinite(report.curves.rp).all()
+    assert report.margins.disk == pytest.approx(1 / np.abs(wanted["S"] - 0.5).max(), rel=1e-4)
+    assert report.margins.disk == pytest.approx(disk_margin(G * K).alpha, rel=1e-3)
     too_large = check(the_model(G, form, 1.01 / peak), K)
     assert too_large.verdict == "not robust"
     worst = worst_case(model, K)
@@ -94,8 +94,8 @@ def test_the_same_with_a_clock(name, form):
         curve = curve / (0.1j * at + 1)
     report = check(model, K)
     assert report.verdict == "robust", report.reason
-    assert 1 / report.margin_rs == pytest.approx(0.03 * np.abs(curve).max(), rel=1e-2 if form == "additive" else 1e-3)
-    assert np.isfinite(report.rs).all()
+    assert 1 / report.margins.rs == pytest.approx(0.03 * np.abs(curve).max(), rel=1e-2 if form == "additive" else 1e-3)
+    assert np.isfinite(report.curves.rs).all()
 
 
 @pytest.mark.parametrize("dt", [1e-6, 1e-7])
@@ -104,9 +104,9 @@ def test_an_integrator_in_a_fast_clock(dt):
     G, K = control.ss(control.tf([1.0], [1.0, 1.0])), discretize(control.tf([2.0, 1.0], [1.0, 0.0]), dt)
     report = check(the_model(G, "multiplicative", 0.03), K)
     assert report.verdict == "robust", report.reason
-    assert 1 / report.margin_rs == pytest.approx(0.03, rel=1e-3)
-    slow = report.omega < 1e-3
-    assert report.T[slow] == pytest.approx(1.0, abs=2e-3)
+    assert 1 / report.margins.rs == pytest.approx(0.03, rel=1e-3)
+    slow = report.curves.omega < 1e-3
+    assert report.curves.T[slow] == pytest.approx(1.0, abs=2e-3)
     # S = s (s + 1)/(s^2 + 3 s + 1)
-    s = 1j * report.omega[slow]
-    assert report.S[slow] == pytest.approx(s * (s + 1) / (s * s + 3 * s + 1), rel=1e-4)
+    s = 1j * report.curves.omega[slow]
+    assert report.curves.S[slow] == pytest.approx(s * (s + 1) / (s * s + 3 * s + 1), rel=1e-4)

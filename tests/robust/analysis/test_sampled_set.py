@@ -66,8 +66,8 @@ def test_two_equal_loops_are_one():
     both = control.StateSpace([], [], [], K.D * np.eye(2), T)
     alone, together = check(one, discrete), check(two, both)
     assert alone.verdict == together.verdict == "statistically robust"
-    assert together.margin_rs == pytest.approx(alone.margin_rs, rel=0.1)
-    assert together.margin_rs <= alone.margin_rs * (1 + 1e-3)  # a bound on the safe side
+    assert together.margins.rs == pytest.approx(alone.margins.rs, rel=0.1)
+    assert together.margins.rs <= alone.margins.rs * (1 + 1e-3)  # a bound on the safe side
     assert "every alias is in the weights" in together.folding
     assert together.not_proved.startswith("That the weights of the sampled set cover every alias; ")
 
@@ -99,8 +99,8 @@ def test_the_check_is_that_of_the_sampled_loops(form):
 def test_a_delay_goes_into_the_samples():
     K = control.StateSpace([], [], [], 1.5 * np.eye(2), T)
     late, early = (check(INPUT, K, delay=delay, certify=False) for delay in (0.013, 0.0))
-    assert late.margin_rs < early.margin_rs
-    assert late.delay == 0.013
+    assert late.margins.rs < early.margins.rs
+    assert late.given.delay == 0.013
 
 
 def test_what_reaches_the_sampler_unfiltered_is_refused_with_a_cure():
@@ -126,7 +126,7 @@ def test_one_channel_ends_in_the_verdict_of_one_channel(form, of_plant, of_contr
         alone = check(one, K)
         together = check_matrix(one, K, w_P=None, delay=0.0, certify=True, proof="exact", solver=None)
         assert together.verdict == alone.verdict
-        np.testing.assert_equal(together.margin_rs, alone.margin_rs)  # nan where the loop itself is unstable
+        np.testing.assert_equal(together.margins.rs, alone.margins.rs)  # nan where the loop itself is unstable
         verdicts.add(str(together.verdict))
     assert "robust" in verdicts
     if of_controller and not of_plant:
@@ -142,4 +142,4 @@ def test_one_loop_beside_a_copy_has_the_verdict_of_one():
     for gain in (0.3, 3.0):
         alone, both = check(one, gain), check(two, gain * np.eye(2))
         assert both.verdict == alone.verdict == "robust"
-        assert both.margin_rs == pytest.approx(alone.margin_rs, rel=0.01)
+        assert both.margins.rs == pytest.approx(alone.margins.rs, rel=0.01)

@@ -46,7 +46,7 @@ def test_never_robust_where_brute_force_finds_a_violation_and_robust_at_099(bloc
             if report.nominally_stable:
                 continue
             assert report.verdict == "not robust"
-            assert np.isnan([report.margin_rs, report.margin_rp, report.disk_margin]).all()
+            assert np.isnan([report.margins.rs, report.margins.rp, report.margins.disk]).all()
             continue
         if case["target"] > 1:
             assert report.verdict != "robust"
@@ -56,8 +56,8 @@ def test_never_robust_where_brute_force_finds_a_violation_and_robust_at_099(bloc
                 asked += 1
                 said += report.verdict == "robust"
             # never above the truth of the dense grid, below it only by what that grid misses
-            assert report.margin_rs <= 1 / 0.99 * (1 + 1e-6)
-            assert report.margin_rs == pytest.approx(1 / 0.99, rel=2e-3)
+            assert report.margins.rs <= 1 / 0.99 * (1 + 1e-6)
+            assert report.margins.rs == pytest.approx(1 / 0.99, rel=2e-3)
     assert said == asked
 
 
@@ -76,12 +76,12 @@ def test_performance_is_never_promised_where_brute_force_finds_a_violation():
         target = float(rng.choice([0.97, 1.01]))
         w_P = control.StateSpace(w_P.A, w_P.B, w_P.C * target / peak, w_P.D * target / peak, 0)
         report = check(model_of(case), case["K"], delay=case["delay"], w_P=w_P)
-        assert np.max(report.rp) >= target * 0.99  # but for what lies outside the curve's grid
+        assert np.max(report.curves.rp) >= target * 0.99  # but for what lies outside the curve's grid
         if target > 1:
-            assert not report.robust_performance
-        elif np.max(report.rp) < 0.99:
+            assert not report.proofs.robust_performance
+        elif np.max(report.curves.rp) < 0.99:
             asked += 1
-            promised += report.robust_performance
+            promised += report.proofs.robust_performance
     assert asked >= 10
     assert promised == asked
 
@@ -149,8 +149,8 @@ def test_a_continuous_loop_with_delay_is_checked_with_the_delay_itself():
     assert fine.verdict == "robust"
     omega = np.geomspace(1e-3, 1e3, 200_000)
     L = K / (1j * omega + 1) * np.exp(-0.5j * omega * limit)
-    assert fine.margin_rs == pytest.approx(1 / np.max(0.05 * np.abs(L / (1 + L))), rel=1e-3)
-    assert fine.disk_margin == pytest.approx(1 / np.max(np.abs(1 / (1 + L) - 0.5)), rel=1e-3)
+    assert fine.margins.rs == pytest.approx(1 / np.max(0.05 * np.abs(L / (1 + L))), rel=1e-3)
+    assert fine.margins.disk == pytest.approx(1 / np.max(np.abs(1 / (1 + L) - 0.5)), rel=1e-3)
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.5, 3.0, 30.0])
@@ -187,8 +187,8 @@ def test_performance_weight_on_a_sampled_loop():
     K = control.tf([0.5, -0.45], [1, -1], 0.01)
     report = check(model, K, w_P=performance_weight(0.5, M_S=2.0, A=1e-2), delay=0.01)
     assert report.verdict == "robust"
-    assert report.robust_performance
-    assert report.omega.max() < np.pi / 0.01
+    assert report.proofs.robust_performance
+    assert report.curves.omega.max() < np.pi / 0.01
 
 
 @pytest.mark.parametrize("time", [1e-7, 1.0, 1e6])
@@ -213,8 +213,8 @@ def test_units_do_not_matter(time, gain):
             reports.append(check(UncertaintyModel(g, weight, "multiplicative", lines, radius, perturbation="LTI"), k))
         assert reports[0].verdict == reports[1].verdict
         if reports[0].nominally_stable:
-            assert reports[1].margin_rs == pytest.approx(reports[0].margin_rs, rel=1e-6)
-            assert reports[1].disk_margin == pytest.approx(reports[0].disk_margin, rel=1e-6)
+            assert reports[1].margins.rs == pytest.approx(reports[0].margins.rs, rel=1e-6)
+            assert reports[1].margins.disk == pytest.approx(reports[0].margins.disk, rel=1e-6)
 
 
 def test_a_loop_of_many_states_is_proved_from_its_responses():
@@ -225,8 +225,8 @@ def test_a_loop_of_many_states_is_proved_from_its_responses():
     report = check(model, control.ss([], [], [], [[0.5]], 1e-3), delay=0.3, w_P=performance_weight(0.01, A=0.99))
     assert report.nominally_stable
     assert report.verdict == "robust"
-    assert report.margin_rs == pytest.approx(30.0, rel=1e-6)  # 0.1 |T| is largest at DC, T = 1/3
-    assert report.disk_margin > 0.5
+    assert report.margins.rs == pytest.approx(30.0, rel=1e-6)  # 0.1 |T| is largest at DC, T = 1/3
+    assert report.margins.disk > 0.5
 
 
 def test_performance_with_a_delay_in_a_continuous_loop():
@@ -239,7 +239,7 @@ def test_performance_with_a_delay_in_a_continuous_loop():
     for target, met in ((0.99, True), (1.01, False)):
         report = check(model, K, delay=tau, w_P=w_P * (target / rp.max()))
         assert report.verdict == "robust"
-        assert report.robust_performance == met
+        assert report.proofs.robust_performance == met
 
 
 def test_what_folds_down_counts_in_the_verdict():
@@ -252,7 +252,7 @@ def test_what_folds_down_counts_in_the_verdict():
     assert "folds down" in sampled_K.proved
     assert sampled_K.folding
     assert not continuous.folding
-    assert 1 / sampled_K.margin_rs > 1 / continuous.margin_rs
+    assert 1 / sampled_K.margins.rs > 1 / continuous.margins.rs
 
 
 def test_what_folds_down_never_makes_less_of_it():
@@ -268,4 +268,4 @@ def test_what_folds_down_never_makes_less_of_it():
         if "adds less than 0.5 %" in report.folding:
             continue
         alone = float(report.folding.split()[0])
-        assert 1 / report.margin_rs >= alone * (1 - 6e-3)  # three digits are printed
+        assert 1 / report.margins.rs >= alone * (1 - 6e-3)  # three digits are printed

@@ -75,18 +75,18 @@ def test_the_margin_is_that_of_the_plant_as_it_is_given(seed):
     report = check(model, K, certify=False)
     if not report.nominally_stable:  # the design is by floating point, and another one on another machine
         assert control.feedback(G * K, 1).poles().real.max() > 0
-        assert np.isnan(report.margin_rs)
+        assert np.isnan(report.margins.rs)
         return
     loop = PreciseLoop(G, K, w, form)
 
     def rs(omega):
         return float(loop.values(float(omega))[0].mid())
 
-    assert 1 / report.margin_rs == pytest.approx(rs(report.omega_rs), rel=1e-6)
+    assert 1 / report.margins.rs == pytest.approx(rs(report.margins.omega_rs), rel=1e-6)
     places = places[places > 0]
     looked = np.concatenate([places, np.geomspace(places.min() / 10, places.max() * 10, 100)])
-    looked = np.concatenate([looked, report.omega_rs * (1 + np.linspace(-0.02, 0.02, 41))])
-    assert max(map(rs, looked)) <= 1.0001 / report.margin_rs
+    looked = np.concatenate([looked, report.margins.omega_rs * (1 + np.linspace(-0.02, 0.02, 41))])
+    assert max(map(rs, looked)) <= 1.0001 / report.margins.rs
 
 
 @pytest.mark.parametrize("dt", [0, 0.1])

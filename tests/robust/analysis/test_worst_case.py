@@ -48,7 +48,7 @@ def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
     assert set_.contains(worst.plant)
     assert abs(worst.delta) == pytest.approx(1.0)
     # a sampled loop also sees what folds down: aliases that add little are left out of the plant
-    assert worst.achieved == pytest.approx(np.max(report.rp), rel=1e-2 if kind == "sampled" else 2e-4)
+    assert worst.achieved == pytest.approx(np.max(report.curves.rp), rel=1e-2 if kind == "sampled" else 2e-4)
     assert np.max(worst.gain) == pytest.approx(worst.achieved, rel=1e-2 if kind == "sampled" else 2e-3)
 
 
@@ -64,7 +64,7 @@ def test_the_worst_plant_of_a_sampled_set_puts_every_alias_in_phase():
         assert worst.stable == stable
         assert set_.contains(worst.plant)
         if stable:
-            assert worst.gain.max() > 1.3 * np.abs(report.S).max()
+            assert worst.gain.max() > 1.3 * np.abs(report.curves.S).max()
             assert worst.plant.nstates >= set_.nominal.nstates + 4
             assert worst.achieved == pytest.approx(worst.gain.max(), rel=0.02)
         else:
@@ -93,7 +93,7 @@ def test_the_worst_plant_is_as_bad_as_said_behind_a_delay(form, T, scale):
 @pytest.mark.parametrize("form", FORMS)
 def test_where_the_set_is_too_large_a_plant_destabilises(form):
     K = control.tf([3], [1, 2])
-    margin = check(model(form), K).margin_rs
+    margin = check(model(form), K).margins.rs
     for scale, stable in ((0.98 * margin, True), (1.02 * margin, False)):
         worst = worst_case(model(form, scale), K)
         assert np.isinf(worst.gain).any() != stable
@@ -336,24 +336,28 @@ def test_a_set_of_several_channels_that_is_not_stable_has_a_plant_that_shows_it(
 def test_the_check_names_the_largest_sensitivity_of_the_worst_plant(form):
     K = control.tf([3], [1, 2])
     report, worst = check(model(form), K), worst_case(model(form), K)
-    assert report.S_worst == pytest.approx(worst.achieved, rel=1e-3)
-    assert f"worst case: |S| at most {report.S_worst:.3g} over the set, at" in unwrapped(str(report))
-    assert ("thin margins" in str(report)) == (report.S_worst > 2)
+    assert report.margins.S_worst == pytest.approx(worst.achieved, rel=1e-3)
+    assert f"worst case: |S| at most {report.margins.S_worst:.3g} over the set, at" in unwrapped(str(report))
+    assert ("thin margins" in str(report)) == (report.margins.S_worst > 2)
     # with any demand the largest |S| is the same one, not that of w_P S
-    assert check(model(form), K, w_P=performance_weight(1.0)).S_worst == pytest.approx(report.S_worst, rel=1e-9)
+    assert check(model(form), K, w_P=performance_weight(1.0)).margins.S_worst == pytest.approx(
+        report.margins.S_worst, rel=1e-9
+    )
     if form != "coprime":  # whose weight stays below one
         far = check(model(form, 40.0), K)
-        assert not np.isfinite(far.S_worst)
+        assert not np.isfinite(far.margins.S_worst)
         assert "worst case" not in str(far)
-    assert np.isnan(check(model(form), -3.0).S_worst)
+    assert np.isnan(check(model(form), -3.0).margins.S_worst)
 
 
 def test_the_check_of_several_channels_names_the_largest_singular_value():
     set_ = set_of_several("additive", 0.1)
     K = control.ss([], [], [], 0.5 * np.eye(2), set_.nominal.dt)
     report, worst = check(set_, K), worst_case(set_, K)
-    assert report.S_worst == pytest.approx(worst.gain.max(), rel=1e-9)
-    assert f"the largest singular value of S at most {report.S_worst:.3g} over the set" in unwrapped(str(report))
+    assert report.margins.S_worst == pytest.approx(worst.gain.max(), rel=1e-9)
+    assert f"the largest singular value of S at most {report.margins.S_worst:.3g} over the set" in unwrapped(
+        str(report)
+    )
 
 
 def test_a_stable_loop_with_thin_margins_is_warned_of():
@@ -361,10 +365,10 @@ def test_a_stable_loop_with_thin_margins_is_warned_of():
     G = control.ss(control.tf([1], [1, 0.4, 1]))
     set_ = UncertaintyModel(G, control.ss([], [], [], [[0.3]]), "multiplicative", LINES, np.full(3, 0.29))
     report = check(set_, 0.8)
-    assert report.robustly_stable
-    assert report.S_worst > 2
+    assert report.proofs.robustly_stable
+    assert report.margins.S_worst > 2
     found = unwrapped(str(report))
-    assert f"warning: thin margins: |S| reaches {report.S_worst:.3g} over the set, at" in found
+    assert f"warning: thin margins: |S| reaches {report.margins.S_worst:.3g} over the set, at" in found
     assert "and a small change makes the loop unstable: lower the gain" in found
-    assert check(set_, 0.8 * 0.5).S_worst < report.S_worst
+    assert check(set_, 0.8 * 0.5).margins.S_worst < report.margins.S_worst
     assert "thin margins" not in str(check(set_, 1e-3))

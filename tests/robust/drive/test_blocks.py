@@ -7,31 +7,37 @@ import numpy as np
 import pytest
 
 import robust
+from nlfrf.axis import Drive
 from robust import tuning
-from robust.drive import DriveSettings, biquad, cascade, low_pass, notch, to_blocks, with_blocks
+from robust.drive import cascade, to_blocks, with_blocks
 from robust.drive.p_pi import with_set_point
 from robust.lti.lti import response_by_channel
 from robust.lti.wiring import join_by_name
+from robust.tuning import Biquad, LowPass, Notch
 
-LINEAR = DriveSettings(
+HZ = 2 * np.pi  # rad/s
+
+LINEAR = Drive(
     fs=4000,
     kv=100,
     kp=143,
     kp_unit="A/(m/s)",
     tn=0.01,
     torque_constant=52.8,
-    filters=(notch(83.0, bandwidth=20.0, depth=0.1), biquad(80, zeta=0.5, numerator_frequency=47, numerator_zeta=0.02)),
+    filters=(
+        Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1),
+        Biquad(omega=HZ * 80, zeta=0.5, numerator_omega=HZ * 47, numerator_zeta=0.02),
+    ),
     velocity_feedforward=0.7,
     position_unit="mm",
 )
-ROTARY = DriveSettings(
+ROTARY = Drive(
     fs=2000,
     kv=30,
     kp=0.4,
     kp_unit="Nm/(rad/s)",
-    filters=(low_pass(400.0),),
+    filters=(LowPass(omega=HZ * 400.0),),
     encoder="both",
-    velocity_from="observer",
     observer_frequency=300.0,
     load_unit="mm",
     load_factor=0.63,
@@ -78,7 +84,7 @@ def test_back_again(settings, unit):
 
 def test_a_drive_is_tuned_and_its_gains_come_back():
     """A mass under a drive: the gains to type in make the controller that was tuned."""
-    settings = DriveSettings(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    settings = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     system, blocks = to_blocks(settings)
     design = robust.tune(
         system,

@@ -31,6 +31,7 @@ from robust.drive.check import (
 from robust.drive.friction import force_over_position, friction_behind_lag, largest_added_delay
 from robust.drive_page import write_drive_page
 from robust.lti.sampling import hold_correction
+from robust.tuning import Biquad, LowPass, Notch
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 LINEAR = """
@@ -449,13 +450,20 @@ def test_a_file_holds_what_the_settings_hold(tmp_path):
         'velocity_feedforward = "80 %"\ndelay = "187.5 us"\nposition_every = 2\n'
         '[[filters]]\nlow_pass = "1 kHz"\nzeta = 0.6\n'
         '[[filters]]\nbiquad = "80 Hz"\nzeta = 0.5\nnumerator_frequency = "47 Hz"\nnumerator_zeta = 0.02\n'
+        '[[filters]]\nnotch = "400 Hz"\nbandwidth = "80 Hz"\ndepth = 0.1\n'
     )
     found = load_gains(path)
     assert (found.fs, found.tn, found.delay_periods, found.position_every) == (8000.0, 0.004, 1.5, 2)
     assert found.kv == pytest.approx(2000 / 60)
     assert (found.kp, found.kp_unit, found.limit, found.velocity_feedforward) == (2.5, "Nm/(rad/s)", 12.0, 0.8)
-    assert [slot.kind for slot in found.filters] == ["low-pass", "biquad"]
-    assert np.allclose(found.filters[0].section(8000), robust.drive.low_pass(1000, zeta=0.6).section(8000))
+    assert [type(slot) for slot in found.filters] == [LowPass, Biquad, Notch]
+    assert np.allclose(found.filters[0].section(8000), LowPass(omega=2 * np.pi * 1000, zeta=0.6).section(8000))
+    f = np.array([300.0, 400.0, 500.0])
+    s, band = 1j * np.tan(np.pi * f / 8000) / np.tan(np.pi * 400 / 8000) * 400, 80.0  # in Hz, exact at 400 Hz
+    b, a = found.filters[2].section(8000).reshape(2, 3)
+    z = np.exp(2j * np.pi * f / 8000)
+    expected = (s**2 + 0.1 * band * s + 400**2) / (s**2 + band * s + 400**2)
+    assert np.polyval(b, z) / np.polyval(a, z) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("delay", [0.75e-3, 2.25e-3, 7e-3, 10e-3, 25e-3, 0.1, 0.4, 2.0])
@@ -758,7 +766,8 @@ def test_stiffness_in_the_loop_is_that_of_spring_and_gain():
     omega = np.append(np.geomspace(1, 1e3, 50), np.sqrt((k + K) / m))
     omega.sort()
     s = 1j * omega
-    report = SimpleNamespace(G=1 / (m * s**2 + c * s + k), K=np.full(omega.size, K), omega=omega, nominally_stable=True)
+    curves = SimpleNamespace(G=1 / (m * s**2 + c * s + k), K=np.full(omega.size, K), omega=omega)
+    report = SimpleNamespace(curves=curves, nominally_stable=True)
     found = SimpleNamespace(report=report, unit="N", settings=SimpleNamespace(base_unit="m"))
     assert DriveCheck.stiffness.fget(found) == (
         f"{c * np.sqrt((k + K) / m):.3g} N/m at least, at {np.sqrt((k + K) / m) / 2 / np.pi:.4g} Hz; more at all others"
@@ -777,7 +786,7 @@ def test_thin_margins_are_cured_in_the_direction_that_helps(folder, kp, cure):
     assert f"unstable: {cure}" in one_line(str(low))
     way = 1.5 if cure == "raise kp" else 1 / 1.5
     better = check_drive([record], replace(settings, kp=settings.kp * kp * way, kv=60.0, tn=0.012))
-    assert better.report.S_worst < low.report.S_worst
+    assert better.report.margins.S_worst < low.report.margins.S_worst
 
 
 def test_a_factor_that_is_named_makes_an_unstable_loop_stable(folder):

@@ -8,10 +8,11 @@ import pytest
 
 import nlfrf
 import robust
-from robust.drive import DriveSettings, cascade, compensated, feedforward, feedforward_error
+from nlfrf.axis import Drive
+from robust.drive import cascade, compensated, feedforward, feedforward_error
 from tests.support.linear_axis import frictionless, settings_of
 
-DRIVE = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8, lag=0.3e-3)
+DRIVE = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8, lag=0.3e-3)
 PLANT = control.tf([1], [12, 20, 0])
 
 
@@ -35,7 +36,7 @@ def test_gains_are_those_of_the_closed_form():
 
 
 def test_units_of_a_rotary_drive_that_asks_for_torque():
-    drive = DriveSettings(fs=4000, kv=15, kp=16, kp_unit="Nm/(rad/s)")
+    drive = Drive(fs=4000, kv=15, kp=16, kp_unit="Nm/(rad/s)")
     gains = feedforward(
         mass=2.0, viscous=1.0, stiction=7.0, coulomb=5.0, stribeck_velocity=0.1, settings=drive
     ).drive_gains
@@ -158,7 +159,7 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
     )
     K, reference = control.tf([600, 12000], [1e-3, 1]), control.tf([1], [1e-6, 3e-4, 3e-2, 1])
     with pytest.raises(ValueError, match=r"model must have a stable nominal.*robust\.drive\.feedforward"):
-        robust.synthesis.feedforward(model, K, reference)
+        robust.synthesis.feedforward_filter(model, K, reference)
     assert feedforward_error(feedforward(model), model, K, reference).error.max() < 1e-6
 
 
@@ -180,7 +181,7 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
             r"plant must be 1/\(m s\^2 \+ c s\), got one that the nearest misses by",
         ),
         ({"plant": control.tf([1], [1, 0], 0.1)}, "plant must be continuous, got one sampled at 0.1 s"),
-        ({"mass": 1.0, "settings": 3}, "settings must be of type DriveSettings"),
+        ({"mass": 1.0, "settings": 3}, "settings must be of type Drive"),
     ],
 )
 def test_refusals(given, message):

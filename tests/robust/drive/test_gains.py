@@ -8,10 +8,14 @@ import pytest
 
 import nlfrf
 import robust
-from robust.drive import DriveSettings, cascade, gains, low_pass, notch
+from nlfrf.axis import Drive
+from robust.drive import cascade, gains
+from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless
 
-BASE = DriveSettings(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
+HZ = 2 * np.pi  # rad/s
+
+BASE = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
 BLANK = {"kv": 1.0, "kp": 1.0, "tn": 1.0}
 
 
@@ -27,10 +31,10 @@ def same(one, other, rel=1e-6):
         {"velocity_lag": 0.7e-3},
         {"tn": np.inf},
         {"tn": np.inf, "velocity_lag": 0.7e-3},
-        {"filters": (low_pass(600.0), notch(150.0, bandwidth=30.0))},
+        {"filters": (LowPass(omega=HZ * 600.0), Notch(omega=HZ * 150.0, width=30.0 / 150.0, depth=0.0))},
         {"position_unit": "mm"},
         {"kp_unit": "A/rpm", "kp": 0.2, "position_unit": "rad", "unit_factor": 1.0},
-        {"velocity_from": "observer", "observer_frequency": 400.0},
+        {"observer_frequency": 400.0},
         {"encoder": "both", "load_unit": "um", "load_factor": 1e-6, "velocity_lag": 1e-3},
         {"tn": 1e4},
         {"kv": 300.0, "tn": 1e-3},
@@ -116,7 +120,7 @@ def test_complex_zeros_are_refused_with_the_number():
         (-cascade(BASE), "gains of one sign to be a cascade, got kp = -143 A/"),
         (2.0, "zeros between the pole|one sign|real zeros|act on the velocity"),
         (robust.shaping.pid(1.0, 3.0), "zeros between the pole|one sign|real zeros|pole 0 to 1"),
-        (cascade(replace(BASE, filters=(notch(100.0, bandwidth=20.0),))), "."),
+        (cascade(replace(BASE, filters=(Notch(omega=HZ * 100.0, width=20.0 / 100.0, depth=0.0),))), "."),
         (control.ss(control.tf([1.0], [1.0, -0.5], 0.1)), "K must be sampled as the drive is, 0.00025 s, got 0.1 s"),
         (np.ones((1, 2)), "K must have one output and 1 position for a drive.*got 1 and 2"),
         (0.0, "got a response of zero"),
@@ -128,6 +132,6 @@ def test_what_is_no_cascade_is_refused(K, message):
 
 
 def test_the_misfit_is_a_number():
-    like = replace(BASE, velocity_from="observer", observer_frequency=400.0)
+    like = replace(BASE, observer_frequency=400.0)
     with pytest.raises(ValueError, match=r"nearest such cascade misses by \d\.\d+ of its size"):
-        gains(cascade(replace(like, filters=(low_pass(300.0),))), like=like)
+        gains(cascade(replace(like, filters=(LowPass(omega=HZ * 300.0),))), like=like)

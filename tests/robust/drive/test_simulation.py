@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust.drive import DriveSettings
+from nlfrf.axis import Drive
 from robust.drive.check import simulate_drive
 from robust.drive.friction import DriveFriction
 from robust.drive.simulation import (
@@ -23,7 +23,7 @@ from robust.friction.force import FrictionForce
 from robust.friction.in_motion import SlidingFit
 
 #: A kilogram with 1 N of Coulomb friction, and gains that hunt where stiction is twice that.
-SETTINGS = DriveSettings(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)
+SETTINGS = Drive(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)
 
 
 def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=False):
@@ -134,7 +134,8 @@ def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
     )
     found = simulate_rest(force(3.0), SETTINGS)
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
-    report = SimpleNamespace(nominally_stable=True, robustly_stable=True, peak=2.0, S_worst=1.2)
+    margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)
+    report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
     known = simulate_drive(DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, masses=1)
     assert known.simulated is None
     assert "came to its end in 0 runs only" in str(known)

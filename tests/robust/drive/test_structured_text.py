@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust.drive import DriveSettings, cascade, low_pass, notch, structured_text
+from nlfrf.axis import Drive
+from robust.drive import cascade, structured_text
+from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless, settings_of
 
-BASE = DriveSettings(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
+HZ = 2 * np.pi  # rad/s
+
+BASE = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
 
 
 class Block:
@@ -60,8 +64,11 @@ def run(settings, **signals):
     "more",
     [
         {},
-        {"filters": (notch(83.0, bandwidth=20.0, depth=0.1), low_pass(700.0)), "velocity_lag": 0.3e-3},
-        {"velocity_from": "observer", "observer_frequency": 300.0},
+        {
+            "filters": (Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1), LowPass(omega=HZ * 700.0)),
+            "velocity_lag": 0.3e-3,
+        },
+        {"observer_frequency": 300.0},
         {"tn": np.inf, "position_unit": "mm", "unit_factor": 1e-3, "load_factor": 1e-3},
     ],
     ids=str,
@@ -87,7 +94,7 @@ def test_two_encoders():
 def test_it_is_the_simulated_drive_with_its_limit_and_its_slow_position_loop():
     """The block is given what the drive of a machine at its limit saw: it asks for the same current."""
     axis = frictionless("belt", position_every=4)
-    axis = replace(axis, drive=replace(axis.drive, max_current=2.0, velocity_feedforward=0.7))
+    axis = replace(axis, drive=replace(axis.drive, limit=2.0, velocity_feedforward=0.7))
     r = np.cumsum(np.random.default_rng(5).standard_normal(1500)) * 2e-4
     trace = nlfrf.rig.run_servo(axis, position=r, force=np.full(1500, 40.0))
     settings = settings_of(axis, limit=2.0)

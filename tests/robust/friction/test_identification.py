@@ -24,8 +24,9 @@ from benchmarks.read_machine import (
     pulls_of,
     truth_of,
 )
+from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders, element_forces
-from robust.drive import DriveSettings, cascade
+from robust.drive import cascade
 from robust.drive.friction import judge_friction
 from robust.friction.balance import (
     LOAD,
@@ -237,7 +238,7 @@ def test_friction_at_two_masses_makes_a_class_at_each(belt):
     assert 1 / found.machine.B_port[2:].diagonal() == pytest.approx([axis.motor_inertia, axis.load_inertia], rel=2e-3)
     assert belt.sliders.stiction == pytest.approx(axis.motor_friction.stiction, rel=0.03)
     # an axis that a position loop alone holds comes to rest with every friction of the class
-    held = DriveSettings(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", delay_periods=1)
+    held = Drive(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", delay_periods=1)
     proof = robust.prove_friction(found.machine, cascade(held, output_unit="N"), found.friction, delay=held.delay)
     assert proof.verdict == "proved"
     assert proof.certificate.verify().verified
@@ -247,7 +248,7 @@ def test_friction_at_two_masses_makes_a_class_at_each(belt):
 
 def test_drive_check_judges_friction_at_motor_and_load(belt):
     axis = nlfrf.servo_axis("belt")
-    settings = DriveSettings(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", lag=5e-4, delay_periods=1)
+    settings = Drive(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", lag=5e-4, delay_periods=1)
     given = {"actual": False, "stiction": 1.5, "Fs": None, "spring": False, "masses": 2, "fit": belt}
     found = judge_friction([], settings, **given)
     assert found.proved

@@ -29,7 +29,7 @@ def handed(tmp_path_factory):
     """A sampled loop with hold, a fractional delay and performance, checked and written."""
     path = tmp_path_factory.mktemp("proof") / "proof.json"
     report = check(make_model(), K, delay=0.013, w_P=performance_weight(0.02, M_S=6, A=0.9))
-    assert [c.holds for c in report.certificates] == [True, True]
+    assert [c.holds for c in report.proofs.certificates] == [True, True]
     save(report, path)
     return path
 
@@ -182,7 +182,7 @@ def test_what_check_proves_is_verified(form, perturbation):
         weight = WEIGHT * control.tf([1], [0.05, 1]) if controller is K else WEIGHT
         model = make_model(weight, form=form, perturbation=perturbation)
         report = check(model, controller, delay=delay, w_P=w_P)
-        held = [c for c in report.certificates if c.holds]
+        held = [c for c in report.proofs.certificates if c.holds]
         assert held
         for certificate in held:
             found = certificate.verify()
@@ -198,7 +198,7 @@ def test_random_loops_that_check_certifies_are_verified():
             continue
         radius = 0.5 * np.abs(tf_response(case["w"], OMEGA))
         model = UncertaintyModel(case["G"], case["w"], case["form"], OMEGA, radius, perturbation="LTI")
-        for certificate in check(model, case["K"], delay=case["delay"]).certificates:
+        for certificate in check(model, case["K"], delay=case["delay"]).proofs.certificates:
             if certificate.holds:
                 found = certificate.verify()
                 assert found.verified, (case["kind"], case["form"], found.failed)

@@ -54,7 +54,7 @@ def test_a_model_comes_back_to_the_bit(form, tmp_path):
     robust.save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
     first, second = (robust.check(m, np.eye(2), certify=False) for m in (one, back))
-    np.testing.assert_array_equal(first.mu, second.mu)
+    np.testing.assert_array_equal(first.curves.rs, second.curves.rs)
 
 
 def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
@@ -151,7 +151,7 @@ def test_a_proof_of_several_channels_is_verified_from_its_file(form, dt, tmp_pat
         one = replace(one, nominal=control.ss(G.A, G.B, G.C, 0 * G.D))
         C = control.ss(0.5 * np.eye(2), np.eye(2), 0.05 * np.eye(2), 0.1 * np.eye(2), dt)
     report = robust.check(one, C, w_P=control.tf([0.3], [1]))
-    assert [c.judged for c in report.certificates] == ["proved, rigorous"] * 2, str(report)
+    assert [c.judged for c in report.proofs.certificates] == ["proved, rigorous"] * 2, str(report)
     path = tmp_path / "proof.json"
     robust.save(report, path)
     found = robust.io.verify_certificate(path, model=one, K=C)

@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 import robust
-from robust.analysis.report import format_margin_factor
+from robust.analysis.text import format_margin_factor
 from robust.reports import parts as report_parts
 from tests.robust.io.test_report_page import Reader
 
@@ -49,21 +49,21 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "worst", "settings"]
     text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
-    rows = [FRM, nlfrf.bla.singular_values(FRM), FIT, MODEL, again, *([again.margins] if again.margins else [])]
+    rows = [FRM, nlfrf.bla.singular_values(FRM), FIT, MODEL, again, *([again.channels] if again.channels else [])]
     said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
     said += [
         again.reason,
         again.proved,
         again.not_proved,
-        again.probability,
+        "; ".join(again.confidence),
         *again.conditions,
         MODEL.source,
         MODEL.extrapolation,
     ]
     seen = robust.validate(MODEL, FRM)
     said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")
-    said += [format_margin_factor(again.margin_rs), *([again.margins.least()] if again.nominally_stable else [])]
-    for c in again.certificates:
+    said += [format_margin_factor(again.margins.rs), *([again.channels.least()] if again.nominally_stable else [])]
+    for c in again.proofs.certificates:
         said += [f"{c.subject} {c.level:g} yes {c.method}, {len(c.intervals)} interval", c.judged, c.reason]
     for system in (MODEL.nominal, K):
         said.append(f"{system.nstates} states, sampled at 256 Hz")

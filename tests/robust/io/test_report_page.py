@@ -103,9 +103,9 @@ def test_it_tells_the_whole_run(whole):
     assert "Second try" in page.text
     for said in (report.reason, report.proved, report.not_proved, report.next_step, report.context, str(MODEL)):
         assert " ".join(said.split()) in page.text
-    for number in (f"{report.disk_margin:.3f}", f"{1 / report.margin_rs:.3f}", f"{np.max(report.rp):.3f}"):
+    for number in (f"{report.margins.disk:.3f}", f"{1 / report.margins.rs:.3f}", f"{np.max(report.curves.rp):.3f}"):
         assert number in page.text
-    for certificate in report.certificates:
+    for certificate in report.proofs.certificates:
         assert certificate.method in page.text
     assert f"numpy {np.__version__}" in page.text
     assert "rms 1, crest factor" in page.text

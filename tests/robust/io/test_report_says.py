@@ -26,8 +26,8 @@ def plain(path):
 @pytest.mark.parametrize("w_P", [None, performance_weight(0.5, M_S=3.0, A=0.1)])
 def test_a_report_that_was_made_before_is_told_with_what_it_was_made_with(tmp_path, w_P, delay):
     report = check(MODEL, 2.0, w_P=w_P, delay=delay)
-    assert report.delay == delay
-    assert (report.demand is None) == (w_P is None)
+    assert report.given.delay == delay
+    assert (report.given.demand is None) == (w_P is None)
     write_report(tmp_path / "r.html", MODEL, 2.0, report=report)
     text = plain(tmp_path / "r.html")
     assert ("none asked for" in text) == (w_P is None)

@@ -198,10 +198,16 @@ def classical(report):
     )
     for gain, omega in ((seen.gain_margin, seen.omega_gain), (seen.gain_reduction, seen.omega_reduction)):
         out += [20 * np.log10(gain), omega / HZ] if np.isfinite(gain) and gain > 0 else []
-        L = np.interp(omega, report.omega, np.abs(report.G * report.K)) if np.isfinite(omega) else np.nan
+        L = (
+            np.interp(omega, report.curves.omega, np.abs(report.curves.G * report.curves.K))
+            if np.isfinite(omega)
+            else np.nan
+        )
         assert np.isnan(L) or abs(gain * L - 1) < 0.02
     if np.isfinite(seen.bandwidth):
-        assert np.interp(seen.bandwidth, report.omega, np.abs(report.S)) == pytest.approx(np.sqrt(0.5), rel=0.02)
+        assert np.interp(seen.bandwidth, report.curves.omega, np.abs(report.curves.S)) == pytest.approx(
+            np.sqrt(0.5), rel=0.02
+        )
         out.append(seen.bandwidth / HZ)
     return out
 
@@ -213,8 +219,8 @@ def of_step(step):
 
 def of_margins(report):
     """What the margins say: the factor on the uncertainty, then the disk margin."""
-    disk = [20 * np.log10(report.gain_margin), np.degrees(report.phase_margin)]
-    return [*([factor(report.margin_rs)] if np.isfinite(report.margin_rs) else []), *disk]
+    disk = [20 * np.log10(report.margins.disk_gain), np.degrees(report.margins.disk_phase)]
+    return [*([factor(report.margins.rs)] if np.isfinite(report.margins.rs) else []), *disk]
 
 
 def told_by_the_check(facts, report):
@@ -226,19 +232,19 @@ def told_by_the_check(facts, report):
     if not report.nominally_stable:
         assert facts["check", "nominal loop"] == "not stable: no margin is given"
         return
-    assert 1 / report.margin_rs == pytest.approx(np.max(report.rs), rel=1e-3)  # the margin is refined between
+    assert 1 / report.margins.rs == pytest.approx(np.max(report.curves.rs), rel=1e-3)  # the margin is refined between
     holds(facts["verdict", "margins"], *of_margins(report))
-    peak = [1 / report.margin_rs, report.omega_rs / HZ, factor(report.margin_rs)]
+    peak = [1 / report.margins.rs, report.margins.omega_rs / HZ, factor(report.margins.rs)]
     holds(facts["check", "stability of the set"], *peak)
-    alpha = 1 / np.max(np.abs(report.S - 0.5))
-    assert report.disk_margin == pytest.approx(alpha, rel=1e-3)
-    holds(facts["check", "disk margin"], report.disk_margin, report.omega_disk / HZ, *of_margins(report)[-2:])
+    alpha = 1 / np.max(np.abs(report.curves.S - 0.5))
+    assert report.margins.disk == pytest.approx(alpha, rel=1e-3)
+    holds(facts["check", "disk margin"], report.margins.disk, report.margins.omega_disk / HZ, *of_margins(report)[-2:])
     holds(facts["loop", "loop gain"], *classical(report))
-    if report.demand is not None:
-        S_w = np.abs(response(report.demand, report.omega)) * np.abs(report.S)
-        assert np.max(report.np_) == pytest.approx(np.max(S_w), rel=1e-9)
-        holds(facts["check", "performance"], np.max(S_w), np.max(report.rp), report.omega_rp / HZ)
-    assert (("check", "performance") in facts) == (report.demand is not None)
+    if report.given.demand is not None:
+        S_w = np.abs(response(report.given.demand, report.curves.omega)) * np.abs(report.curves.S)
+        assert np.max(report.curves.np_) == pytest.approx(np.max(S_w), rel=1e-9)
+        holds(facts["check", "performance"], np.max(S_w), np.max(report.curves.rp), report.margins.omega_rp / HZ)
+    assert (("check", "performance") in facts) == (report.given.demand is not None)
 
 
 def told_of_the_controller(facts, rows, K, unit):
@@ -259,7 +265,7 @@ def told_of_the_advice(facts, model, report):
     key = ("verdict", "what to do next")
     if key not in facts:
         return
-    text, omega = facts[key], report.omega_rs
+    text, omega = facts[key], report.margins.omega_rs
     if not report.nominally_stable:
         holds(text)
         return
@@ -301,7 +307,7 @@ def told_of_the_worst(facts, model, K, report):
     if not report.nominally_stable:
         assert not [label for section, label in facts if section == "worst"]
         return
-    delay = report.delay
+    delay = report.given.delay
     worst = worst_case(model, K, delay=delay)
     peak = [worst.achieved] if worst.stable else []
     holds(facts["worst", "worst plant"], *peak, worst.omega_worst / HZ, abs(worst.delta))
@@ -359,14 +365,14 @@ def told_of_the_opinion(facts):
 
 def told_of_settings(facts, model, K, report):
     holds(facts["settings", "weight"], model.weight.nstates)
-    holds(facts["settings", "computation delay"], 1e3 * report.delay, 1e3 * model.delay)
+    holds(facts["settings", "computation delay"], 1e3 * report.given.delay, 1e3 * model.delay)
     holds(facts["settings", "sampling of the controller"], *([1 / K.dt] if K.dt else []))
-    if report.demand is None:
+    if report.given.demand is None:
         assert facts["settings", "performance weight"] == "none asked for"
     else:
-        size = np.abs(response(report.demand, np.array([1e-3, 1e6])))
+        size = np.abs(response(report.given.demand, np.array([1e-3, 1e6])))
         omega = np.geomspace(1e-3, 1e6, 4000)
-        last = omega[np.flatnonzero(np.abs(response(report.demand, omega)) >= 1)[-1]]
+        last = omega[np.flatnonzero(np.abs(response(report.given.demand, omega)) >= 1)[-1]]
         holds(facts["settings", "performance weight"], 1 / size[0], 1 / size[1], last / HZ)
 
 
@@ -403,8 +409,8 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
             which = NUMBER.findall(page.said[section, caption])[0]
             assert 1 <= int(which) <= len(given["bla"])
     rows = [row for row in page.rows.get("check", []) if row]
-    assert len(rows) == len(report.certificates)
-    for row, certificate in zip(rows, report.certificates, strict=True):
+    assert len(rows) == len(report.proofs.certificates)
+    for row, certificate in zip(rows, report.proofs.certificates, strict=True):
         assert row[0] == certificate.subject
         assert float(row[1]) == pytest.approx(certificate.level, rel=1e-5)
         assert row[2] == ("yes" if certificate.holds else "no")

@@ -105,8 +105,8 @@ def values_of_robust():
     lag, exact = control.tf([1], [1, 1]), control.tf([0.1], [1])
     small = robust.UncertaintyModel(lag, exact, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     PI = control.tf([2, 2], [1, 0])
-    yield robust.synthesis.feedforward(small, 2.0, control.tf([1], [0.5, 1]))
-    yield from (robust.synthesis.prefilter(small, PI, lag), robust.check(small, PI).certificates[0].verify())
+    yield robust.synthesis.feedforward_filter(small, 2.0, control.tf([1], [0.5, 1]))
+    yield from (robust.synthesis.prefilter(small, PI, lag), robust.check(small, PI).proofs.certificates[0].verify())
     yield robust.reduce_controller(control.tf([1], [1e-4, 1]) * control.tf([3], [1e-3, 1]), small)
     yield robust.mu.parameter_margin(control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")])
     yield from (robust.mu.upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
@@ -154,7 +154,7 @@ def test_names_of_signals_survive():
 
 
 def peak(K, model=MODEL):
-    return float(robust.check(model, K, certify=False).rs.max())
+    return float(robust.check(model, K, certify=False).curves.rs.max())
 
 
 def test_a_function_that_names_robust_can_be_sent_to_a_worker():

@@ -46,8 +46,8 @@ def test_on_the_boundary_nothing_is_robust(make, seeds):
     for seed in seeds:
         systems, blocks = make(seed)
         report = check_structure(interconnection(systems, blocks), time_cap=10)
-        assert report.verdict != "robust", (seed, report.margin_rs)
-        assert report.margin_rs == pytest.approx(1, abs=1e-6) or report.margin_rs < 1
+        assert report.verdict != "robust", (seed, report.margins.rs)
+        assert report.margins.rs == pytest.approx(1, abs=1e-6) or report.margins.rs < 1
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -48,7 +48,7 @@ OVER_FREQUENCY = {
     "nominal": lambda ax: pictures.plot_nominal(MODEL, ax=ax),
     "budget": lambda ax: pictures.plot_budget(MODEL, ax=ax),
     "validation": lambda ax: pictures.plot_validation(validate(MODEL, BLA), ax=ax),
-    "bode": lambda ax: pictures.plot_bode(MODEL, BLA, ax=ax),
+    "bode": lambda ax: pictures.plot_set(MODEL, BLA, ax=ax),
     "shaping": lambda ax: plot_loop_bounds(MODEL, control.tf([1.0], [1, 1]), K, ax=ax),
 }
 
@@ -70,7 +70,7 @@ def test_the_band_is_marked_with_half_a_decade_beside_it(name):
         assert len(spans) == 2
         assert spans[0] == pytest.approx((start, F[0]), rel=1e-6)
         assert spans[1] == pytest.approx((F[-1], end), rel=1e-6)
-        happens = [w / 2 / np.pi for w in (REPORT.omega_rs, REPORT.classical.crossover)]
+        happens = [w / 2 / np.pi for w in (REPORT.margins.omega_rs, REPORT.classical.crossover)]
         assert start >= min(F[0] / HALF, *happens) / 1.31
         assert end == pytest.approx(F[-1] * HALF, rel=0.01) or end > F[-1]
         assert start <= F[0] / HALF * 1.001
@@ -109,7 +109,7 @@ def test_legends_are_off_the_data_and_every_entry_has_its_line(name):
 
 
 def test_the_bode_picture_holds_measured_points_nominal_and_set():
-    top, bottom = pictures.plot_bode(MODEL, BLA)
+    top, bottom = pictures.plot_set(MODEL, BLA)
     assert (top.get_xscale(), bottom.get_xscale()) == ("log", "log")
     points = next(line for line in top.get_lines() if line.get_marker() == "." and np.size(line.get_xdata()) == F.size)
     np.testing.assert_allclose(points.get_ydata(), 20 * np.log10(np.abs(BLA.G)))
@@ -151,4 +151,4 @@ def test_units_and_names_of_the_record_stand_on_every_axis_and_in_every_text():
     assert f"largest |G| {np.abs(bla.G).max():.4g} m/N at" in unwrapped(bla)
     additive = uncertainty(BLA, FIT, form="additive", order=4)
     assert f"to {additive.radius.max():.3g} m/N (at" in unwrapped(additive)
-    assert REPORT.unit == FIT.unit == "m/N"
+    assert REPORT.given.unit == FIT.unit == "m/N"

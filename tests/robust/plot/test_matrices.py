@@ -61,7 +61,7 @@ def test_the_reach_of_an_entry_is_reached_and_not_left(form):
 @pytest.mark.parametrize("form", MODELS)
 def test_the_set_entry_by_entry(form):
     one = MODELS[form]
-    made = pictures.plot_bode(one)
+    made = pictures.plot_set(one)
     for (j, i), ax in np.ndenumerate(made):
         f, drawn = curve(ax, "nominal")
         np.testing.assert_allclose(drawn, 20 * np.log10(np.abs(response_by_channel(G, 2 * np.pi * f)[j, i])))
@@ -99,7 +99,7 @@ def test_a_plant_that_is_not_square_leaves_places_empty():
     made = pictures.plot_weight(tall)
     assert [[ax.get_visible() for ax in row] for row in made] == [[True, True], [True, False]]
     plt.close(made[0, 0].figure)
-    assert pictures.plot_bode(tall).shape == (2, 1)
+    assert pictures.plot_set(tall).shape == (2, 1)
     plt.close("all")
 
 
@@ -131,8 +131,8 @@ def test_the_check_of_a_matrix_is_drawn_as_any_other(ax):
     report = robust.check(MODELS["elements"], K, w_P=control.ss(control.tf([0.1], [1, 1])), certify=False)
     pictures.plot_check(report, ax=ax)
     _, mu = curve(ax, "robust stability, upper bound of mu")
-    np.testing.assert_allclose(mu, report.mu[report.omega > 0])
-    assert curve(ax, "reached by a perturbation that was found")[1][0] == pytest.approx(1 / report.margin_broken)
+    np.testing.assert_allclose(mu, report.curves.rs[report.curves.omega > 0])
+    assert curve(ax, "reached by a perturbation that was found")[1][0] == pytest.approx(1 / report.margins.broken)
     assert "robust performance" in labels(ax)
     assert ax.get_title() == f"Verdict on stability: {report.verdict}"
     assert {patch.get_gid() for patch in ax.patches} == {"not measured"}

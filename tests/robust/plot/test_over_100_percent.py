@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 from robust import UncertaintyModel
-from robust.plot import plot_bode, plot_nominal
+from robust.plot import plot_nominal, plot_set
 
 OMEGA = np.geomspace(0.1, 100, 60)
 G = control.ss(control.tf([1], [1, 1]))
@@ -26,7 +26,7 @@ def bands(ax):
     return [path.vertices for band in ax.collections for path in band.get_paths() if len(path.vertices) > 4]
 
 
-@pytest.mark.parametrize("picture", [plot_nominal, plot_bode])
+@pytest.mark.parametrize("picture", [plot_nominal, plot_set])
 @pytest.mark.parametrize(("gain", "over"), [(1.0, True), (0.3, False)])
 def test_the_band_of_a_set(picture, gain, over):
     made = picture(model(gain))

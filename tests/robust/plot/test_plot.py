@@ -65,13 +65,13 @@ def test_loop_and_check(ax):
     figure, other = plt.subplots()
     pictures.plot_check(REPORT, ax=other)
     assert REPORT.verdict in other.get_title()
-    assert curve(other, "robust stability")[1].max() == pytest.approx(REPORT.rs.max())
+    assert curve(other, "robust stability")[1].max() == pytest.approx(REPORT.curves.rs.max())
     plt.close(figure)
 
 
 def test_curves_leave_the_picture_below_without_a_plateau(ax):
     pictures.plot_check(REPORT, ax=ax)
-    for label, curve_ in (("robust stability", REPORT.rs), ("robust performance", REPORT.rp)):
+    for label, curve_ in (("robust stability", REPORT.curves.rs), ("robust performance", REPORT.curves.rp)):
         assert np.array_equal(curve(ax, label)[1], curve_)
     low, high = ax.get_ylim()
     assert low >= 1e-3
@@ -107,11 +107,14 @@ def test_nyquist_discs_touch_minus_one_where_rs_says_so(form, ax):
     centre, radius = report.discs
     fine = np.isfinite(centre)
     # |1 + centre| <= radius where some L of the set passes through -1, and there rs is at least one
-    assert np.array_equal(np.abs(1 + centre[fine]) <= radius[fine], report.rs[fine] >= 1)
+    assert np.array_equal(np.abs(1 + centre[fine]) <= radius[fine], report.curves.rs[fine] >= 1)
     for angle in np.linspace(0, 2 * np.pi, 13):
         Delta = np.exp(1j * angle)
-        G, w = report.G, response(model.weight, report.omega)
-        t, g = w / np.sqrt(1 - np.minimum(np.abs(w), 0.99) ** 2), G if report.shaping is None else G * report.shaping
+        G, w = report.curves.G, response(model.weight, report.curves.omega)
+        t, g = (
+            w / np.sqrt(1 - np.minimum(np.abs(w), 0.99) ** 2),
+            G if report.curves.shaping is None else G * report.curves.shaping,
+        )
         plants = {
             "multiplicative": G * (1 + w * Delta),
             "additive": G + w * Delta,
@@ -119,7 +122,7 @@ def test_nyquist_discs_touch_minus_one_where_rs_says_so(form, ax):
             "inverse-additive": G / (1 + w * G * Delta),
             "coprime": G / g * (g + t * Delta) / (1 - g.conj() * t * Delta),
         }[form]
-        rim = np.abs(plants * report.K - centre) / radius
+        rim = np.abs(plants * report.curves.K - centre) / radius
         assert rim[fine & (radius > 1e-9)] == pytest.approx(1.0, rel=1e-6)
     pictures.plot_nyquist(report, ax=ax)
     assert len(ax.patches) > 3

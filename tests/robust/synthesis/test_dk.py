@@ -54,9 +54,9 @@ def test_the_distillation_column_as_a_set():
     assert design.certificate.holds
     report = check(model, design.K, w_P=w_P)
     assert report.verdict == "robust"
-    assert 1 / report.margin_rp == pytest.approx(design.mu, rel=1e-3)
+    assert 1 / report.margins.rp == pytest.approx(design.mu, rel=1e-3)
     nominal = mixsyn(model.nominal, w_P, w_u=0.001).K  # knows nothing of the set
-    assert check(model, nominal, w_P=w_P, certify=False).margin_rp < 0.9 * report.margin_rp
+    assert check(model, nominal, w_P=w_P, certify=False).margins.rp < 0.9 * report.margins.rp
 
 
 def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
@@ -66,8 +66,8 @@ def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
     assert len(design.history) == 2
     assert design.mu <= design.history[0][1]
     report = check(model, design.K, w_P=w_P)
-    assert 1 / report.margin_rp <= design.mu * 1.001  # without the effort it is no larger
-    assert 1 / report.margin_rs <= design.mu * 1.001
+    assert 1 / report.margins.rp <= design.mu * 1.001  # without the effort it is no larger
+    assert 1 / report.margins.rs <= design.mu * 1.001
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def test_gamma_below_one_is_a_robust_loop(form):
     assert design.gamma < 1
     report = check(model, design.K, w_P=performance_weight(1.0, M_S=2.5, A=1e-2))
     assert report.verdict == "robust"
-    assert np.max(report.np_) <= design.gamma * 1.001
+    assert np.max(report.curves.np_) <= design.gamma * 1.001
 
 
 @pytest.mark.parametrize(

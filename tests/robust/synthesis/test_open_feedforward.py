@@ -7,7 +7,7 @@ import pytest
 from robust import UncertaintyModel
 from robust.lti.lti import response
 from robust.models.sets.forms import FORMS
-from robust.synthesis import feedforward
+from robust.synthesis import feedforward_filter
 
 LINES = np.array([0.1, 1.0, 10.0])
 LAG, WANTED = control.ss(control.tf([2], [1, 1])), control.tf([1], [0.5, 1])
@@ -17,7 +17,7 @@ LAG, WANTED = control.ss(control.tf([2], [1, 1])), control.tf([1], [0.5, 1])
 @pytest.mark.parametrize("K", [0.0, 1.5])
 def test_the_worst_error_is_that_of_the_set(form, K):
     model = UncertaintyModel(LAG, control.tf([0.1, 0.2], [0.5, 1]), form, LINES, np.full(3, 0.05), perturbation="LTI")
-    found = feedforward(model, K, WANTED)
+    found = feedforward_filter(model, K, WANTED)
     G, F, w, T_ref = (response(control.ss(part), found.omega) for part in (LAG, found.F, model.weight, WANTED))
     turns = np.exp(1j * np.linspace(0, 2 * np.pi, 721))[:, None]
     G_p = FORMS[form].perturbed(G, w, turns)
@@ -30,7 +30,7 @@ def test_the_worst_error_is_that_of_the_set(form, K):
 
 def test_a_loop_that_hardly_acts_is_one_that_does_not():
     model = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", LINES, np.full(3, 0.2), perturbation="LTI")
-    none, hardly = (feedforward(model, K, WANTED, delay=0.05) for K in (0.0, 1e-9))
+    none, hardly = (feedforward_filter(model, K, WANTED, delay=0.05) for K in (0.0, 1e-9))
     assert np.isfinite(none.error_worst).all()
     common, i, j = np.intersect1d(none.omega, hardly.omega, return_indices=True)
     assert common.size > 100

@@ -123,12 +123,12 @@ def test_performance_that_was_proved_is_proved_again(dt):
     w_P = performance_weight(2, M_S=2.5)
     K = mixsyn(model(), performance_weight(3, M_S=2.2), w_u=0.3, dt=dt).K
     found = reduce_controller(K, model(), w_P)
-    assert found.before.robust_performance
+    assert found.before.proofs.robust_performance
     assert found.kept
     assert found.order == 1 < K.nstates == 5
     again = check(model(), found.K, w_P=w_P)
     assert again.verdict == "robust"
-    assert again.robust_performance
+    assert again.proofs.robust_performance
     assert found.K.dt == K.dt
 
 
@@ -183,14 +183,14 @@ def test_the_demo_needs_one_state_of_five():
     w_P = performance_weight(2 * np.pi * 5 / 6, M_S=2.5, A=1e-2)
     before = check(model, K, w_P=w_P)
     assert K.nstates == 5
-    assert (before.verdict, before.robust_performance) == ("statistically robust", True)
+    assert (before.verdict, before.proofs.robust_performance) == ("statistically robust", True)
     found = reduce_controller(K, model, w_P)
     assert found.order <= 2
     again = check(model, found.K, w_P=w_P)
-    assert (again.verdict, again.robust_performance) == ("statistically robust", True)
-    assert again.margin_rs > 0.9 * before.margin_rs
+    assert (again.verdict, again.proofs.robust_performance) == ("statistically robust", True)
+    assert again.margins.rs > 0.9 * before.margins.rs
     # and no lower: a static K loses the demand
-    assert not reduce_controller(K, model, w_P, order=0).report.robust_performance
+    assert not reduce_controller(K, model, w_P, order=0).report.proofs.robust_performance
 
 
 @pytest.mark.parametrize("K", [1.0, control.ss([], [], [], [[2.0]])])

@@ -65,7 +65,7 @@ def test_a_continuous_demand_stands_over_a_sampled_loop(model):
     omega = np.geomspace(1e-3, np.pi / dt, 4000)
     L = np.moveaxis((sampled.nominal * K)(np.exp(1j * omega * dt)), 2, 0)
     S = np.linalg.norm(np.linalg.inv(np.eye(2) + L), 2, axis=(1, 2)) * np.abs(w_P(1j * omega))
-    assert report.mu_rp.max() == pytest.approx(S.max(), rel=0.01)
+    assert report.curves.rp.max() == pytest.approx(S.max(), rel=0.01)
 
 
 def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
@@ -89,7 +89,7 @@ def test_what_takes_one_loop_names_what_several_channels_take(model):
     w = robust.performance_weight(1.0)
     for call, cure in (
         (
-            lambda: robust.synthesis.feedforward(model, 0.1 * np.eye(2), w),
+            lambda: robust.synthesis.feedforward_filter(model, 0.1 * np.eye(2), w),
             "take prefilter, or dk_iteration or hinfsyn with",
         ),
         (lambda: robust.shaping.loop_bounds(model, w), "loop_gains has its singular values"),

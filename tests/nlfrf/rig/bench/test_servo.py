@@ -11,14 +11,15 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from nlfrf import DataWarning, identify, multisine, servo_axis, simulate_loop
+from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
-from nlfrf.rig import Rig, ServoAxis, ServoDrive, run_servo, simulate_servo
+from nlfrf.rig import Rig, ServoAxis, run_servo, simulate_servo
 
 FS = 4000.0
 TS = 1 / FS
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
-DRIVE = ServoDrive(fs=FS, kv=40, kp=20, tn=0.03, lag=0.4e-3, velocity_feedforward=1.0)
-MASS = ServoAxis(motor_inertia=12.0, force_constant=50.0, drive=DRIVE)
+DRIVE = Drive(fs=FS, kv=40, kp=20, kp_unit="A/(m/s)", torque_constant=50.0, tn=0.03, lag=4e-4, velocity_feedforward=1.0)
+MASS = ServoAxis(motor_inertia=12.0, drive=DRIVE)
 TWO = replace(
     MASS, motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=90.0, motor_damping=20.0, load_damping=30.0
 )
@@ -93,8 +94,7 @@ def dragged(friction, v, damping=0.0, n=40000):
     """A load of 2 kg behind a spring of 5 kN/m whose other end moves at a constant velocity: a motor of 1e9 kg."""
     axis = ServoAxis(
         motor_inertia=1e9,
-        force_constant=1.0,
-        drive=ServoDrive(fs=FS, kv=0, kp=0),
+        drive=Drive(fs=FS, kv=0, kp=0, kp_unit="N/(m/s)"),
         load_inertia=2.0,
         load_friction=friction,
         load_damping=damping,
@@ -140,7 +140,7 @@ def test_what_the_motor_gives_is_held_or_lost(name):
     rng, n = np.random.default_rng(3), 4000
     strength = axis.motor_friction.strength.sum()
     force = 6 * strength * signal.lfilter(*signal.butter(2, 20, fs=FS), rng.standard_normal(n) * 6)
-    axis = replace(axis, drive=replace(axis.drive, lag=0.0, delay_periods=0.0, max_current=np.inf))
+    axis = replace(axis, drive=replace(axis.drive, lag=0.0, delay_periods=0.0, limit=np.inf))
     trace = run_servo(axis, force=force, closed=False, oversampling=8)
     # the force is held over each period: its work is the force times the way
     given = np.sum(force[:-1] * np.diff(trace.x[0]))
@@ -168,7 +168,7 @@ def in_state_space(axis):
     return control.c2d(plant, TS) * control.tf([1], [1, 0], TS) ** int(axis.drive.delay_periods)
 
 
-@pytest.mark.parametrize("axis", [MASS, TWO, replace(TWO, encoder="load", drive=replace(DRIVE, kv=15, kp=6))])
+@pytest.mark.parametrize("axis", [MASS, TWO, replace(TWO, drive=replace(DRIVE, encoder="load", kv=15, kp=6))])
 @pytest.mark.parametrize("feedforward", [0.0, 1.0])
 def test_the_linear_axis_is_the_closed_loop_of_linear_theory(axis, feedforward):
     drive = replace(axis.drive, velocity_feedforward=feedforward)
@@ -248,7 +248,7 @@ def test_the_drive_sees_whole_steps_of_the_encoder():
 
 def test_the_current_keeps_its_limit_and_the_integrator_does_not_wind_up():
     """A held motor: 2 A of the proportional part and 4 A a second of the integral part reach 3 A after 1000 periods."""
-    held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, max_current=3.0))
+    held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, limit=3.0))
     speed = np.where(np.arange(8000) < 6000, 0.1, -0.1)
     trace = run_servo(held, velocity=speed)
     asked = 2.0 + 4.0 * trace.t
@@ -285,12 +285,15 @@ def test_the_step_of_a_preset_is_fine_enough(name):
 def some_axis(rng):
     law = [None, *LAWS]
     two = rng.random() < 0.7
-    drive = ServoDrive(
+    drive = Drive(
+        kp_unit="A/(m/s)",
+        torque_constant=10 ** rng.uniform(0, 2),
+        encoder=str(rng.choice(["motor", "load"])) if two else "motor",
         fs=10 ** rng.uniform(3, 4),
         kv=10 ** rng.uniform(0, 3),
         kp=10 ** rng.uniform(-1, 3),
         tn=rng.choice([np.inf, 10 ** rng.uniform(-3, 0)]),
-        max_current=rng.choice([np.inf, 10 ** rng.uniform(-1, 2)]),
+        limit=rng.choice([np.inf, 10 ** rng.uniform(-1, 2)]),
         lag=rng.choice([0.0, 10 ** rng.uniform(-4, -2)]),
         delay_periods=rng.choice([0.0, 1.0, rng.uniform(0, 3)]),
         velocity_lag=rng.choice([0.0, 1e-3]),
@@ -301,11 +304,9 @@ def some_axis(rng):
         "load_friction": law[rng.integers(6)],
         "stiffness": 10 ** rng.uniform(3, 7),
         "damping": 10 ** rng.uniform(-1, 3),
-        "encoder": str(rng.choice(["motor", "load"])),
     }
     return ServoAxis(
         motor_inertia=10 ** rng.uniform(-1, 2),
-        force_constant=10 ** rng.uniform(0, 2),
         motor_friction=law[rng.integers(6)],
         drive=drive,
         spring=rng.choice([0.0, 1e4]),
@@ -324,7 +325,7 @@ def test_a_random_axis_gives_numbers_or_says_that_it_ran_away(seed):
     for name in ("position", "velocity", "current_set", "current", "x", "v", "friction"):
         assert np.isfinite(getattr(trace, name)).all()
     assert trace.diverged == (trace.t.size < 300)
-    assert np.abs(trace.current_set).max(initial=0.0) <= axis.drive.max_current
+    assert np.abs(trace.current_set).max(initial=0.0) <= axis.drive.limit
 
 
 @settings(max_examples=60, deadline=None)
@@ -397,7 +398,7 @@ def test_what_makes_another_record_than_was_asked_for_is_said():
     ms = multisine(fs=FS, n_samples=1000, f_min=8, f_max=200, rms=30.0, rng=1)
     with pytest.warns(DataWarning, match="turned back in .* % of the samples.*Raise base_velocity above 0.001"):
         simulate_servo(axis, ms, base_velocity=0.001)
-    weak = replace(axis, drive=replace(axis.drive, max_current=0.5))
+    weak = replace(axis, drive=replace(axis.drive, limit=0.5))
     with pytest.warns(DataWarning) as said:
         simulate_servo(weak, ms, n_discard=8)
     assert any("the current was at its limit of 0.5 A in" in str(one.message) for one in said)
@@ -426,8 +427,14 @@ def test_a_preset_comes_to_its_set_point(name):
         ({"motor_inertia": 0.0}, "motor_inertia must be positive"),
         ({"load_inertia": 3.0}, "stiffness must be positive where there is a load_inertia, got 0"),
         ({"load_damping": 3.0}, "load_inertia must be positive where load_damping is given, got 0"),
-        ({"encoder": "load"}, 'encoder must be "motor" where there is no load_inertia, got "load"'),
+        (
+            {"drive": replace(DRIVE, encoder="load")},
+            'encoder must be "motor" where there is no load_inertia, got "load"',
+        ),
         ({"motion": "circular"}, "motion must be"),
+        ({"motion": "rotary"}, "must be A or N for a velocity loop in"),
+        ({"drive": replace(DRIVE, torque_constant=np.nan)}, r"torque_constant must be given \[N/A\]"),
+        ({"drive": replace(DRIVE, encoder="both")}, "drive must read one encoder"),
         ({"drive": None}, "drive must be"),
         ({"motor_friction": 3.0}, "friction must be one of the laws"),
     ],
@@ -444,7 +451,7 @@ def test_a_machine_that_is_none_is_refused(fields, message):
         ({"tn": 0.0}, "tn must be positive"),
         ({"velocity_feedforward": 1.5}, "velocity_feedforward must lie between 0 and 1, got 1.5"),
         ({"position_every": 0}, "position_every must be"),
-        ({"filters": np.ones((2, 5))}, r"filters must be second-order sections .*got shape \(2, 5\)"),
+        ({"filters": np.ones((2, 5))}, r"filters must be elements or second-order sections .*got shape \(2, 5\)"),
     ],
 )
 def test_a_drive_that_is_none_is_refused(fields, message):

@@ -9,7 +9,8 @@ import pytest
 import nlfrf
 import robust
 from benchmarks.friction_ports import draw_case, draw_law, prove_case, run_case
-from robust.drive import DriveSettings, cascade
+from nlfrf.axis import Drive
+from robust.drive import cascade
 from robust.friction.classes import any_bounded, any_bristle, any_maxwell_slip
 from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.multipliers import filter_rates, multiplier_terms, negative_multipliers, port_terms
@@ -29,7 +30,7 @@ from robust.io.certificates import verify_certificate
 T = 1 / 4000
 #: The ball screw preset with twice its velocity gain, without the lag of its current.
 SCREW = two_mass_plant(232.9, 150.0, 80e6, 5e3)
-DRIVE = DriveSettings(fs=4000, kv=50, kp=2 * 280 * 342, kp_unit="N/(m/s)", tn=0.02, delay_periods=1)
+DRIVE = Drive(fs=4000, kv=50, kp=2 * 280 * 342, kp_unit="N/(m/s)", tn=0.02, delay_periods=1)
 CLASSES = (any_maxwell_slip(25e6, 1.2), any_maxwell_slip(12.5e6, 1.3))
 
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from nlfrf.axis import Drive
 from robust import friction_plant, prove_friction, sampled
-from robust.drive import DriveSettings, cascade
+from robust.drive import cascade
 from robust.friction import any_bounded, any_maxwell_slip
 from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
@@ -42,7 +43,7 @@ def test_a_machine_whose_friction_brakes_is_taken():
 @pytest.mark.parametrize("damping", [0.0, 0.5, 20.0])
 def test_viscous_friction_of_a_free_mass_takes_no_proof_away(damping):
     """Filters that were placed by its pole -c/m found no proof of a loop that is proved without that friction."""
-    drive = DriveSettings(fs=4000, kv=100, kp=7550, kp_unit="N/(m/s)", tn=0.01)
+    drive = Drive(fs=4000, kv=100, kp=7550, kp_unit="N/(m/s)", tn=0.01)
     machine = friction_plant(12.0, 0.0, damping)
     assert prove_friction(machine, cascade(drive), any_maxwell_slip(2.5e6), delay=0.5e-3).verdict == "proved"
 

@@ -114,7 +114,7 @@ def test_a_flat_weight_is_robust_up_to_the_ncf_margin(name, dt):
     for factor, verdict in ((0.999, "robust"), (1.001, "not robust")):
         report = check(the_model(G, factor * margin), K)
         assert report.verdict == verdict
-        assert report.margin_rs == pytest.approx(1 / factor, rel=1e-6)
+        assert report.margins.rs == pytest.approx(1 / factor, rel=1e-6)
     model = the_model(G, 0.9 * margin)
     for plant in model.sample(5, rng=0):
         assert nu_gap(G, plant) <= 0.9 * margin * (1 + 1e-6)
@@ -252,8 +252,8 @@ def test_what_check_proves_is_verified(perturbation, kind):
     )  # fmt: skip
     report = check(model, K, delay=delay, w_P=performance_weight(0.05, M_S=8, A=0.9))
     assert report.verdict == "robust"
-    assert report.robust_performance
-    for certificate in report.certificates:
+    assert report.proofs.robust_performance
+    for certificate in report.proofs.certificates:
         assert certificate.holds == certificate.verify().verified
 
 
@@ -265,9 +265,9 @@ def test_the_scaling_is_the_one_of_ncfsyn():
     model = the_model(G, 0.99 / design.gamma, W1=W1)
     report = check(model, design.K)
     assert report.verdict == "robust"
-    assert report.margin_rs == pytest.approx(1 / 0.99, rel=1e-4)
+    assert report.margins.rs == pytest.approx(1 / 0.99, rel=1e-4)
     units = check(the_model(1e-6 * G, 0.99 / design.gamma, W1=W1, W2=1e6), 1e6 * design.K)
-    assert units.margin_rs == pytest.approx(report.margin_rs, rel=1e-6)
+    assert units.margins.rs == pytest.approx(report.margins.rs, rel=1e-6)
     assert check(the_model(1e-6 * G, 0.99 / design.gamma, W1=W1), 1e6 * design.K).verdict == "not robust"
 
 
@@ -318,7 +318,7 @@ def test_on_measured_lines_hold_and_delay_stand_with_the_controller():
     L = bla.G * hold * 2e4
     g, k = np.abs(W * bla.G), np.abs(2e4 * hold / W)
     eps = np.abs(response(model.weight, OMEGA))
-    assert report.rs == pytest.approx(eps * np.sqrt((1 + g**2) * (1 + k**2)) / np.abs(1 + L), rel=1e-6)
+    assert report.curves.rs == pytest.approx(eps * np.sqrt((1 + g**2) * (1 + k**2)) / np.abs(1 + L), rel=1e-6)
 
 
 def test_files_keep_the_scaling(tmp_path):
@@ -330,7 +330,7 @@ def test_files_keep_the_scaling(tmp_path):
         for matrix in "ABCD":
             assert np.array_equal(getattr(getattr(again, name), matrix), getattr(getattr(model, name), matrix))
     K = control.tf([2e4], [1, 1.0])
-    assert check(again, K).margin_rs == check(model, K).margin_rs
+    assert check(again, K).margins.rs == check(model, K).margins.rs
     export_matlab(model, tmp_path / "m.mat")
     assert "case 'coprime'" in (tmp_path / "load_m.m").read_text()
 

@@ -73,7 +73,7 @@ def test_the_margin_is_where_a_plant_of_the_set_breaks_the_loop(form):
     report = robust.check(model, K)
     worst = robust.analysis.breaking_perturbation(model, K)
     assert report.verdict == "robust"
-    assert worst.size == pytest.approx(report.margin_rs, rel=0.02)
+    assert worst.size == pytest.approx(report.margins.rs, rel=0.02)
     poles = [(plant * K).feedback(np.eye(2)).poles() for plant in (worst.plant(0.98), worst.plant(1.02))]
     assert [bool(p.real.max() < 0) for p in poles] == [True, False]
     for plant in model.sample(5, rng=1):

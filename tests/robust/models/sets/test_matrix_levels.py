@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 import robust
-from robust.plot import plot_bode
+from robust.plot import plot_set
 
 LOW, HIGH = 1.0, 4.0  # N
 
@@ -104,7 +104,7 @@ def test_it_comes_back_from_its_file(form, tmp_path):
 
 
 def test_a_picture_shows_both(tmp_path):
-    made = plot_bode(around("elements"), [measured(LOW, 1), measured(HIGH, 2)])
+    made = plot_set(around("elements"), [measured(LOW, 1), measured(HIGH, 2)])
     labels = [line.get_label() for line in made[0, 0].get_lines()]
     assert {"measured, 95 % bound (1)", "measured, 95 % bound (2)"} <= set(labels)
 

@@ -105,7 +105,7 @@ def test_no_verdict_is_contradicted_by_brute_force(seed):
     assert not n_broken  # at 0.99 of the margin
     assert breaks  # at 1.01 of the perturbation that was found
     if worst.model.form != "elements":
-        assert worst.size == pytest.approx(report.margin_rs, rel=0.01)
+        assert worst.size == pytest.approx(report.margins.rs, rel=0.01)
         assert (report.verdict == "robust") == (worst.size > 1)
 
 
@@ -166,7 +166,7 @@ def test_from_a_measured_matrix_to_a_verdict(form):
     K = control.StateSpace([], [], [], 0.1 * np.eye(2), 0.01)
     report = robust.check(model, K)
     assert report.verdict == "statistically robust"
-    assert report.margin_broken == pytest.approx(report.margin_rs, rel=0.02)
+    assert report.margins.broken == pytest.approx(report.margins.rs, rel=0.02)
     assert form in unwrapped(model)
     hard = robust.check(model, control.StateSpace([], [], [], 1.2 * np.eye(2), 0.01))
     assert hard.verdict in ("not robust", "not certified")
@@ -194,10 +194,10 @@ def test_two_forms_may_be_tried_for_their_price(tmp_path):
         each = {
             one.form: robust.check(replace(one, alternative_form=None), K) for one in (model, model.alternative_form)
         }
-        best = max(each, key=lambda form: each[form].margin_rs)
-        assert report.margin_rs == pytest.approx(each[best].margin_rs, rel=1e-6)
+        best = max(each, key=lambda form: each[form].margins.rs)
+        assert report.margins.rs == pytest.approx(each[best].margins.rs, rel=1e-6)
         assert f"the {best} one says most" in report.reason
-        assert "with 95 % probability" in report.probability
+        assert "with 95 % probability" in "; ".join(report.confidence)
     with pytest.raises(ValueError, match=r"alternative_form must have confidence 0\.975 as this set, got 0\.95"):
         replace(model, alternative_form=alone["additive"])
 

@@ -44,7 +44,7 @@ def test_twenty_per_cent_an_input_by_hand():
     T = 3 * D @ np.linalg.inv(np.eye(2) + 3 * D)  # at zero frequency, where it is largest
     report = check(model, K)
     assert report.verdict == "robust"
-    assert 1 / report.margin_rs == pytest.approx(0.2 * np.linalg.norm(T, 2), rel=1e-3)
+    assert 1 / report.margins.rs == pytest.approx(0.2 * np.linalg.norm(T, 2), rel=1e-3)
 
 
 def lag_with_block(*more, **of):
@@ -91,4 +91,4 @@ def test_what_takes_no_interconnection_names_what_does(tmp_path):
     ):
         with pytest.raises(ValueError, match=r"got an UncertainSystem: check_structure\(system\) checks it"):
             call()
-    assert robust.analysis.check_structure(system).worst is not None
+    assert robust.analysis.check_structure(system).margins.worst is not None

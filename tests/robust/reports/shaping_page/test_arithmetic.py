@@ -64,8 +64,8 @@ def test_fifty_designs_agree_with_check(seed, ask):
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     left_out = loop.aliases is not None and loop.aliases.inverse  # which the page says, and leaves to the check
     assert left_out == ("aliases left to the check" in content["models"][0]["set"])
-    curves = (replace(loop, continuous_plant=None) if left_out else loop).curves(report.omega)
-    found = ask(content, state, report.omega)
+    curves = (replace(loop, continuous_plant=None) if left_out else loop).curves(report.curves.omega)
+    found = ask(content, state, report.curves.omega)
     assert near(found["S"], np.abs(curves.S)) < 1e-6
     assert near(found["T"], np.abs(1 - curves.S)) < 1e-6
     assert near(found["rs"], curves.rs) < 1e-6
@@ -74,12 +74,12 @@ def test_fifty_designs_agree_with_check(seed, ask):
     assert found["clear"]
     assert found["stable"] == report.nominally_stable, (report.reason, found["count"])
     if report.nominally_stable:
-        largest = 1 / report.margin_rs if report.margin_rs else np.inf
+        largest = 1 / report.margins.rs if report.margins.rs else np.inf
         assert left_out or min(found["maxRs"], BEYOND) == pytest.approx(min(largest, BEYOND), rel=1e-3)
-        assert found["disk"] == pytest.approx(report.disk_margin, rel=1e-3)
+        assert found["disk"] == pytest.approx(report.margins.disk, rel=1e-3)
     # what the page writes out is that controller
     written = control.StateSpace(*[np.reshape(found["K"][n], getattr(K, n).shape) for n in "ABCD"], dt)
-    at = report.omega[:: report.omega.size // 20]
+    at = report.curves.omega[:: report.curves.omega.size // 20]
     z = np.exp(1j * at * dt) if dt else 1j * at
     assert written(z) == pytest.approx(K(z), rel=1e-6)
 

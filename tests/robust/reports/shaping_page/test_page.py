@@ -330,7 +330,7 @@ def test_the_controller_to_begin_with_is_what_the_plant_asks_for(plant, kinds, s
     report = robust.check(model, shaped_controller(begin, 1.0, dt), certify=False)
     assert report.nominally_stable
     assert report.classical.crossover == pytest.approx(omega_c, rel=1e-3)
-    assert np.max(report.rs) < 1
+    assert np.max(report.curves.rs) < 1
 
 
 @pytest.mark.parametrize(

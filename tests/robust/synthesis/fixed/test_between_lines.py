@@ -65,7 +65,7 @@ def test_margins_on_lines_see_the_modes_of_the_controller():
     K = control.ss(5 * resonance(1e-5, -10, at))
     omega = np.sort(np.concatenate([LINES, at * (1 + 1e-5 * np.linspace(-20, 20, 4001))]))
     S = 1 / (1 + LAG(1j * omega) * K(1j * omega))
-    assert check(FRF, K).disk_margin == pytest.approx(1 / np.max(np.abs(S - 0.5)), rel=1e-2)
+    assert check(FRF, K).margins.disk == pytest.approx(1 / np.max(np.abs(S - 0.5)), rel=1e-2)
 
 
 def test_the_modes_of_one_controller_in_the_loop_of_another():

@@ -91,11 +91,11 @@ def test_worst_case_performance_is_what_check_finds(form):
     report = check(model, design.K, w_P=performance_weight(1.0, M_S=2.5, A=1e-2))
     assert report.verdict == "robust"
     assert design.gamma < 1
-    assert report.robust_performance
+    assert report.proofs.robust_performance
     # gamma is |w_P S| + |w T|: at most one exactly where the worst case is
-    assert (np.max(report.rp) < 1) == (design.gamma < 1)
+    assert (np.max(report.curves.rp) < 1) == (design.gamma < 1)
     if form == "multiplicative":
-        mu = report.np_ + report.rs
+        mu = report.curves.np_ + report.curves.rs
         assert design.gamma == pytest.approx(mu.max(), rel=1e-2)
 
 
@@ -318,8 +318,8 @@ def test_pid_from_one_record():
     assert design.met, design.reason
     report = check(bla, design.K)
     assert report.nominally_stable
-    assert report.margin_rs > 1
-    assert np.abs(report.S).max() < 1.8
+    assert report.margins.rs > 1
+    assert np.abs(report.curves.S).max() < 1.8
 
 
 @pytest.mark.parametrize(
@@ -364,8 +364,8 @@ def test_pid_for_the_measured_motor_bench(measured):
     assert design.met, design.reason
     on_lines = check(bla, design.K, delay=4e-4)
     assert on_lines.nominally_stable
-    assert on_lines.margin_rs > 1
-    assert np.abs(on_lines.S).max() < 1.8
+    assert on_lines.margins.rs > 1
+    assert np.abs(on_lines.curves.S).max() < 1.8
     with pytest.warns(DesignWarning, match=r"a pole where nothing was measured, at 3\.\d+ Hz"):
         nominal = fit_nominal(bla, n_poles=4, delay="estimate")
     report = check(uncertainty(bla, nominal, order=8), design.K, delay=4e-4)

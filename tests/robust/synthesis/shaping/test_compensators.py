@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robust.lti.lti import response
-from robust.shaping import lag, lead, notch, pid, roll_off
+from robust.shaping import lag, lead, low_pass, notch, pid
 
 
 def test_elements_do_what_they_say():
@@ -15,8 +15,8 @@ def test_elements_do_what_they_say():
             k = response(lead(w, phase, dt=dt), at)[0]
             assert (abs(k), np.angle(k)) == pytest.approx((1.0, phase))
         assert abs(response(notch(w, depth=0.02, dt=dt), at)[0]) == pytest.approx(0.02)
-        assert abs(response(roll_off(w, order=2, zeta=0.5, dt=dt), at)[0]) == pytest.approx(1.0)
-        assert abs(response(roll_off(w, dt=dt), at)[0]) == pytest.approx(np.sqrt(0.5))
+        assert abs(response(low_pass(w, zeta=0.5, dt=dt), at)[0]) == pytest.approx(1.0)
+        assert abs(response(low_pass(w, order=1, dt=dt), at)[0]) == pytest.approx(np.sqrt(0.5))
         assert np.degrees(np.angle(response(lag(w, np.inf, dt=dt), at)[0])) == pytest.approx(-45)
         K = pid(2.0, 3.0, 0.4, filter_time=0.05, dt=dt)
         s = 2 / dt * np.tan(0.5 * w * dt) * 1j if dt else 1j * w
@@ -30,7 +30,7 @@ def test_elements_do_what_they_say():
     [
         (lambda: lead(1.0, 2.0), "phase must be below pi/2"),
         (lambda: lag(1.0, 0.5), "gain must be above 1"),
-        (lambda: roll_off(1.0, order=3), "order must be 1 or 2"),
+        (lambda: low_pass(1.0, order=3), "order must be 1 or 2"),
         (lambda: notch(-1.0), "omega must be positive"),
         (lambda: pid(1.0, 0.0, 1.0), "filter_time must be positive"),
     ],

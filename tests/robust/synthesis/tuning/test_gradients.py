@@ -19,7 +19,12 @@ BLOCKS = [
     tuning.Pid(ki=0.3, reads="a", drives="c"),
     tuning.Notch(omega=5.0, depth=0.2, width=0.4, reads="a", drives="c"),
     tuning.Lead(omega=3.0, phase=0.9, reads="a", drives="c"),
-    tuning.Filter2(omega=7.0, zeta=0.4, reads="a", drives="c"),
+    tuning.Lag(omega=3.0, gain=20.0, reads="a", drives="c"),
+    tuning.Lag(omega=3.0, reads="a", drives="c"),
+    tuning.LowPass(omega=7.0, zeta=0.4, reads="a", drives="c"),
+    tuning.LowPass(omega=7.0, order=1, reads="a", drives="c"),
+    tuning.Biquad(omega=7.0, zeta=0.4, numerator_omega=5.0, numerator_zeta=0.1, reads="a", drives="c"),
+    tuning.Biquad(omega=7.0, zeta=0.4, numerator_omega=5.0, numerator_zeta=0.0, reads="a", drives="c"),
     tuning.StateSpace(n_states=2, reads=["a", "b"], drives="c"),
 ]
 
@@ -48,11 +53,13 @@ def differences(function, x, step=1e-6):
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: type(block).__name__)
 @pytest.mark.parametrize("dt", [0.0, 0.02])
 def test_a_block_is_what_it_says(block, dt):
-    """Its response is that of its formula, sampled by Tustin; its slopes are those of differences."""
+    """Its response is that of its formula, the sampled one exact at its omega; its slopes are those of differences."""
     controller = controller_of_blocks({"K": block}, dt)
-    s = 1j * np.array([0.3, 2.0, 9.0])
+    omega = np.array([0.3, 2.0, 9.0])
     system = block.system(dt)
-    z = (1 + s * dt / 2) / (1 - s * dt / 2) if dt else s
+    z = np.exp(1j * omega * dt) if dt else 1j * omega
+    at = getattr(block, "omega", 1e-9)
+    s = 1j * (at * np.tan(omega * dt / 2) / np.tan(at * dt / 2) if dt else omega)
     if isinstance(block, tuning.Pid):
         expected = (block.kp or 0) + (block.ki or 0) / s + (block.kd or 0) * s / ((block.filter_time or 0) * s + 1)
         assert np.allclose(system(z), expected, rtol=1e-12)
@@ -60,12 +67,23 @@ def test_a_block_is_what_it_says(block, dt):
         w, b = block.omega, block.width
         expected = (s**2 + block.depth * b * w * s + w**2) / (s**2 + b * w * s + w**2)
         assert np.allclose(system(z), expected, rtol=1e-12)
-    elif isinstance(block, tuning.Filter2):
-        assert np.allclose(system(z), 49 / (s**2 + 2 * 0.4 * 7 * s + 49), rtol=1e-12)
+    elif isinstance(block, tuning.LowPass):
+        expected = 49 / (s**2 + 2 * 0.4 * 7 * s + 49) if block.order == 2 else 7 / (s + 7)
+        assert np.allclose(system(z), expected, rtol=1e-12)
+    elif isinstance(block, tuning.Biquad):
+        zeta = block.numerator_zeta
+        expected = (s**2 / 25 + 2 * zeta * s / 5 + 1) / (s**2 / 49 + 2 * 0.4 * s / 7 + 1)
+        assert np.allclose(system(z), expected, rtol=1e-12)
+    elif isinstance(block, tuning.Lag):
+        assert np.allclose(system(z), (s + 3) / (s + 3 / block.gain), rtol=1e-12)
     elif isinstance(block, tuning.Lead):
-        at = (1 + 3j * dt / 2) / (1 - 3j * dt / 2) if dt else 3j
-        assert abs(system(at)) == pytest.approx(1, rel=1e-12)
-        assert np.angle(system(at)) == pytest.approx(0.9, rel=1e-12)
+        there = np.exp(3j * dt) if dt else 3j
+        assert abs(system(there)) == pytest.approx(1, rel=1e-12)
+        assert np.angle(system(there)) == pytest.approx(0.9, rel=1e-12)
+    if dt and hasattr(block, "section"):
+        b, a = block.section(1 / dt).reshape(2, 3)
+        assert a[0] == 1
+        assert np.allclose(np.polyval(b, z) / np.polyval(a, z), system(z), rtol=1e-12)
     slopes = controller.slopes(controller.start)
     by_difference = differences(controller.matrix, controller.start)
     assert np.abs(slopes - by_difference).max() <= 1e-7 * np.abs(slopes).max()

@@ -46,7 +46,7 @@ def test_an_frf_gives_what_its_system_gives():
     assert hard.n_lines == OMEGA.size
     report = robust.check(measured(), on_lines.controller("y", "u"), w_P=1 / (1.8 * hard.ratio))
     assert report.nominally_stable
-    assert np.max(report.np_[np.isin(report.omega, OMEGA)]) == pytest.approx(1.0, abs=1e-6)
+    assert np.max(report.curves.np_[np.isin(report.curves.omega, OMEGA)]) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_bla_is_tuned_at_worst_over_its_discs():
@@ -71,7 +71,7 @@ def test_a_bla_is_tuned_at_worst_over_its_discs():
     hard = next(one for one in design.limits if one.hard)
     report = robust.check(bla, design.controller("y", "u"), w_P=1 / (1.7 * hard.ratio))
     assert report.nominally_stable
-    assert np.max(report.rp) == pytest.approx(1.0, abs=1e-6)
+    assert np.max(report.curves.rp) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_start_that_does_not_stabilise_is_refused():

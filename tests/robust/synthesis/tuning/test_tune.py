@@ -226,6 +226,7 @@ GAIN_ONE = control.ss([], [], [], [[1.0]], inputs="q", outputs="q")
         ("that no block moves", {"soft": [tuning.Limit("d", "y_i", 1.0)], "system": [ERROR, FORCE, UNSTABLE]}),
         ("algebraic loop", {"system": [ERROR, FORCE, GAIN_ONE]}),
         ("must have the sampling time of the design", {"dt": 0.1, "system": [ERROR, FORCE, INTEGRATOR]}),
+        ("must name the signal that it reads", {"blocks": {"K": tuning.Pid(kp=1.0)}}),
         ("decay must be zero or positive", {"decay": -1.0}),
         ("delay must be finite", {"delay": float("nan")}),
         ("n_starts must be a whole number", {"n_starts": 0}),
@@ -252,9 +253,7 @@ def test_one_clear_line(message, changed):
 @pytest.mark.parametrize(
     ("message", "make"),
     [
-        ("kp must not start at zero", lambda: tuning.Pid(kp=0.0, **PI)),
-        ("kp must be given", lambda: tuning.Pid(**PI)),
-        ("filter_time must be given", lambda: tuning.Pid(kp=1.0, kd=1.0, **PI)),
+        ("filter_time must be positive", lambda: tuning.Pid(kp=1.0, kd=1.0, **PI)),
         ("fixed must name parameters", lambda: tuning.Pid(kp=1.0, fixed=("kx",), **PI)),
         ("lower must bound parameters", lambda: tuning.Pid(kp=1.0, lower={"kx": 1.0}, **PI)),
         ("lower must be bounds by name", lambda: tuning.Pid(kp=1.0, lower=1.0, **PI)),

@@ -122,9 +122,9 @@ def test_the_tuner_has_the_number_of_check_for_several_channels(form):
     assert design.met
     assert hard.known is tuning.Known.LINES
     report = robust.check(design.plant.models[0], K, w_P=1 / (1.5 * hard.ratio), certify=False)
-    assert np.nanmax(report.rp) <= 1 + 1e-6
-    assert np.nanmax(report.rp) == pytest.approx(1.0, abs=1e-5)  # its grid may miss the top by so much
-    assert np.max(report.rs) < 1
+    assert np.nanmax(report.curves.rp) <= 1 + 1e-6
+    assert np.nanmax(report.curves.rp) == pytest.approx(1.0, abs=1e-5)  # its grid may miss the top by so much
+    assert np.max(report.curves.rs) < 1
 
 
 def test_a_continuous_matrix_set_under_a_clock_is_the_sampled_set_of_check():
@@ -132,7 +132,7 @@ def test_a_continuous_matrix_set_under_a_clock_is_the_sampled_set_of_check():
     hard = next(one for one in design.limits if one.limit.worst)
     assert design.met
     report = robust.check(design.plant.models[0], K, w_P=1 / (1.5 * hard.ratio), certify=False)
-    assert np.nanmax(report.rp) == pytest.approx(1.0, abs=1e-5)
+    assert np.nanmax(report.curves.rp) == pytest.approx(1.0, abs=1e-5)
 
 
 def test_a_matrix_without_a_set_is_refused():
@@ -169,8 +169,8 @@ def test_the_tuner_has_the_number_of_check(form):
     worst = robust.check(model, design.controller("y", "u"), w_P=1 / (2.0 * found.ratio), delay=1e-3, certify=False)
     assert found.known is tuning.Known.LINES
     assert found.n_lines > 1000
-    assert np.max(worst.rp) == pytest.approx(1.0, abs=1e-6)
-    assert np.max(report.rs) < 1
+    assert np.max(worst.curves.rp) == pytest.approx(1.0, abs=1e-6)
+    assert np.max(report.curves.rs) < 1
 
 
 def test_a_continuous_set_under_a_clock_counts_its_aliases():
@@ -189,7 +189,7 @@ def test_a_continuous_set_under_a_clock_counts_its_aliases():
     found = next(one for one in design.limits if one.hard)
     K = design.controller("y", "u")
     worst = robust.check(model, K, w_P=1 / (2.0 * found.ratio), delay=1e-3, certify=False)
-    assert np.max(worst.rp) == pytest.approx(1.0, abs=1e-6)
+    assert np.max(worst.curves.rp) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_the_worst_of_a_channel_is_no_less_than_of_any_plant():
@@ -227,7 +227,7 @@ def test_a_start_outside_the_set_is_brought_in():
         n_starts=1,
     )
     assert design.met
-    assert robust.check(model, design.controller("y", "u"), certify=False).margin_rs > 1
+    assert robust.check(model, design.controller("y", "u"), certify=False).margins.rs > 1
 
 
 def test_one_disc_in_a_channel_of_several_signals_is_exact():

@@ -7,7 +7,7 @@ import pytest
 from robust import UncertaintyModel, check, sampled
 from robust.lti.lti import response
 from robust.margins import disk_margin
-from robust.synthesis import cascade, feedforward
+from robust.synthesis import feedforward_filter, nested_loops
 
 LINES = np.array([1.0, 10.0])
 INTEGRATOR = control.tf([1], [1, 0])
@@ -30,7 +30,7 @@ def test_a_cascade_is_checked_as_one_loop():
     """Robust by the check: every plant of the set is stable in both loops; beyond the margin one is not."""
     G = control.ss(control.tf([50], [1, 3]) * control.tf([400], [1, 8, 400]))
     K_x, K_v = control.tf([4], [1]), control.tf([0.04, 0.1], [1, 0])
-    K = cascade(K_x, K_v, outer=INTEGRATOR)
+    K = nested_loops(K_x, K_v, outer=INTEGRATOR)
     alone, as_one = control.feedback(control.ss(K_v) * G, 1).poles(), control.feedback(G * K, 1).poles()
     assert np.sort_complex(both_loops(G, K_x, K_v).poles()) == pytest.approx(np.sort_complex(as_one), rel=1e-6)
     assert alone.real.max() < 0
@@ -40,10 +40,10 @@ def test_a_cascade_is_checked_as_one_loop():
     report = check(model, K)
     assert report.verdict == "robust"
     # wider than each loop by itself would say: its margin is another one
-    assert check(model, K_v).margin_rs > 1.01 * report.margin_rs
+    assert check(model, K_v).margins.rs > 1.01 * report.margins.rs
     for plant in model.sample(20, rng=0):
         assert both_loops(plant, K_x, K_v).poles().real.max() < 0
-    factor = 1.02 * report.margin_rs
+    factor = 1.02 * report.margins.rs
     wide = UncertaintyModel(
         G, factor * control.tf([0.1, 0.3], [0.5, 3]), "multiplicative", LINES, 1e-3 * LINES, perturbation="LTI"
     )
@@ -57,14 +57,14 @@ def test_a_cascade_is_checked_as_one_loop():
     s, k_v = 1j * omega[worst], response(control.ss(K_v), omega[[worst]])[0]
     assert abs(delta) < 1
     assert 1 + G_p * k_v * (1 + 4 / s) == pytest.approx(0, abs=1e-9)
-    assert disk_margin(G * K).alpha == pytest.approx(report.disk_margin, rel=1e-3)
+    assert disk_margin(G * K).alpha == pytest.approx(report.margins.disk, rel=1e-3)
 
 
 def test_a_velocity_from_differences_of_a_position():
     """Under a clock: u = K_v (K_x (r - x) - (x[k] - x[k-1])/dt), step by step and as one controller."""
     dt, G = 0.01, control.ss(control.tf([1], [1, 2, 0]))
     difference = control.tf([1, -1], [dt, 0], dt)
-    K = cascade(5.0, 8.0, inner=difference)
+    K = nested_loops(5.0, 8.0, inner=difference)
     plant = sampled(G, dt)
     x, before, state, path = 0.0, 0.0, np.zeros((2, 1)), [0.0]
     for _ in range(300):
@@ -80,7 +80,7 @@ def test_a_velocity_from_differences_of_a_position():
 
 def test_cascade_refuses_parts_that_do_not_fit():
     with pytest.raises(ValueError, match="K_inner must have the sampling time of all other parts"):
-        cascade(control.tf([1], [1, 0]), control.tf([1, 0.5], [1, -1], 0.1))
+        nested_loops(control.tf([1], [1, 0]), control.tf([1, 0.5], [1, -1], 0.1))
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_feedforward_errors_are_those_of_the_set(form):
     G, w, K = control.tf([2], [1, 1]), control.tf([0.02, 0.05], [0.2, 1]), control.tf([1, 1], [1, 0])
     T_ref = control.tf([1], [0.3, 1])
     model = UncertaintyModel(G, w, form, LINES, 1e-3 * np.ones(2), perturbation="LTI")
-    found = feedforward(model, K, T_ref)
+    found = feedforward_filter(model, K, T_ref)
     assert found.gamma_min <= found.gamma
     assert found.error.max() < 0.02
     at = slice(None, None, 60)
@@ -117,10 +117,10 @@ def test_feedforward_under_a_clock_and_where_it_is_refused():
     G, w = control.tf([2], [1, 1]), control.tf([0.1], [1])
     model = UncertaintyModel(G, w, "multiplicative", LINES, np.full(2, 0.1), perturbation="LTI")
     K = control.ss([], [], [], [[1.0]], 0.02)
-    found = feedforward(model, K, control.tf([1], [0.3, 1]), delay=0.02)
+    found = feedforward_filter(model, K, control.tf([1], [0.3, 1]), delay=0.02)
     assert found.F.dt == 0.02
     slow = found.omega < 2
     assert found.error_worst[slow].max() < 0.3 * found.error_without[slow].max()
     unstable = UncertaintyModel(control.tf([1], [1, -1]), w, "multiplicative", LINES, np.full(2, 0.1))
     with pytest.raises(ValueError, match="model must have a stable nominal to be fed forward to, got a pole at 1"):
-        feedforward(unstable, 3.0, control.tf([1], [1, 1]))
+        feedforward_filter(unstable, 3.0, control.tf([1], [1, 1]))

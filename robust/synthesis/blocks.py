@@ -1,28 +1,36 @@
-"""Blocks with free parameters: what each is as a state space, and how its parameters are bounded and scaled.
+"""The elements of controllers: what each is as a system and as a section of a drive, and what `tune` may move in it.
 
-    Gain        a matrix                           K
+    Notch       (p^2 + depth width p + 1)/(p^2 + width p + 1)
+    Lead        (r p + 1)/(p + r), r^2 = (1 + sin phase)/(1 - sin phase)
+    Lag         (p + 1)/(p + 1/gain)
+    LowPass     1/(p^2 + 2 zeta p + 1), or 1/(p + 1)
+    Biquad      (p^2/q^2 + 2 numerator_zeta p/q + 1)/(p^2 + 2 zeta p + 1), q = numerator_omega/omega
     Pid         kp + ki/s + kd s/(filter_time s + 1)
-    Notch       (s^2 + depth width omega s + omega^2)/(s^2 + width omega s + omega^2)
-    Lead        r (s + omega/r)/(s + omega r), r^2 = (1 + sin phase)/(1 - sin phase)
-    Filter2     omega^2/(s^2 + 2 zeta omega s + omega^2)
+    Gain        a matrix
     StateSpace  any A, B, C, D of a given order
 
-Under a clock s = 2/T (z - 1)/(z + 1): each block is its own Tustin image, so that the controller that was tuned is the
-one that runs. A parameter that starts positive (or negative) keeps its sign and is searched for in logarithms.
+with p = s/omega. Every frequency is an `omega` [rad/s], as in the rest of the package; 2 pi f of one in Hz. Under a
+clock T an element is its bilinear image: a filter is exact at its own omega, p = (z - 1)/(z + 1)/tan(omega T/2), a PID
+at zero frequency, s = 2/T (z - 1)/(z + 1), which is the trapezoidal rule of a PLC. What was tuned is what runs.
+
+`tune` joins blocks by the signals that they read and drive; anywhere else these stay empty. A parameter that starts
+positive (or negative) keeps its sign and is searched for in logarithms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import (
     require_integer,
     require_kind,
+    require_nonnegative,
     require_positive,
     require_real,
     require_real_array,
@@ -34,11 +42,14 @@ from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable
 
 Names: TypeAlias = str | Sequence[str]
+#: Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest power first.
+Numbers: TypeAlias = Mapping[str, Any]
+Coefficients: TypeAlias = tuple[list[Any], list[Any]]
 #: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
 RANGE_RATIO = 1000.0
 #: The fastest pole of a sampled block over 2/T, as in `design_frf`: beyond it the sampled block rings.
 MAX_SAMPLED_RATE = 5.0
-NO_STATES = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)))
+TWO_PI = 2 * np.pi
 
 
 @value
@@ -85,24 +96,26 @@ class Parameter:
         return f"{block}.{self.name}{place}"
 
 
+@value
 class TunableBlock:
     """What all blocks share: signals, free parameters, bounds. Subclasses are values with numbers as fields."""
 
     #: Fields with numbers, and those that keep their sign.
-    NUMBERS: tuple[str, ...] = ()
-    SIGNED: tuple[str, ...] = ()
+    NUMBERS: ClassVar[tuple[str, ...]] = ()
+    SIGNED: ClassVar[tuple[str, ...]] = ()
     #: Bounds that the meaning of a parameter sets.
-    LIMITS: Mapping[str, tuple[float, float]] = {}
+    LIMITS: ClassVar[Mapping[str, tuple[float, float]]] = {}
 
-    reads: Names
-    drives: Names
-    fixed: Any
-    lower: Any
-    upper: Any
+    reads: Names = ""
+    drives: Names = ""
+    fixed: Any = ()
+    lower: Any = None
+    upper: Any = None
 
     def __post_init__(self) -> None:
         for name in ("reads", "drives"):
-            object.__setattr__(self, name, signal_names(name, getattr(self, name)))
+            given = getattr(self, name)
+            object.__setattr__(self, name, () if given in ("", ()) else signal_names(name, given))
         fixed = (self.fixed,) if isinstance(self.fixed, str) else self.fixed
         if not isinstance(fixed, tuple | list) or not set(fixed) <= set(self.NUMBERS):
             raise ValueError(f"fixed must name parameters ({', '.join(self.NUMBERS)}), got {short_form(self.fixed)}")
@@ -124,19 +137,20 @@ class TunableBlock:
 
     def check_numbers(self) -> None:
         """Check the numbers of the block, and how many signals it has."""
-        if len(self.reads) != 1 or len(self.drives) != 1:
+        if len(self.reads) > 1 or len(self.drives) > 1:
             raise ValueError(
                 f"reads and drives must name one signal each, got {len(self.reads)} and {len(self.drives)}"
             )
         for name in self.NUMBERS:
-            number = getattr(self, name)
-            if number is not None:
-                number = require_positive(name, number) if name in self.LIMITS else require_real(name, number)
-                object.__setattr__(self, name, number)
+            object.__setattr__(self, name, self.check_number(name, getattr(self, name)))
+
+    def check_number(self, name: str, number: float) -> float:
+        """Return a number of the block, or a refusal."""
+        return require_positive(name, number) if name in self.LIMITS else require_real(name, number)
 
     def present(self) -> list[str]:
         """Return the names of the numbers that this block has: a part that is left out has none."""
-        return [name for name in self.NUMBERS if getattr(self, name) is not None]
+        return list(self.NUMBERS)
 
     def free_mask(self, name: str) -> np.ndarray:
         """Return which entries of a number or matrix are free."""
@@ -175,26 +189,41 @@ class TunableBlock:
     def natural_bounds(self, name: str, dt: float) -> tuple[float, float]:
         """Return bounds that follow from what the parameter is."""
         low, high = self.LIMITS.get(name, (-np.inf, np.inf))
-        fastest = MAX_SAMPLED_RATE * 2 / dt if dt else np.inf
-        if name == "omega":
-            return low, fastest
-        return (max(low, 1 / fastest), high) if name == "filter_time" else (low, high)
+        if dt and name.endswith("omega"):
+            return low, 2 / dt * np.arctan(MAX_SAMPLED_RATE)
+        if dt and name == "filter_time":
+            return max(low, dt / 2 / MAX_SAMPLED_RATE), high
+        return low, high
 
-    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
-        """Return A, B, C, D in s for these numbers, which may be complex; complex analytic in them."""
+    def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
+        """Return A, B, C, D for these numbers, which may be complex; complex analytic in them.
+
+        In s, or under a clock dt [s] in 2/dt (z - 1)/(z + 1).
+        """
         raise NotImplementedError
 
     def system(self, dt: float = 0.0) -> control.StateSpace:
-        """Return the block as a system with its signal names, sampled by Tustin where dt [s] is given.
+        """Return the block as a system with the names of its signals, sampled where dt [s] is given.
 
         It is a start for `design_frf`, and `pid_gains` reads it.
         """
-        A, B, C, D = (np.asarray(part, dtype=float) for part in self.state_space(parameter_values(self)))
+        dt = require_nonnegative("dt", dt)
+        self.require_below_nyquist(dt)
+        A, B, C, D = (np.asarray(part, dtype=float) for part in self.state_space(parameter_values(self), dt))
         if dt:
             root = np.sqrt(dt / 2)  # s in units of 2/T
             A, B, C, D = to_discrete(A * dt / 2, B * root, C * root, D)
-        names = {"inputs": list(self.reads), "outputs": list(self.drives)}
+        names = {"inputs": list(self.reads) or None, "outputs": list(self.drives) or None}
         return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
+
+    def require_below_nyquist(self, dt: float) -> None:
+        """Refuse a frequency that a clock dt [s] does not have."""
+        omega = getattr(self, "omega", 0.0)
+        if omega * dt >= np.pi:
+            raise ValueError(
+                f"omega must lie below half the sampling frequency, {np.pi / dt:.6g} rad/s ({0.5 / dt:.6g} Hz), got "
+                f"{omega:.6g} rad/s ({omega / TWO_PI:.6g} Hz)"
+            )
 
     @property
     def order(self) -> int:
@@ -208,6 +237,20 @@ def signal_names(name: str, given: Names) -> tuple[str, ...]:
     if not isinstance(names, tuple | list) or not names or not all(isinstance(one, str) and one for one in names):
         raise ValueError(f"{name} must name one signal or several, got {short_form(given)}")
     return tuple(names)
+
+
+def second_order_section(numerator: ArrayLike, denominator: ArrayLike, scale: float) -> np.ndarray:
+    """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, of a quotient of polynomials in scale (z - 1)/(z + 1).
+
+    Both have the same number of coefficients, at most three, highest power first.
+
+    >>> second_order_section([0.0, 1.0], [1.0, 1.0], 1.0)           # 1/(p + 1), p = (z - 1)/(z + 1)
+    array([0.5, 0.5, 0. , 1. , 0. , 0. ])
+    """
+    n = np.size(denominator) - 1
+    powers = [scale ** (n - k) * np.atleast_1d(np.poly([1.0] * (n - k) + [-1.0] * k)) for k in range(n + 1)]
+    b, a = (np.asarray(one) @ np.array(powers) for one in (numerator, denominator))
+    return np.concatenate([np.pad(one, (0, 2 - n)) for one in (b / a[0], a / a[0])])
 
 
 def parameter_values(block: TunableBlock) -> dict[str, np.ndarray]:
@@ -256,12 +299,7 @@ class Gain(TunableBlock):
     """
 
     K: Any
-    reads: Names
-    drives: Names
     free: Any = None
-    fixed: Any = ()
-    lower: Mapping[str, float | np.ndarray] | None = None
-    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("K",)
     matrix_block = True
@@ -284,7 +322,7 @@ class Gain(TunableBlock):
         """Return which entries are free."""
         return self.free & (name not in self.fixed)
 
-    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
+    def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return no states."""
         K = np.asarray(numbers["K"])
         return np.zeros((0, 0)), np.zeros((0, K.shape[1])), np.zeros((K.shape[0], 0)), K
@@ -296,11 +334,11 @@ class Pid(TunableBlock):
 
     Fields
     ------
-    kp, ki, kd : float, optional
+    kp, ki, kd : float
         Gains where the search starts: unit of drives over reads, the same per second, the same times seconds. A part
-        that is not given is not there. Each gain keeps its sign.
-    filter_time : float, optional
-        Time constant of the derivative filter [s]; where kd is given.
+        whose gain is zero is not there. Each gain keeps its sign.
+    filter_time : float
+        Time constant of the derivative filter [s]; positive where there is a kd.
     reads, drives : str
         Signals: drives = Pid reads.
     fixed : tuple of str
@@ -312,7 +350,7 @@ class Pid(TunableBlock):
     Raises
     ------
     ValueError
-        No part at all, a gain of zero, a derivative without filter, names that are no parameters.
+        A derivative without filter, names that are no parameters.
 
     References
     ----------
@@ -324,18 +362,13 @@ class Pid(TunableBlock):
     1
     """
 
-    reads: Names
-    drives: Names
-    kp: float | None = None
-    ki: float | None = None
-    kd: float | None = None
-    filter_time: float | None = None
-    fixed: Any = ()
-    lower: Mapping[str, float | np.ndarray] | None = None
-    upper: Mapping[str, float | np.ndarray] | None = None
+    kp: float = 0.0
+    ki: float = 0.0
+    kd: float = 0.0
+    filter_time: float = 0.0
 
     NUMBERS = ("kp", "ki", "kd", "filter_time")
-    SIGNED = ("kp", "ki", "kd", "filter_time")
+    SIGNED = NUMBERS
 
     @classmethod
     def from_gains(cls, gains: Any, *, reads: str, drives: str) -> Pid:
@@ -345,28 +378,25 @@ class Pid(TunableBlock):
         >>> Pid.from_gains(PidGains(kp=2.0, ki=10.0), reads="e", drives="u").ki
         10.0
         """
-        numbers = {name: getattr(gains, name) or None for name in cls.NUMBERS}
-        return cls(reads=reads, drives=drives, **numbers)
+        return cls(reads=reads, drives=drives, **{name: getattr(gains, name) for name in cls.NUMBERS})
 
     def check_numbers(self) -> None:
-        """Check the gains, and that each part is whole."""
+        """Check the gains, and that a derivative has its filter."""
         super().check_numbers()
-        if self.kp is None and self.ki is None and self.kd is None:
-            raise ValueError("kp must be given, or ki or kd: a PID needs at least one part, got none")
-        for name in self.present():
-            if getattr(self, name) == 0:
-                raise ValueError(f"{name} must not start at zero: leave it out, or start it at its sign, got 0")
-        if (self.kd is None) != (self.filter_time is None):
+        require_nonnegative("filter_time", self.filter_time)
+        if self.kd and not self.filter_time:
             raise ValueError(
-                "filter_time must be given [s] where kd is, and only there: a derivative needs a filter, got "
-                f"kd = {self.kd} and filter_time = {self.filter_time}"
+                "filter_time must be positive [s] where kd is not zero: a derivative needs a filter, got 0"
             )
-        if self.filter_time is not None:
-            require_positive("filter_time", self.filter_time)
 
-    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
+    def present(self) -> list[str]:
+        """Return the gains that are not zero, and the filter of a derivative."""
+        gains = [name for name in ("kp", "ki", "kd") if getattr(self, name)]
+        return [*gains, "filter_time"] if self.kd else gains
+
+    def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return integral and derivative side by side."""
-        rows: list[tuple[Any, Any, Any]] = []
+        rows = []
         D = numbers.get("kp", 0.0)
         if "ki" in numbers:
             rows.append((0.0, 1.0, numbers["ki"]))
@@ -379,71 +409,125 @@ class Pid(TunableBlock):
         C = np.array([[row[2] for row in rows]]).reshape(1, len(rows))
         return A, B, C, np.array([[D]])
 
+    def section(self, fs: float) -> np.ndarray:
+        """Return (6,) b0 b1 b2 1 a1 a2 of the PID sampled at fs [Hz], in powers of z^-1."""
+        kp, ki, kd, tau = self.kp, self.ki, self.kd, self.filter_time if self.kd else 0.0
+        numerator, denominator = [kp * tau + kd, kp + ki * tau, ki], [tau, 1.0, 0.0]
+        first, last = 0 if self.kd else 1, 3 if self.ki else 2
+        return second_order_section(numerator[first:last], denominator[first:last], 2 * require_positive("fs", fs))
+
 
 @value
-class Notch(TunableBlock):
-    """(s^2 + depth width omega s + omega^2)/(s^2 + width omega s + omega^2), as `robust.shaping.notch` has it.
+class Filter(TunableBlock):
+    """A filter of first or second order: a quotient of polynomials in p = s/omega.
+
+    Sampled, it has at omega exactly the response of the continuous one.
+    """
+
+    #: What messages call it.
+    KIND = "filter"
+
+    omega: float
+
+    def polynomials(self, numbers: Numbers) -> Coefficients:
+        """Return coefficients of numerator and denominator in p, highest power first, the first of these one."""
+        raise NotImplementedError
+
+    def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
+        """Return states in units of omega, so that the rows of A are alike; under a clock of its image."""
+        omega = numbers["omega"]
+        rate = 2 / dt * np.tan(omega * dt / 2) if dt else omega
+        (direct, *top), (_, *bottom) = self.polynomials(numbers)
+        n = len(bottom)
+        A = np.eye(n, k=1, dtype=np.result_type(*bottom, rate))
+        A[-1] = [-a for a in reversed(bottom)]
+        C = np.array([[b - direct * a for b, a in zip(reversed(top), reversed(bottom), strict=True)]])
+        return rate * A, rate * np.eye(n)[:, -1:], C, np.array([[direct]])
+
+    def section(self, fs: float) -> np.ndarray:
+        """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1: as a drive runs it."""
+        self.require_below_nyquist(1 / require_positive("fs", fs))
+        return second_order_section(*self.polynomials(vars(self)), 1 / np.tan(self.omega / fs / 2))
+
+    def __str__(self) -> str:
+        return f"{self.KIND} at {self.omega / TWO_PI:g} Hz"
+
+
+@value
+class Notch(Filter):
+    """(p^2 + depth width p + 1)/(p^2 + width p + 1), p = s/omega: a band around a resonance is taken out.
 
     Fields
     ------
     omega : float
-        Its frequency at the start [rad/s]; under a clock in the plane of the bilinear map.
-    depth, width : float
-        Gain there, and width relative to omega, 2 zeta of the poles.
+        Its frequency [rad/s].
+    depth : float
+        Gain there: 0 takes it out altogether, above one it is a peak. Tuned between 0.001 and 1 when no bounds are
+        given.
+    width : float
+        Relative width, 2 zeta of the poles: a notch of depth zero has a gain of 1/sqrt(2) at two frequencies whose
+        distance is width times omega. Tuned between 0.01 and 4 when no bounds are given.
     reads, drives, fixed, lower, upper : as for `Pid`
-        The depth lies between 0.001 and 1, the width between 0.01 and 4, when no bounds are given.
 
     Raises
     ------
     ValueError
-        Numbers that are not positive, names that are no parameters.
+        A frequency or width that is not positive, a negative depth, names that are no parameters.
 
     References
     ----------
     Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of Control 4 (1998).
+    Siemens, *SINAMICS S120 Function Manual Drive Functions*: current set point filters, bandstop with its blocking
+    frequency, bandwidth (here `width` times it) and numerator bandwidth (here `depth` times the bandwidth).
 
     Examples
     --------
-    >>> Notch(omega=500.0, reads="u_c", drives="u").depth
-    0.3
+    A notch at 83 Hz, 20 Hz wide, under a clock of 4 kHz.
+
+    >>> slot = Notch(omega=2 * np.pi * 83.0, depth=0.1, width=20.0 / 83.0)
+    >>> b, a = slot.section(4000.0).reshape(2, 3)
+    >>> q = np.exp(-2j * np.pi * 83.0 / 4000.0)
+    >>> round(float(abs(np.polyval(b[::-1], q) / np.polyval(a[::-1], q))), 9)
+    0.1
     """
 
     omega: float
-    reads: Names
-    drives: Names
     depth: float = 0.3
     width: float = 0.6
-    fixed: Any = ()
-    lower: Mapping[str, float | np.ndarray] | None = None
-    upper: Mapping[str, float | np.ndarray] | None = None
 
+    KIND = "notch"
     NUMBERS = ("omega", "depth", "width")
     SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "depth": (1e-3, 1.0), "width": (1e-2, 4.0)}  # noqa: RUF012
 
-    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
-        """Return states in units of omega, so that both rows of A are alike."""
-        w, depth, width = numbers["omega"], numbers["depth"], numbers["width"]
-        A = w * np.array([[0.0 * w, 1.0 + 0 * w], [-1.0 + 0 * w, -width]])
-        return A, w * np.array([[0.0], [1.0]]), np.array([[0.0 * w, (depth - 1) * width]]), np.ones((1, 1))
+    def check_number(self, name: str, number: float) -> float:
+        """Return a number of the block, or a refusal; the depth may be zero."""
+        return require_nonnegative(name, number) if name == "depth" else super().check_number(name, number)
+
+    def polynomials(self, numbers: Numbers) -> Coefficients:
+        """Return coefficients in p."""
+        depth, width = numbers["depth"], numbers["width"]
+        return [1.0, depth * width, 1.0], [1.0, width, 1.0]
 
 
 @value
-class Lead(TunableBlock):
-    """r (s + omega/r)/(s + omega r): phase lead at omega, gain one there, as `robust.shaping.lead` has it.
+class Lead(Filter):
+    """(r p + 1)/(p + r), p = s/omega: phase lead at omega, gain one there; what a crossover near the limit needs.
+
+    r^2 = (1 + sin phase)/(1 - sin phase): the gain falls by r below omega and rises by r above it.
 
     Fields
     ------
     omega : float
-        Where the lead is largest, at the start [rad/s].
+        Where the lead is largest [rad/s].
     phase : float
-        Lead there [rad]; between 0.01 and 1.5 when no bounds are given.
+        Lead there [rad], below pi/2. Tuned between 0.01 and 1.5 when no bounds are given.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
     ------
     ValueError
-        A frequency that is not positive, a phase that is not between its bounds, names that are no parameters.
+        A frequency that is not positive, a phase that is not between zero and pi/2, names that are no parameters.
 
     References
     ----------
@@ -451,74 +535,200 @@ class Lead(TunableBlock):
 
     Examples
     --------
-    >>> round(float(Lead(omega=10.0, phase=0.8, reads="e", drives="u").parameters(0.0)[1].upper), 3)
-    1.5
+    >>> K = Lead(omega=10.0, phase=np.radians(50)).system()
+    >>> round(float(abs(K(10j))), 9), round(float(np.degrees(np.angle(K(10j)))), 9)
+    (1.0, 50.0)
     """
 
     omega: float
-    reads: Names
-    drives: Names
     phase: float = 0.8
-    fixed: Any = ()
-    lower: Mapping[str, float | np.ndarray] | None = None
-    upper: Mapping[str, float | np.ndarray] | None = None
 
+    KIND = "lead"
     NUMBERS = ("omega", "phase")
     SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "phase": (1e-2, 1.5)}  # noqa: RUF012
 
-    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
-        """One state: r + r omega (1/r - r)/(s + omega r)."""
-        w = numbers["omega"]
+    def check_number(self, name: str, number: float) -> float:
+        """Return a number of the block, or a refusal."""
+        if super().check_number(name, number) >= np.pi / 2 and name == "phase":
+            raise ValueError(f"phase must be below pi/2 rad for one lead, got {number:g}. Take two")
+        return float(number)
+
+    def polynomials(self, numbers: Numbers) -> Coefficients:
+        """Return coefficients in p."""
         sine = np.sin(numbers["phase"])
         r = np.sqrt((1 + sine) / (1 - sine))
-        return np.array([[-w * r]]), np.array([[w * r]]), np.array([[1 / r - r]]), np.array([[r]])
+        return [r, 1.0], [1.0, r]
 
 
 @value
-class Filter2(TunableBlock):
-    """omega^2/(s^2 + 2 zeta omega s + omega^2): a low-pass filter of second order, as `robust.shaping.roll_off` has it.
+class Lag(Filter):
+    """(p + 1)/(p + 1/gain), p = s/omega: more gain below omega, one above it; with gain inf it is PI action.
 
     Fields
     ------
     omega : float
-        Corner at the start [rad/s].
-    zeta : float
-        Damping; between 0.1 and 2 when no bounds are given.
+        Up to where the gain is raised [rad/s]; a tenth of the crossover costs it 6 degrees.
+    gain : float
+        Gain at zero frequency, above one; inf for an integrator, which is not tuned.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
     ------
     ValueError
-        Numbers that are not positive, names that are no parameters.
+        A frequency that is not positive, a gain of one or less, names that are no parameters.
+
+    References
+    ----------
+    Franklin, Powell & Emami-Naeini, *Feedback Control of Dynamic Systems*, 6.7.
+
+    Examples
+    --------
+    >>> K = Lag(omega=1.0, gain=20.0).system()
+    >>> round(float(abs(K(0))), 9), round(float(abs(K(1e6j))), 6)
+    (20.0, 1.0)
+    """
+
+    omega: float
+    gain: float = np.inf
+
+    KIND = "lag"
+    NUMBERS = ("omega", "gain")
+    SIGNED = NUMBERS
+    LIMITS = {"omega": (0.0, np.inf), "gain": (1.0, np.inf)}  # noqa: RUF012
+
+    def check_number(self, name: str, number: float) -> float:
+        """Return a number of the block, or a refusal; the gain may be infinite."""
+        if name == "gain" and isinstance(number, float) and np.isposinf(number):
+            return number
+        if super().check_number(name, number) <= 1 and name == "gain":
+            raise ValueError(f"gain must be above 1, got {number:g}")
+        return float(number)
+
+    def present(self) -> list[str]:
+        """Return the names of the numbers; an infinite gain is none."""
+        return ["omega", "gain"] if np.isfinite(self.gain) else ["omega"]
+
+    def polynomials(self, numbers: Numbers) -> Coefficients:
+        """Return coefficients in p."""
+        return [1.0, 1.0], [1.0, 1 / numbers.get("gain", np.inf)]
+
+
+@value
+class LowPass(Filter):
+    """1/(p^2 + 2 zeta p + 1) or 1/(p + 1), p = s/omega: above it noise and unknown modes are left alone.
+
+    Fields
+    ------
+    omega : float
+        Corner [rad/s].
+    zeta : float
+        Damping ratio of second order; 1/sqrt(2) for the flattest gain (Butterworth). Tuned between 0.1 and 2 when no
+        bounds are given.
+    order : int
+        1 or 2.
+    reads, drives, fixed, lower, upper : as for `Pid`
+
+    Raises
+    ------
+    ValueError
+        A frequency or damping that is not positive, an order other than one or two, names that are no parameters.
 
     References
     ----------
     Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of Control 4 (1998).
+    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, 9.2.
 
     Examples
     --------
-    >>> Filter2(omega=1000.0, reads="u_c", drives="u").order
-    2
+    >>> round(float(abs(LowPass(omega=10.0, zeta=0.5).system()(10j))), 9)
+    1.0
+    >>> b, a = LowPass(omega=2 * np.pi * 800).section(4000.0).reshape(2, 3)
+    >>> round(float(b.sum() / a.sum()), 9)                            # gain one at zero frequency
+    1.0
     """
 
     omega: float
-    reads: Names
-    drives: Names
-    zeta: float = 0.7
-    fixed: Any = ()
-    lower: Mapping[str, float | np.ndarray] | None = None
-    upper: Mapping[str, float | np.ndarray] | None = None
+    zeta: float = np.sqrt(0.5)
+    order: int = 2
 
+    KIND = "low-pass"
     NUMBERS = ("omega", "zeta")
     SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "zeta": (0.1, 2.0)}  # noqa: RUF012
 
-    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
-        """Return states in units of omega."""
-        w, zeta = numbers["omega"], numbers["zeta"]
-        A = w * np.array([[0.0 * w, 1.0 + 0 * w], [-1.0 + 0 * w, -2 * zeta]])
-        return A, w * np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
+    def check_numbers(self) -> None:
+        """Check numbers and order."""
+        super().check_numbers()
+        if require_integer("order", self.order, least=1) > 2:
+            raise ValueError(f"order must be 1 or 2, got {self.order}")
+
+    def present(self) -> list[str]:
+        """Return the names of the numbers; a filter of first order has no damping."""
+        return ["omega", "zeta"][: self.order]
+
+    def polynomials(self, numbers: Numbers) -> Coefficients:
+        """Return coefficients in p."""
+        if self.order == 1:
+            return [0.0, 1.0], [1.0, 1.0]
+        return [0.0, 0.0, 1.0], [1.0, 2 * numbers["zeta"], 1.0]
+
+
+@value
+class Biquad(Filter):
+    """(p^2/q^2 + 2 numerator_zeta p/q + 1)/(p^2 + 2 zeta p + 1), p = s/omega, q = numerator_omega/omega.
+
+    The general filter of second order, of gain one at zero frequency.
+
+    Fields
+    ------
+    omega, numerator_omega : float
+        Natural frequencies of denominator and numerator [rad/s].
+    zeta, numerator_zeta : float
+        Their damping ratios; that of the numerator may be zero.
+    reads, drives, fixed, lower, upper : as for `Pid`
+
+    Raises
+    ------
+    ValueError
+        A frequency or the damping of the denominator that is not positive, a negative damping of the numerator.
+
+    References
+    ----------
+    Siemens, *SINAMICS S120 Function Manual Drive Functions*: general filter of second order.
+
+    Examples
+    --------
+    >>> hz = 2 * np.pi
+    >>> slot = Biquad(omega=80 * hz, zeta=0.5, numerator_omega=47 * hz, numerator_zeta=0.02)
+    >>> b, a = slot.section(4000.0).reshape(2, 3)
+    >>> round(float(b.sum() / a.sum()), 9)
+    1.0
+    """
+
+    omega: float
+    zeta: float
+    numerator_omega: float
+    numerator_zeta: float
+
+    KIND = "biquad"
+    NUMBERS = ("omega", "zeta", "numerator_omega", "numerator_zeta")
+    SIGNED = NUMBERS
+    LIMITS = {  # noqa: RUF012
+        "omega": (0.0, np.inf),
+        "zeta": (1e-2, 2.0),
+        "numerator_omega": (0.0, np.inf),
+        "numerator_zeta": (0.0, 2.0),
+    }
+
+    def check_number(self, name: str, number: float) -> float:
+        """Return a number of the block, or a refusal; the numerator may have no damping."""
+        return require_nonnegative(name, number) if name == "numerator_zeta" else super().check_number(name, number)
+
+    def polynomials(self, numbers: Numbers) -> Coefficients:
+        """Return coefficients in p."""
+        ratio = numbers["omega"] / numbers["numerator_omega"]
+        return [ratio**2, 2 * numbers["numerator_zeta"] * ratio, 1.0], [1.0, 2 * numbers["zeta"], 1.0]
 
 
 @value
@@ -554,15 +764,10 @@ class StateSpace(TunableBlock):
     """
 
     n_states: int
-    reads: Names
-    drives: Names
     A: Any = None
     B: Any = None
     C: Any = None
     D: Any = None
-    fixed: Any = ()
-    lower: Mapping[str, float | np.ndarray] | None = None
-    upper: Mapping[str, float | np.ndarray] | None = None
 
     NUMBERS = ("A", "B", "C", "D")
     matrix_block = True
@@ -604,7 +809,7 @@ class StateSpace(TunableBlock):
             object.__setattr__(self, name, read_only(given.copy()))
         object.__setattr__(self, "n_states", n)
 
-    def state_space(self, numbers: Mapping[str, np.ndarray]) -> Matrices:
+    def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return the matrices themselves."""
         return tuple(np.asarray(numbers[name]) for name in "ABCD")  # type: ignore[return-value]
 
@@ -621,4 +826,8 @@ def require_blocks(blocks: Any) -> dict[str, TunableBlock]:
         raise ValueError(f"blocks must be named blocks, {{name: robust.tuning.Pid(...)}}, got {short_form(blocks)}")
     for name, block in blocks.items():
         require_kind(f"blocks[{name!r}]", block, TunableBlock)
+        if not (block.reads and block.drives):
+            raise ValueError(
+                f"blocks[{name!r}] must name the signal that it reads and the one that it drives, got none"
+            )
     return dict(blocks)

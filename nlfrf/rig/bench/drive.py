@@ -1,4 +1,4 @@
-"""The settings of a drive: gains, filters, sampling and units.
+"""A drive: gains, filters, sampling and units, of a simulated axis as of a real one.
 
 r --->(+)-->[ kv ]-->(+)-->[ kp (1 + 1/(tn s)) ]-->[filters]-->[limit]--- i* -->[delay]-->[1/(lag s + 1)]--> motor
      -^             -^
@@ -8,29 +8,43 @@ r --->(+)-->[ kv ]-->(+)-->[ kp (1 + 1/(tn s)) ]-->[filters]-->[limit]--- i* -->
 
 from __future__ import annotations
 
+from typing import NamedTuple, Protocol
+
 import numpy as np
 
 from nlfrf._base.arguments import (
     ratio_unit,
     require_choice,
     require_integer,
-    require_kind,
     require_nonnegative,
     require_positive,
     require_real,
+    require_real_array,
 )
+from nlfrf._base.drive_entries import USUAL_KV, is_unusual_gain
 from nlfrf._base.units import parse_gain_unit, position_factor
-from nlfrf._base.values import value
-from robust.drive.filters import FilterSlot
+from nlfrf._base.values import ArrayField, freeze_array, value
 
-#: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
-#: misread is off by a factor of 16.7 or 60.
-USUAL_KV = (5.0, 1000.0)
+
+class FilterSlot(Protocol):
+    """What runs in a filter slot of a drive: `Notch`, `LowPass` and `Biquad` of `robust.tuning` do."""
+
+    def section(self, fs: float) -> np.ndarray:
+        """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1."""
+
+
+class Scale(NamedTuple):
+    """Unit of a measured position, and how many m or rad of the velocity loop it is."""
+
+    unit: str
+    factor: float
 
 
 @value
-class DriveSettings:
+class Drive:
     """What is typed into a drive: a position P, a velocity PI, filters, and the units of it all.
+
+    While the output is limited, the integrator of a simulated axis does not run further into the limit.
 
     Parameters
     ----------
@@ -50,21 +64,21 @@ class DriveSettings:
         Time constant of the current loop [s].
     delay_periods : float
         From sampling to the current set point changing, in periods of `fs`; any part of one, or several.
-    filters : tuple of FilterSlot
-        Between the velocity loop and the limit, from `notch`, `low_pass` and `biquad`.
+    filters : tuple of Notch, LowPass, Biquad, or (S, 6) ndarray
+        Between the velocity loop and the limit: elements of `robust.tuning`, or second-order sections as scipy.signal
+        makes them.
     position_every : int
         The position loop runs in every so many periods of the velocity loop.
     encoder : str
         "motor" or "load": which of them both loops read. "both": velocity of the motor, position of the load.
-    velocity_from : str
-        "differences": of two positions, behind a low-pass of `velocity_lag`. "observer": a tracking loop of second
-        order, critically damped, s/(s/omega + 1)^2 with omega of `observer_frequency`.
     velocity_lag : float
-        Time constant of the low-pass on the differences [s].
+        Time constant of a low-pass on the velocity, the difference of two positions [s].
     observer_frequency : float
-        Natural frequency of the observer [Hz].
+        Natural frequency [Hz] of an observer in place of the differences: a tracking loop of second order, critically
+        damped, s/(s/omega + 1)^2. nan: differences.
     velocity_feedforward : float
-        Share of the velocity of the position set point that goes straight to the velocity loop, 0 to 1.
+        Share of the velocity of the position set point that goes straight to the velocity loop, 0 to 1; the presets of
+        `nlfrf.servo_axis` have 1.
     limit : float
         Of the current or force set point, either way, in the output unit of `kp_unit`.
     position_unit, load_unit : str
@@ -79,7 +93,8 @@ class DriveSettings:
     Raises
     ------
     ValueError
-        Numbers out of range, a unit that is not known, a factor that is missing.
+        Numbers out of range, a unit that is not known, a factor that is missing, filters that are no second-order
+        sections.
 
     References
     ----------
@@ -87,8 +102,8 @@ class DriveSettings:
 
     Examples
     --------
-    >>> settings = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
-    >>> print(settings)
+    >>> drive = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
+    >>> print(drive)
     position loop kv = 100 1/s = 6 (m/min)/mm, every 0.25 ms
     velocity loop kp = 143 A/(m/s), tn = 10 ms, velocity from differences, every 0.25 ms
     force constant 52.8 N/A; current loop: lag 0 ms, delay 0.25 ms
@@ -102,10 +117,9 @@ class DriveSettings:
     torque_constant: float = np.nan
     lag: float = 0.0
     delay_periods: float = 1.0
-    filters: tuple[FilterSlot, ...] = ()
+    filters: ArrayField = ()
     position_every: int = 1
     encoder: str = "motor"
-    velocity_from: str = "differences"
     velocity_lag: float = 0.0
     observer_frequency: float = np.nan
     velocity_feedforward: float = 0.0
@@ -117,36 +131,48 @@ class DriveSettings:
     assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("fs", "kp"):
-            require_positive(name, getattr(self, name))
-        for name in ("kv", "lag", "delay_periods", "velocity_lag"):
+        require_positive("fs", self.fs)
+        for name in ("kv", "kp", "lag", "delay_periods", "velocity_lag"):
             require_nonnegative(name, getattr(self, name))
         for name in ("tn", "limit"):
             if getattr(self, name) != np.inf:
                 require_positive(name, getattr(self, name))
-        for name in ("torque_constant", "unit_factor", "load_factor"):
+        for name in ("torque_constant", "observer_frequency", "unit_factor", "load_factor"):
             if not np.isnan(require_number(name, getattr(self, name))):
                 require_positive(name, getattr(self, name))
         if not 0 <= require_real("velocity_feedforward", self.velocity_feedforward) <= 1:
             raise ValueError(f"velocity_feedforward must lie between 0 and 1, got {self.velocity_feedforward:g}")
         require_integer("position_every", self.position_every, least=1)
         require_choice("encoder", self.encoder, ("motor", "load", "both"))
-        require_choice("velocity_from", self.velocity_from, ("differences", "observer"))
-        require_kind("filters", self.filters, tuple)
-        for slot in self.filters:
-            require_kind("filters", slot, FilterSlot)
-            slot.section(self.fs)
-        if self.velocity_from == "observer" and not require_real("observer_frequency", self.observer_frequency) > 0:
-            raise ValueError(f"observer_frequency must be positive, got {self.observer_frequency:g}")
-        base = parse_gain_unit(self.kp_unit)[1]
-        object.__setattr__(self, "position_unit", self.position_unit or base)
-        object.__setattr__(self, "load_unit", self.load_unit or self.position_unit)
-        if np.isnan(self.unit_factor):
-            object.__setattr__(self, "unit_factor", position_factor("unit_factor", self.position_unit, base))
-        if np.isnan(self.load_factor):
-            same = self.load_unit == self.position_unit
-            factor = self.unit_factor if same else position_factor("load_factor", self.load_unit, base)
-            object.__setattr__(self, "load_factor", factor)
+        object.__setattr__(self, "filters", filter_slots(self.filters))
+        _ = self.sections  # refuses a filter beyond half the sampling frequency
+        _ = self.load_scale  # refuses units and factors that do not fit
+
+    @property
+    def sections(self) -> np.ndarray:
+        """Return (S, 6) second-order sections of the filters."""
+        slots = [slot if isinstance(slot, np.ndarray) else slot.section(self.fs) for slot in self.filters]
+        return np.array(slots, dtype=float).reshape(-1, 6)
+
+    @property
+    def position_scale(self) -> Scale:
+        """Return unit of the measured position, of the motor with two encoders."""
+        unit = self.position_unit or self.base_unit
+        return Scale(unit, scale_factor("unit_factor", self.unit_factor, unit, self.base_unit))
+
+    @property
+    def load_scale(self) -> Scale:
+        """Return unit of the measured position of the load."""
+        position = self.position_scale
+        unit = self.load_unit or position.unit
+        if np.isnan(self.load_factor) and unit == position.unit:
+            return position
+        return Scale(unit, scale_factor("load_factor", self.load_factor, unit, self.base_unit))
+
+    @property
+    def velocity_from(self) -> str:
+        """Return "differences" or "observer"."""
+        return "differences" if np.isnan(self.observer_frequency) else "observer"
 
     @property
     def dt(self) -> float:
@@ -209,8 +235,11 @@ class DriveSettings:
             f"velocity loop kp = {self.kp:.6g} {self.kp_unit}, {reset}, velocity from {velocity}, every {period:g} ms",
         ]
         if self.encoder == "both":
-            rows.append(f"velocity of the motor [{self.position_unit}], position of the load [{self.load_unit}]")
-        rows += [f"filters: {', '.join(map(str, self.filters))}"] if self.filters else []
+            rows.append(
+                f"velocity of the motor [{self.position_scale.unit}], position of the load [{self.load_scale.unit}]"
+            )
+        named = ["a section" if isinstance(one, np.ndarray) else str(one) for one in self.filters]
+        rows += [f"filters: {', '.join(named)}"] if named else []
         constant = ratio_unit(self.force_unit, "A")
         known = "" if np.isnan(self.torque_constant) else f"force constant {self.torque_constant:g} {constant}; "
         guessed = f" ({' and '.join(self.assumed)} assumed, not given)" if self.assumed else ""
@@ -218,13 +247,22 @@ class DriveSettings:
         return "\n".join(rows)
 
 
-def is_unusual_gain(kv: float) -> bool:
-    """Return whether hardly any drive has a position gain kv [1/s]; none at all is not unusual.
+def filter_slots(given: object) -> tuple[FilterSlot | np.ndarray, ...]:
+    """Return filters as a tuple of elements and of sections, or a refusal."""
+    if isinstance(given, tuple | list) and all(hasattr(one, "section") for one in given):
+        return tuple(given)
+    sections = require_real_array("filters", given, ndim=2)
+    if sections.shape[1:] != (6,) or not np.allclose(sections[:, 3], 1):
+        raise ValueError(
+            "filters must be elements or second-order sections (S, 6) with 1 in the fourth column, got "
+            f"{'another fourth column' if sections.shape[1:] == (6,) else f'shape {sections.shape}'}"
+        )
+    return tuple(freeze_array(one) for one in sections)
 
-    >>> is_unusual_gain(3.6), is_unusual_gain(60.0), is_unusual_gain(0.0)
-    (True, False, False)
-    """
-    return bool(kv) and not USUAL_KV[0] <= kv <= USUAL_KV[1]
+
+def scale_factor(name: str, given: float, unit: str, base: str) -> float:
+    """Return how many base units one unit is: as it was given, or as its name says."""
+    return position_factor(name, unit, base) if np.isnan(given) else given
 
 
 def require_number(name: str, number: object) -> float:

@@ -16,7 +16,7 @@ from robust.lti.lti import is_constant, timebase
 from robust.lti.realisation import state_space
 
 
-def cascade(
+def nested_loops(
     K_outer: Controller, K_inner: Controller, *, outer: Weight = 1.0, inner: Weight = 1.0
 ) -> control.StateSpace:
     """Put an outer and an inner controller together into the one that their plant sees: for `check` and all the rest.
@@ -50,7 +50,7 @@ def cascade(
     --------
     Position over velocity for a mass, 1/s from force to velocity: s^2 + 4 s + 4 = 0.
 
-    >>> K = cascade(1.0, 4.0, outer=control.tf([1], [1, 0]))
+    >>> K = nested_loops(1.0, 4.0, outer=control.tf([1], [1, 0]))
     >>> control.feedback(control.tf([1], [1, 0]), control.ss2tf(K)).poles().real.round(6).tolist()
     [-2.0, -2.0]
     """

@@ -1,0 +1,79 @@
+"""The entries of a file that describe a drive, as the arguments of `Drive`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from nlfrf._base.arguments import require_known, short_form
+from nlfrf._base.types import JsonObject
+from nlfrf._base.units import parse_gain_unit, parse_quantity, split_quantity
+
+#: Position gains [1/s] that no warning is made of. Chosen: the four preset axes have 15 to 100 1/s, and a unit that is
+#: misread is off by a factor of 16.7 or 60.
+USUAL_KV = (5.0, 1000.0)
+#: Entry -> kind of quantity.
+NUMBERS = {
+    **dict.fromkeys(("fs", "observer_frequency"), "frequency"),
+    **dict.fromkeys(("tn", "lag", "delay", "velocity_lag"), "time"),
+    "kv": "rate",
+    "limit": "output",
+    "torque_constant": "torque constant",
+    "velocity_feedforward": "share",
+}
+#: Entries that are texts or whole numbers, as `Drive` takes them.
+PLAIN = ("position_every", "encoder", "position_unit", "load_unit", "unit_factor", "load_factor")
+#: Entries that a file may have whose numbers need no unit.
+WITHOUT_UNIT = ("delay_periods", "filters")
+
+
+def read_drive_entries(where: str, content: Mapping[str, object], *, position: str = "") -> JsonObject:
+    """Return the arguments of a `Drive`.
+
+    position : "m" or "rad", where a number without a unit is in m, rad, N, Nm, A and s. When it is not given, every
+        number must have its unit, and a file without `lag` or `delay` stands for none and for one period: both are
+        named as assumed.
+
+    Raises
+    ------
+    ValueError
+        An entry that is not known or missing, a number without a unit or with a wrong one.
+    """
+    plain = PLAIN + WITHOUT_UNIT * bool(position)
+    require_known(where, content, [*NUMBERS, *plain, "kp"])
+    if missing := [name for name in ("fs", "kv", "kp") if name not in content]:
+        raise ValueError(f"{where} must have an entry {missing[0]}, got none")
+    found: JsonObject = {name: content[name] for name in plain if name in content}
+    for name, kind in NUMBERS.items():
+        if name in content:
+            as_it_is = position and not isinstance(content[name], str)
+            found[name] = content[name] if as_it_is else parse_quantity(name, kind, content[name])
+    found["kp"], found["kp_unit"] = read_gain(content["kp"], position)
+    if not position:
+        found["assumed"] = tuple(name for name in ("lag", "delay") if name not in found)
+    if "delay" in found:
+        found["delay_periods"] = found.pop("delay") * found["fs"]
+    return found
+
+
+def read_gain(written: object, position: str) -> tuple[object, str]:
+    """Return kp and its unit; of an axis in m or rad only one over a velocity of it."""
+    if position and not isinstance(written, str):
+        return written, f"A/({position}/s)"
+    try:
+        number, unit = split_quantity(written)
+        if position and parse_gain_unit(unit)[1] != position:
+            raise ValueError(unit)
+    except ValueError:
+        raise ValueError(
+            f'kp must be a number with its unit, such as "143 A/({position or "m"}/s)", got {short_form(written)}'
+        ) from None
+    return number, unit
+
+
+def is_unusual_gain(kv: float) -> bool:
+    """Return whether hardly any drive has a position gain kv [1/s]; none at all is not unusual.
+
+    >>> is_unusual_gain(3.6), is_unusual_gain(60.0), is_unusual_gain(0.0)
+    (True, False, False)
+    """
+    return bool(kv) and not USUAL_KV[0] <= kv <= USUAL_KV[1]

@@ -1,0 +1,484 @@
+"""Every sentence of a report: why, what limits it, what helps, what was proved and what it is subject to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypedDict
+
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf._base.arguments import format_hertz
+from robust._base.states import Demand, Verdict
+from robust.analysis.aliases import RsBreakdown
+from robust.analysis.curves import Peaks
+from robust.analysis.findings import Margins, Proofs, ReportCurves
+from robust.analysis.loop import Loop
+from robust.lti.stability import StabilityResult
+from robust.models.sets.forms import FORMS
+from robust.models.sets.interconnection import UncertainSystem
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.records import format_probability
+from robust.proofs.search.certificate import Certificate
+
+if TYPE_CHECKING:
+    import control
+
+# ---- Meaning of a result and advice on the next step.
+
+REMEDIES = {
+    "noise": "noise: average more periods",
+    "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
+    "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
+    "misfit": "misfit of the nominal model: give it more poles or a delay; robust orders (scan_orders) says which",
+    "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
+    "systematic": "the allowance for the systematic part: measure at a second level",
+    "weight": "the weight lies far above the radius: fit one of a higher order",
+    "assumed": "what is assumed where nothing was measured: measure there",
+}
+#: What a verdict on a set around a sampled nominal does not cover.
+SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
+#: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
+USUAL_PEAK = 2.0
+USUAL_JOINT = "94 to 99 %"  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
+NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
+#: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
+MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
+
+
+def advise_on_margin(
+    model: UncertaintyModel,
+    omega_rs: float,
+    *,
+    weight: Callable[[np.ndarray], np.ndarray],
+    folding: RsBreakdown | None = None,
+) -> str:
+    """Advise what to measure or change, by the parts of the radius where the stability margin is limited.
+
+    `weight` is the response of the weight; `folding` what rs is made of, where it is known.
+    """
+    if not np.isfinite(omega_rs):
+        return ""
+    seen_at = format_hertz(omega_rs)
+    if folding is not None and folding.omega_source != folding.omega:
+        seen_at += f" by what folds down from {format_hertz(folding.omega_source)}"
+        omega_rs = folding.omega_source
+    low, high = float(model.omega[0]), float(model.omega[-1])
+    outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
+    k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
+    shares = radius_shares(model, k)
+    listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
+    where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
+    on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
+    over, rise = on_line / float(model.radius[k]), 1.0
+    if outside:
+        side, edge = ("below", "first") if omega_rs < low else ("above", "last")
+        rise = there / on_line
+        where = (
+            f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
+            f"go on from the {edge} line, {format_hertz(model.omega[k])}, "
+        ) + where
+    sentences = [f"The margin is limited at {seen_at}, {where}."]
+    if rise > MENTIONED_EXCESS:
+        sentences.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
+    if over > MENTIONED_EXCESS:
+        sentences.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
+    if rise > DECISIVE_EXCESS or (outside and not shares):
+        cause = "assumed"
+    elif over > DECISIVE_EXCESS:
+        cause = "weight"
+    else:
+        cause = shares[0][1] if shares else ""
+    if cause:
+        sentences.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
+        sentences += ["Or measure there."] * (outside and cause != "assumed")
+    return " ".join(sentences)
+
+
+def advise_on_weight(model: UncertaintyModel, loop: Loop, peaks: Peaks) -> str:
+    """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
+    omega = model.omega[model.omega < loop.omega_max]
+    if peaks.rs[0] < 1 or FORMS[model.form].depends_on_units or not omega.size:
+        return ""
+    curves = loop.curves(omega)
+    nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
+    there, on_line = np.abs(loop.responders["w"](np.array([peaks.rs[1]])))[0], np.abs(curves.w[nearest])
+    if (
+        on_line < MENTIONED_EXCESS * model.radius[nearest] or there > MENTIONED_EXCESS * on_line
+    ):  # what is assumed outside the band, then
+        return ""
+    on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
+    if not on_lines < 1:
+        return ""
+    order = model.weight.nstates + 2
+    return (
+        f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not, as "
+        f"it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
+        f"uncertainty(..., order={order})."
+    )
+
+
+def radius_shares(model: UncertaintyModel, k: int) -> list[tuple[float, str]]:
+    """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
+    parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
+    total = sum(parts.values())
+    return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
+
+
+def describe_set(model: UncertaintyModel) -> str:
+    """Describe the set."""
+    if model.perturbation == "LTI":
+        return f"every stable LTI perturbation inside the {model.form} weight"
+    if model.perturbation == "operator":
+        return f"every causal perturbation, nonlinear ones included, with the gain of the {model.form} weight"
+    return f"every linear plant inside the {model.form} weight"
+
+
+def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyResponseData) -> tuple[str, ...]:
+    """Describe the confidence of a set, then its joint probability; nothing where none is claimed."""
+    if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
+        return ()
+    confidence, joint = model.confidence, model.joint
+    if model.alternative_form is not None:  # both sets hold the truth: what may go wrong adds up
+        confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint - 1, 0.0)
+    percent = f"{100 * confidence:.4g} %"
+    estimated = "" if np.isnan(joint) else format_probability(joint)
+    whole: tuple[str, ...] = ()
+    if model.simultaneous:
+        text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
+        text += f" ({estimated} by estimate)" if estimated else ""
+    else:
+        text = f"each line of another realisation lies within the radius with {percent} probability"
+        whole = (f"a whole FRF lies under the weight with {estimated} (usual: {USUAL_JOINT})",) if estimated else ()
+    return (f"subject to the warnings, {text}" if model.warnings else text), *whole
+
+
+def proof_sentences(model: UncertaintyModel, loop: Loop, *, stable: bool, performance: bool) -> tuple[str, str]:
+    """Return what was proved and what was not, one sentence each."""
+    where = "at all frequencies"
+    if loop.dt:
+        where += f" up to Nyquist ({0.5 / loop.dt:.4g} Hz), " + (
+            "with everything that folds down from above" if loop.aliases is not None else "of the samples"
+        )
+    if not stable:
+        proved = "Only that the nominal loop is stable."
+        return proved, "Anything about the set around it."
+    what = "stability and the performance demand" if performance else "stability"
+    proved = f"{what.capitalize()} with {describe_set(model)}, {where}."
+    missing = []
+    if model.perturbation == "statistical":
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+        if describe_confidence(model):
+            missing.append("more than the confidence of the set")
+    if loop.w_P is not None and not performance:
+        missing.append("the performance demand for the whole set")
+    if loop.dt and loop.aliases is None:
+        missing.append("perturbations of the continuous plant between the samples: the set is one of sampled plants")
+    assumed = f"the assumption on the weight there ({model.extrapolation})"
+    missing.append(f"anything about the plant outside the measured band beyond {assumed}")
+    text = "; ".join(missing)
+    return proved, text[0].upper() + text[1:] + "."
+
+
+def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
+    """Describe the parts of the largest rs: at the frequency and at its aliases, measured and assumed."""
+    if not found.is_bounded:
+        return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
+    other = (
+        "what the perturbation may move to other frequencies"
+        if moves_frequencies(model)
+        else "what folds down from the aliases"
+    )
+    rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
+    if found.total - found.without_aliases < NEGLIGIBLE_SHARE * found.total:
+        text = f"{other} adds less than {100 * NEGLIGIBLE_SHARE:g} % to {rs}"
+    else:
+        text = f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest is {other}"
+        if found.omega_source != found.omega:
+            text += f", most of it from {format_hertz(found.omega_source)}"
+    if found.total - found.in_band < NEGLIGIBLE_SHARE * found.total:
+        return f"{text}; all of it lies inside the measured band"
+    return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
+
+
+def moves_frequencies(model: UncertaintyModel) -> bool:
+    """Return whether a perturbation may respond at other frequencies than those of its input."""
+    return bool(model.perturbation == "operator")
+
+
+def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
+    """Return why the aliases keep a loop from being certified, and what helps."""
+    if not found.is_bounded:
+        return (
+            "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
+            "and what folds down has no bound. Roll the weight off there, or put the anti-alias filter into the nominal"
+        )
+    if FORMS[model.form].inverse and not moves_frequencies(model) and found.F_max >= 1:
+        return (
+            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency: of one or more there it "
+            "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
+        )
+    other = (
+        "moves to other frequencies"
+        if moves_frequencies(model)
+        else "does above the Nyquist frequency, which folds down,"
+    )
+    text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {format_hertz(found.omega)} "
+    text += f"({found.without_aliases:.4g} without)"
+    if found.omega_source != found.omega:
+        text += f", most of it from {format_hertz(found.omega_source)}"
+    helps = "Sample faster, or filter before the sampler"
+    if found.in_band < 1:
+        helps += f"; above the last line, {format_hertz(model.omega[-1])}, it is assumed: measure there"
+    return f"{text}. {helps}"
+
+
+def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
+    """Describe the loop in one line."""
+    kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
+    parts = ["zero-order hold"] * bool(loop.dt and not model.nominal.dt)
+    parts += [f"a delay of {loop.delay:g} s"] * (loop.delay > 0)
+    held = f", {' and '.join(parts)} in the plant" if parts else ""
+    band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
+    return (
+        f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
+        f"{model.weight.nstates}, perturbations {model.perturbation}, measured {band}"
+    )
+
+
+class Words(TypedDict):
+    """What a report says, by the names of its fields."""
+
+    verdict: Verdict
+    reason: str
+    advice: str
+    proved: str
+    not_proved: str
+    context: str
+
+
+def texts_of_stable_loop(
+    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: Proofs, folding: RsBreakdown | None, certify: bool
+) -> Words:
+    """Return the text fields of the report on a loop whose nominal is stable."""
+    verdict, reason = decide_verdict(model, loop, peaks=peaks, proofs=proofs, folding=folding, certify=certify)
+    proved, not_proved = proof_sentences(
+        model, loop, stable=proofs.robustly_stable, performance=proofs.robust_performance
+    )
+    return {
+        "verdict": verdict,
+        "reason": reason,
+        "advice": advise_on_margin(model, peaks.rs[1], weight=loop.responders["w"], folding=folding)
+        + advise_on_weight(model, loop, peaks),
+        "proved": proved,
+        "not_proved": not_proved,
+        "context": describe_loop(model, loop),
+    }
+
+
+def nominal_verdict(nominal: StabilityResult) -> Verdict:
+    """Return the verdict on a loop whose nominal is unstable, or undecided."""
+    return Verdict.NOT_ROBUST if nominal.unstable else Verdict.NOT_CERTIFIED
+
+
+def texts_of_unstable_loop(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> Words:
+    """Return the text fields of the report on a loop whose nominal is not stable: no margins."""
+    return {
+        "verdict": nominal_verdict(nominal),
+        "reason": f"{nominal}",
+        "advice": "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
+        "proved": "Nothing.",
+        "not_proved": "Everything: margins mean nothing for a loop that is not stable.",
+        "context": describe_loop(model, loop),
+    }
+
+
+def texts_of_frf(
+    omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
+) -> Words:
+    """Return the text fields of the report on a plant known on its lines only; peak is the largest rs."""
+    verdict, lines_only = Verdict.NOT_CERTIFIED, "holds on the measured lines only"
+    if not clear:
+        reason = "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
+    elif encirclements != wanted:
+        verdict = Verdict.NOT_ROBUST
+        reason = (
+            f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
+        )
+    elif has_set and peak >= 1:
+        verdict, reason = Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
+    elif has_set:
+        reason = f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
+    else:
+        reason = f"the FRF comes without uncertainty, and all of this {lines_only}"
+    return {
+        "verdict": verdict,
+        "reason": reason,
+        "advice": "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies.",
+        "proved": "Nothing; computed on the measured lines only.",
+        "not_proved": "Anything between and outside the measured lines.",
+        "context": f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}{loop}",
+    }
+
+
+def decide_verdict(
+    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: Proofs, folding: RsBreakdown | None, certify: bool
+) -> tuple[Verdict, str]:
+    """Decide the verdict on stability and give its reason."""
+    if folding is not None and folding.total >= 1:
+        if folding.single_frequency >= 1:
+            return (
+                Verdict.NOT_ROBUST,
+                f"a plant of the set is unstable in this loop: rs = {folding.single_frequency:.4g} at "
+                f"{format_hertz(folding.omega)}",
+            )
+        return Verdict.NOT_CERTIFIED, advise_on_aliases(folding, model)
+    if proofs.violated:
+        found = f"rs = {peaks.rs[0]:.4g} at {format_hertz(peaks.rs[1])}"
+        how = proofs.certificates[0].reason if proofs.certificates else found
+        return Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: {how}"
+    if proofs.robustly_stable:
+        kind = {
+            "LTI": (Verdict.ROBUST, "every linear time-invariant perturbation of the set leaves the loop stable"),
+            "operator": (
+                Verdict.ROBUST,
+                "every perturbation of the set, nonlinear ones included, leaves the loop stable",
+            ),
+            "statistical": (Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"),
+        }
+        verdict, reason = kind[model.perturbation]
+        return verdict, reason + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
+    below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
+    if not certify:
+        return Verdict.NOT_CERTIFIED, f"{below}, and no proof was asked for (certify=False)"
+    return Verdict.NOT_CERTIFIED, f"{below}, but no proof was found: {proofs.certificates[0].reason}"
+
+
+#: Every verdict, and what it means for the machine, in at most 20 words.
+VERDICT_MEANINGS = {
+    Verdict.ROBUST: "this controller keeps every plant of the set stable, which is proved",
+    Verdict.STATISTICALLY_ROBUST: (
+        "this controller keeps every linear plant of the set stable; for the nonlinear machine itself there is no proof"
+    ),
+    Verdict.NOT_ROBUST: "with this controller a plant of the set, or the nominal one, is unstable: do not use it",
+    Verdict.NOT_CERTIFIED: "whether this controller keeps the machine stable is open: neither proved nor disproved",
+}
+#: The same of a set from a radius or from plants of the user's own, where no class of perturbation was named.
+WITHOUT_CONFIDENCE = (
+    "this controller keeps every linear plant of the set stable; how surely the machine is one of them is unknown"
+)
+CLAIM_HINT = 'no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
+
+
+def format_margin_factor(margin: float) -> str:
+    """Format a margin as a factor on the uncertainty."""
+    if margin > 1:
+        return f"the uncertainty may grow by a factor {margin:.3g}"
+    return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
+
+
+def format_stability_margin(measure: str, margin: float, omega: float) -> str:
+    """Format the largest rs or mu, its frequency, and the margin on the uncertainty."""
+    if margin == 0:
+        return f"{measure} has no bound at {format_hertz(omega)}: no uncertainty of this shape is small enough"
+    return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {format_margin_factor(margin)}"
+
+
+def structure_proof_sentences(system: UncertainSystem, stable: bool, performs: bool) -> tuple[str, str]:
+    """Return what was proved of several uncertainties and what was not, one sentence each."""
+    if not stable:
+        return "Only that the nominal loop is stable.", "Anything about the set around it."
+    words = {
+        "real": "every constant value of {}",
+        "LTI": "every stable linear {}",
+        "statistical": "every linear {}",
+        "operator": "every causal {}, nonlinear ones included",
+    }
+    parts = [
+        words["real" if block.kind == "real" else block.perturbation].format(name)
+        for name, block in system.blocks.items()
+    ]
+    what = "Stability and the performance demand" if performs else "Stability"
+    missing = []
+    if any(block.kind == "real" for block in system.blocks.values()):
+        missing.append("parameters that change while the loop runs")
+    if any(block.perturbation == "statistical" for block in system.blocks.values()):
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+    if system.inputs and not performs:
+        missing.append("the performance demand for the whole set")
+    if system.N.dt:
+        missing.append("perturbations of a continuous plant between the samples: the set is one of sampled plants")
+    text = "; ".join(missing or ["anything outside the set"])
+    where = "at all frequencies"
+    if system.N.dt:
+        where += f" up to Nyquist ({0.5 / system.N.dt:.4g} Hz), of the samples"
+    return f"{what} with {' and '.join(parts)}, all at once, {where}.", text[0].upper() + text[1:] + "."
+
+
+# ---- The sentences of a report's own numbers.
+
+
+def describe_meaning(verdict: Verdict, confidence: tuple[str, ...]) -> str:
+    """Return what a verdict means for the machine."""
+    without = verdict is Verdict.STATISTICALLY_ROBUST and not confidence
+    return WITHOUT_CONFIDENCE if without else VERDICT_MEANINGS[verdict]
+
+
+def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None) -> str:
+    """Return why a stable loop is close to instability; `phase` is the nominal phase margin [rad] of one loop."""
+    margin = "" if phase is None else f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
+    return (
+        f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}, "
+        f"above {limit:g}{margin}. Customary are |S| of at most {USUAL_PEAK:g} and a phase "
+        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor, "
+        "and a small change makes the loop unstable"
+    )
+
+
+def describe_performance(curves: ReportCurves, margins: Margins, demand: Demand | None) -> str:
+    """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
+    if curves.S is None:
+        mu = 1 / margins.rp
+        allowed = ", above the 1 that is allowed" if mu > 1 else ""
+        found = f"max mu {mu:.3f} at {format_hertz(margins.omega_rp)}{allowed}"
+        return f"{found}; demand {demand} for the whole set"
+    return (
+        f"nominal max |w_P S| {np.max(curves.np_):.3f}, worst case {float(np.max(curves.rp)):.3f} at "
+        f"{format_hertz(margins.omega_rp)}; demand {demand} for the whole set"
+    )
+
+
+def describe_disk_margin(margins: Margins) -> str:
+    """Return the disk margin of one loop."""
+    return (
+        f"{margins.disk:.3f} at {format_hertz(margins.omega_disk)}: gain {20 * np.log10(margins.disk_gain):.2f} dB, "
+        f"or phase {np.degrees(margins.disk_phase):.1f} deg, or less of both"
+    )
+
+
+def describe_worst_sensitivity(margins: Margins, *, single: bool) -> str:
+    """Return the largest sensitivity over the set."""
+    S = "|S|" if single else "the largest singular value of S"
+    return f"{S} at most {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}"
+
+
+def describe_broken(margins: Margins) -> str:
+    """Return the perturbation that makes the loop singular, block by block; empty where none was found."""
+    if not margins.worst:
+        return ""
+    parts = ", ".join(f"{name} {number:+.3g}" for name, number in margins.worst.items())
+    return f"{margins.broken:.3f} times ({parts}) makes the loop singular"
+
+
+def describe_certificate(certificate: Certificate) -> str:
+    """Return what a certificate is of, and how it was proved or why not."""
+    how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
+    if certificate.holds and len(certificate.intervals) > 1:
+        how += f" ({len(certificate.intervals)} of them)"
+    if certificate.holds:
+        how += f", {certificate.judged}"
+    return f"{certificate.subject} at all frequencies: {how}"
