@@ -95,7 +95,7 @@ def certify(
     slack, given = level * (1 - SLACK), blocks_with_kinds(blocks)
     found = certify_scaled(N, given, slack, solver=solver, time_cap=time_cap / 2)
     if found is None:
-        found = certify_intervals(N, given, slack, time_cap=max((deadline - time.monotonic()) / 2, 1e-3))
+        found = certify_intervals(N, given, slack, time_cap=time_cap / 2)
     if not found.holds and not found.violated:
         other = certify_by_intervals(N, blocks, level, time_cap=max(deadline - time.monotonic(), 1e-3))
         found = other if other.holds else found

@@ -62,8 +62,8 @@ def certify_intervals(
 ) -> Certificate:
     """Return a certificate of a level of a stable system with one scaling an interval.
 
-    system : continuous or discrete. blocks : (rows, cols, kind) of each. time_cap : seconds. One that does not hold
-    names the interval that is left.
+    system : continuous or discrete. blocks : (rows, cols, kind) of each. time_cap : seconds of the processor. One that
+    does not hold names the interval that is left.
 
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     >>> proof = certify_intervals(control.append(lag, 2 * lag), [(1, 1, "full"), (1, 1, "real")], 2.001, time_cap=10.0)
@@ -72,7 +72,7 @@ def certify_intervals(
     stability: proved, rigorous
     structured singular value: proved, rigorous
     """
-    deadline, waiting, done = time.monotonic() + time_cap, [(0.0, np.inf)], []
+    deadline, waiting, done = time.thread_time() + time_cap, [(0.0, np.inf)], []
     if not system.nstates:
         return failed_certificate(LEVEL, level, "no scaling was found, and without states there are no intervals")
     search = IntervalSearch.of(system, tuple(blocks), level)
@@ -86,7 +86,7 @@ def certify_intervals(
             there = f"at {format_hertz(where)} the value there is {reached:.6g}"
             return failed_certificate(LEVEL, level, f"the bound does not stay below the level: {there}")
         start, end = (format_hertz(search.omega_of(x)) for x in (low, high))
-        if time.monotonic() > deadline or len(done) + len(waiting) >= MOST_INTERVALS or search.is_narrow(low, high):
+        if time.thread_time() > deadline or len(done) + len(waiting) >= MOST_INTERVALS or search.is_narrow(low, high):
             return failed_certificate(
                 LEVEL, level, f"undecided from {start} to {end}, {len(done)} intervals are proved"
             )

@@ -30,7 +30,7 @@ def opposed(dt=0.0):
 
 @pytest.fixture(scope="module", params=[0.0, 0.5], ids=["continuous", "sampled"])
 def proof(request):
-    return robust.mu.certify(opposed(request.param), BLOCKS, 1.001 * PEAK)
+    return robust.mu.certify(opposed(request.param), BLOCKS, 1.01 * PEAK)
 
 
 def test_what_one_scaling_cannot_prove_intervals_do(proof):
