@@ -402,13 +402,14 @@ def nominal_of_several_channels(
 def describe_record(bla: Bla) -> str:
     """Describe a record."""
     lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
-    if bla.grid == "given":
+    made = bla.experiment
+    if made.grid == "given":
         what = "an FRF" if bla.is_single else "a matrix of FRFs"
         return f"{what} that was given, {lines}, variance from its {bla.level_source}"
-    design, drawn = "", f"{bla.n_realizations} realisations"
+    design, drawn = "", f"{made.n_realizations} realisations"
     if not bla.is_single:
-        design, drawn = f"{bla.design} ", f"{bla.n_realizations} sets of {bla.n_inputs} experiments"
-    return f"{design}{bla.grid} multisine, {lines}, {drawn} x {bla.n_periods} periods, level from {bla.level_source}"
+        design, drawn = f"{made.design} ", f"{made.n_realizations} sets of {bla.n_inputs} experiments"
+    return f"{design}{made.grid} multisine, {lines}, {drawn} x {made.n_periods} periods, level from {bla.level_source}"
 
 
 def radius_of_user(
