@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuo
 from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.channels import is_single
-from robust._base.types import Controller, Weight
+from robust._base.types import Controller, LinearSystem, Weight
 from robust.analysis.loop import assemble_loop
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
@@ -122,6 +122,7 @@ def add_systems(kept: tuple[np.ndarray, ...], small: Matrices) -> Matrices:
     return block_diag(kept[0], A), np.vstack([kept[1], B]), np.hstack([kept[2], C]), D
 
 
+LEAST_RADIUS = 1e-9  # of the set that a plant alone stands for
 MAX_CHANGE_OF_T = 0.1  # max |T_r - T| where no performance was proved
 
 
@@ -174,7 +175,7 @@ class Reduction:
 
 def reduce_controller(
     K: Controller,
-    model: FrfSource,
+    model: FrfSource | LinearSystem,
     w_P: Weight | None = None,
     *,
     order: int | None = None,
@@ -193,7 +194,7 @@ def reduce_controller(
     K : control.StateSpace, TransferFunction
         Controller, continuous or sampled, of one or several channels.
     model, w_P, delay
-        As for `check`.
+        As for `check`; or the plant alone that `mixsyn` took: stability and max |w_P S| < 1 are kept then.
     order : int, optional
         This order and no other: the best of it, kept or not.
     time_cap : float
@@ -222,6 +223,7 @@ def reduce_controller(
     >>> found.order, round(float(found.K.D[0, 0]), 6)
     (0, 3.0)
     """
+    model = plant_as_set(model)
     several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
     deadline = time.monotonic() + require_positive("time_cap", time_cap)
@@ -269,6 +271,19 @@ def reduce_controller(
         reason=reason,
         n_tried=n_tried,
     )
+
+
+def plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
+    """Return a plant as the set of those within a billionth of it, anything else as it is."""
+    if is_measured(model) or isinstance(model, UncertaintyModel):
+        return model
+    G = multivariable("model", model)
+    omega, one, small = np.ones(1), *(control.StateSpace([], [], [], [[size]], G.dt) for size in (1.0, LEAST_RADIUS))
+    if G.ninputs == G.noutputs == 1:
+        radius = np.full(1, 0.9 * LEAST_RADIUS)
+        return UncertaintyModel(G, small, "multiplicative", omega, radius, perturbation="LTI")
+    left, right = (one,) * G.ninputs, (small,) * G.ninputs
+    return UncertaintyModel(G, form="input", left=left, right=right, omega=omega, perturbation="LTI")
 
 
 def candidates(

@@ -92,7 +92,7 @@ def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float
 
 
 def updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Return (log gain, zeros, poles) of a stable minimum-phase system as one array of parameters, and its order."""
+    """Return the inverse Hessian of BFGS after a step and the change of the gradient, where that is of use."""
     along = float(moved @ change)
     if not along > 1e-10 * np.linalg.norm(moved) * np.linalg.norm(change):
         return inverse

@@ -21,6 +21,7 @@ from robust._base.types import Blocks, LinearSystem, Weight
 from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
+from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable
 from robust.models.fit.weights import minimum_phase
 from robust.models.sets.interconnection import UncertainSystem
@@ -34,6 +35,7 @@ from robust.synthesis.hinf.descent import descend, least_level
 from robust.synthesis.hinf.design import describe_controller
 from robust.synthesis.hinf.hinfsyn import synthesise
 from robust.synthesis.hinf.mixsyn import weight_on_time_base
+from robust.synthesis.reduction import weighted_candidates
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -127,6 +129,7 @@ def dk_iteration(
     order: int = 4,
     n_rounds: int = 30,
     mu_min: float = 0.0,
+    most_states: int | None = None,
     omega: ArrayLike | None = None,
 ) -> DkDesign:
     """Synthesise a controller that keeps mu small.
@@ -150,6 +153,8 @@ def dk_iteration(
         Most rounds. They end before where mu falls by less than 0.001 in two of them.
     mu_min : float
         Level that is good enough: no round is made below it.
+    most_states : int, optional
+        Largest order of K: what the rounds found is reduced to it where it is higher, and judged anew.
     omega : (W,) ndarray, optional
         Frequencies [rad/s] for mu; chosen from the poles of the loop when not given.
 
@@ -238,6 +243,9 @@ def dk_iteration(
         if idle > PATIENCE:
             reason = "mu did not fall any more"
             break
+    if most_states is not None and best.K.nstates > require_integer("most_states", most_states, least=0):
+        best = reduce_by_mu(P, of_best, most_states, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+        reason += f"; reduced from order {of_best.design.K.nstates}" if np.isfinite(best.mu) else "; not reduced"
     CL = lower_lft(P, best.K) if np.isfinite(best.mu) else None
     certificate = None if CL is None else certify(CL, blocks, 1.01 * best.mu)
     return replace(best, history=tuple(history), certificate=certificate, reason=reason, CL=CL)
@@ -317,6 +325,39 @@ def move_scalings(
         return [], failed
     judged, order = judge_by_mu(P, K, blocks=blocks, omega=omega), max(d.nstates for d in functions)
     return [Attempt(design=judged, gamma=gamma, scaling=scaling, order=order)], ""
+
+
+def reduce_by_mu(
+    P: control.StateSpace,
+    best: Attempt,
+    n: int,
+    *,
+    s: BlockStructure,
+    sizes: tuple[int, int],
+    blocks: Blocks,
+    omega: ArrayLike | None,
+) -> DkDesign:
+    """Return the loop of least mu with a controller of n states, truncated by what the scaled loop sees of it."""
+    K, (n_y, n_u), scaled = best.design.K, sizes, scaled_plant(P, best.scaling, s, sizes)
+    n_w, n_z = scaled.ninputs - n_u, scaled.noutputs - n_y
+    ports = (
+        [*range(scaled.ninputs), *range(n_w, scaled.ninputs)],
+        [*range(scaled.noutputs), *range(n_z, scaled.noutputs)],
+    )
+    twice = control.StateSpace(
+        scaled.A, scaled.B[:, ports[0]], scaled.C[ports[1]], scaled.D[np.ix_(ports[1], ports[0])], scaled.dt
+    )
+    A, B, C, D = continuous_image(lower_lft(twice, K))  # from w and what is added to u, to z and y
+    before, behind = (A, B[:, :n_w], C[n_z:], D[n_z:, :n_w]), (A, B[:, n_w:], C[:n_z], D[:n_z, n_w:])
+    found = empty_design(P, n_y, n_u)
+    for _, order, small in weighted_candidates(continuous_image(K), before, behind):
+        if order != n:
+            continue
+        one = control.StateSpace(*(to_discrete(*small) if timebase(P) else small), P.dt)
+        if decide_stability(lower_lft(P, one)).stable:
+            judged = judge_by_mu(P, one, blocks=blocks, omega=omega)
+            found = judged if judged.mu < found.mu else found
+    return found
 
 
 def inverse_system(d: control.StateSpace) -> control.StateSpace:

@@ -132,6 +132,28 @@ def test_performance_that_was_proved_is_proved_again(dt):
     assert found.K.dt == K.dt
 
 
+@pytest.mark.parametrize("dt", [0, 0.01])
+def test_the_plant_alone_that_mixsyn_took(dt):
+    """SP 2.17 with a demand that is met with room: of four states three keep stability and |w_P S| < 1, proved."""
+    G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+    w_P = performance_weight(10, M_S=2, A=1e-3)
+    K = mixsyn(G, w_P, w_u=0.1, dt=dt).K
+    found = reduce_controller(K, G, w_P)
+    assert (found.order, found.kept, K.nstates) == (3, True, 4)
+    assert found.report.proofs.robust_performance
+    with pytest.raises(ValueError, match="K must be one of which something is proved"):
+        reduce_controller(-K, G, w_P)
+
+
+def test_a_plant_of_several_channels_alone():
+    G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.2], [0.1, 1.0]], np.zeros((2, 2)))
+    w_P = performance_weight(1.0, M_S=2, A=1e-2)
+    found = reduce_controller(mixsyn(G, w_P, w_u=0.1).K, G, w_P)
+    assert found.kept
+    assert found.order < 4
+    assert found.report.proofs.robust_performance
+
+
 def test_without_performance_the_loop_stays_where_it_was():
     """K = 0 keeps every verdict on a stable plant: the closed loop may move by a tenth."""
     K = ncfsyn(BOOK, control.tf([1, 2], [1, 0])).K
