@@ -23,6 +23,7 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable
+from robust.lti.truncation import weighted_candidates
 from robust.models.fit.weights import minimum_phase
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels
@@ -35,7 +36,6 @@ from robust.synthesis.hinf.descent import descend, least_level
 from robust.synthesis.hinf.design import describe_controller
 from robust.synthesis.hinf.hinfsyn import synthesise
 from robust.synthesis.hinf.mixsyn import weight_on_time_base
-from robust.synthesis.reduction import weighted_candidates
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -20,8 +20,8 @@ from robust import (
 )
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
+from robust.lti.truncation import balanced_candidates, coprime_factor_candidates, weighted_candidates
 from robust.shaping import crossover_weight
-from robust.synthesis.reduction import balanced_candidates, coprime_factor_candidates, weighted_candidates
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W = control.tf([0.05, 0.1], [0.02, 1])
