@@ -155,7 +155,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     >>> import nlfrf, tempfile
     >>> from nlfrf.axis import design_ramp, load_trace, play_experiment
     >>> axis = nlfrf.servo_axis("ball screw")
-    >>> ramp = design_ramp(axis, n_samples=2000, f_min=2, f_max=60, rms=2500, n_levels=14, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=2000, f_min=2, f_max=60, rng=1)
+    >>> ramp = design_ramp(axis, ms, rms=2500, n_levels=14)
     >>> folder = tempfile.TemporaryDirectory()
     >>> nlfrf.save(ramp, f"{folder.name}/ramp.csv")
     >>> trace = play_experiment(axis, f"{folder.name}/ramp.csv", f"{folder.name}/trace.csv")

@@ -122,7 +122,8 @@ def load_trace(
     >>> from nlfrf.axis import design_experiment, load_trace, play_experiment
     >>> axis = nlfrf.servo_axis("belt")
     >>> motion = {"base_velocity": 0.1, "strokes": 1}
-    >>> experiment = design_experiment(axis, n_samples=4000, f_min=5, f_max=200, rms=20, rng=1, **motion)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
+    >>> experiment = design_experiment(axis, ms, rms=20, **motion)
     >>> folder = tempfile.TemporaryDirectory()
     >>> nlfrf.save(experiment, f"{folder.name}/play.csv")
     >>> trace = play_experiment(axis, f"{folder.name}/play.csv", f"{folder.name}/trace.csv")
