@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.timing import best, of_children
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import Tanh, fit_maxwell_slip
-from nlfrf.rig.bench.motion import run
+from nlfrf.rig import run
 from nlfrf.rig.bench.rig import Rig, initial_memory, integrate_rig
 from nlfrf.rig.bench.simulate import force_over_period
 from nlfrf.signals.multisine import multisine
@@ -33,7 +33,7 @@ LAWS = {
     ),
     "Coulomb": Coulomb(**SLIDING),
 }
-FIRST = "from nlfrf import paper_rig, run; import numpy as np; run(paper_rig(), np.ones(99), fs=4096.0)"
+FIRST = "import nlfrf, numpy; nlfrf.rig.run(nlfrf.paper_rig(), numpy.ones(99), fs=4096.0)"
 
 
 def first_use():

@@ -25,7 +25,7 @@ import numpy as np
 
 import nlfrf
 import robust
-from benchmarks.friction_loops import T, bla_of_level, of_example_14, random_loops
+from benchmarks.friction_loops import bla_of_level, of_example_14, random_loops
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, Leuven, LuGre, VaryingSliders
 from robust.friction.classes import AnyFriction
@@ -78,7 +78,7 @@ def samples_needed(K: object, delay: float) -> int:
     return int(np.clip(np.ceil(-20 / np.log(slowest)), 1500, LONGEST))
 
 
-def swings(response: nlfrf.rig.LoopResponse) -> float:
+def swings(response: nlfrf.rig.Trajectory) -> float:
     """Swing of the last tenth over the largest."""
     if response.diverged:
         return np.inf
@@ -96,11 +96,11 @@ def moving(
     """Whether a loop still moves after all its time; what moves at first runs on, each time twice as long."""
     for _ in range(RETRIES):
         rig = nlfrf.rig.Rig(1.0, 80e3, friction, 0.4 if isinstance(friction, (VaryingSliders, Dahl)) else 0.0)
-        options = {"fs": 1 / T, "delay": delay, "disturbance": force, "initial": begin, "oversampling": 8}
-        options["saturation"] = saturation
+        late = nlfrf.rig.Controller(K, delay=delay, saturation=saturation)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", nlfrf.DataWarning)
-            left = swings(nlfrf.simulate_loop(rig, K, np.zeros(force.size), **options))
+            still = np.zeros(force.size)
+            left = swings(nlfrf.rig.run(rig, still, late, disturbance=force, initial=begin, oversampling=8))
         if left <= MOVING or np.isinf(left):
             return bool(np.isinf(left))
         force = np.concatenate([force, np.zeros(force.size)])
@@ -131,7 +131,7 @@ def spring_oscillates(K: object, delay: float, kappa: float) -> bool:
     force = np.zeros(n)
     force[:5] = 0.1
     rig = nlfrf.rig.Rig(1.0, 80e3, friction, 0.4)
-    response = nlfrf.simulate_loop(rig, K, np.zeros(n), fs=1 / T, delay=delay, disturbance=force, oversampling=8)
+    response = nlfrf.rig.run(rig, np.zeros(n), nlfrf.rig.Controller(K, delay=delay), disturbance=force, oversampling=8)
     return swings(response) > 0.05
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.machine import main as machine
 from benchmarks.timing import of_children
 from nlfrf import paper_rig
-from nlfrf.rig import simulate_loops
+from nlfrf.rig import run_loops
 from robust.shaping import pid
 
 FS, SECONDS = 1000, 2
@@ -30,7 +30,6 @@ def arguments(n):
         "rig": paper_rig(),
         "controllers": [pid(kp, ki, dt=1 / FS) for kp, ki in gains],
         "r": np.full(SECONDS * FS, 1e-3),
-        "fs": FS,
         "initial": np.column_stack([np.zeros(n), rng.uniform(-0.05, 0.05, n)]),
         "of": swing,
     }
@@ -45,9 +44,9 @@ def swing(response):
 def killed(n, folder):
     """Run in a process of its own that is killed half way."""
     code = (
-        "import os, signal, sys; from benchmarks.bench_many_loops import arguments; from nlfrf import simulate_loops\n"
+        "import os, signal, sys; from benchmarks.bench_many_loops import arguments; from nlfrf.rig import run_loops\n"
         f"stop = lambda done, total: os.kill(os.getpid(), signal.SIGKILL) if done >= total // 2 else None\n"
-        f"simulate_loops(**arguments({n}), resume={folder!r}, progress=stop)"
+        f"run_loops(**arguments({n}), resume={folder!r}, progress=stop)"
     )
     return subprocess.run([sys.executable, "-c", code], check=False).returncode
 
@@ -57,18 +56,18 @@ def main():
     machine()
     n = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     given = arguments(n)
-    simulate_loops(**arguments(2))  # compiled, or loaded
+    run_loops(**arguments(2))  # compiled, or loaded
     cpu, wall = time.process_time(), time.perf_counter()
-    here = simulate_loops(**given)
+    here = run_loops(**given)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     print(f"{n} controllers, {SECONDS} s at {FS} Hz: {cpu:.1f} s of CPU, {1e3 * cpu / n:.2f} ms a run; {wall:.1f} s")
     one = None
     for workers in (1, 2, 4):
         before = of_children()
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as executor:
-            simulate_loops(**arguments(2 * 125 * workers), executor=executor)  # processes up, code loaded
+            run_loops(**arguments(2 * 125 * workers), executor=executor)  # processes up, code loaded
             begin, asking = time.perf_counter(), time.process_time()
-            there = simulate_loops(**given, executor=executor)
+            there = run_loops(**given, executor=executor)
             seconds, asking = time.perf_counter() - begin, time.process_time() - asking
         one = one or seconds
         same = "identical" if there == here else "DIFFERENT"
@@ -80,7 +79,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         code = killed(n, folder)
         counts = []
-        again = simulate_loops(**given, resume=folder, progress=lambda *done: counts.append(done))
+        again = run_loops(**given, resume=folder, progress=lambda *done: counts.append(done))
         same = "identical" if again == here else "DIFFERENT"
         print(f"  killed (exit {code}) with {counts[0][0]} of {counts[0][1]} parts done: resumed, {same}")
 

@@ -33,7 +33,7 @@ def burst(rms: float) -> np.ndarray:
 def keeps_moving(controllers: list, rms: float) -> np.ndarray:
     """What the rig does after a burst."""
     force = np.append(burst(rms), np.zeros(SILENCE))
-    found = nlfrf.rig.simulate_loops(nlfrf.paper_rig(), controllers, np.zeros(force.size), fs=1 / T, disturbance=force)
+    found = nlfrf.rig.run_loops(nlfrf.paper_rig(), np.zeros(force.size), controllers, disturbance=force)
     return np.array([response.outcome(CALM * T) in ("limit cycle", "ran away") for response in found])
 
 
@@ -62,7 +62,7 @@ def kick_ratios(controllers: Iterable, most: int) -> list[float]:
         while high / low > 1.01:
             middle = np.sqrt(low * high)
             rig, rest = nlfrf.paper_rig(), np.zeros(6000)
-            response = nlfrf.simulate_loop(rig, K, rest, fs=1 / T, initial=(0.0, middle), oversampling=8)
+            response = nlfrf.rig.run(rig, rest, K, initial=(0.0, middle), oversampling=8)
             swing = np.ptp(response.x[-600:]) if not response.diverged else np.inf
             low, high = (middle, high) if swing < 0.5 * np.ptp(response.x[:600]) else (low, middle)
         if 1.1 * kick / 10 < low < 0.9 * kick * 10:

@@ -16,10 +16,10 @@ import numpy as np
 from benchmarks.bench_axes import some_law
 from benchmarks.machine import main as machine
 from benchmarks.timing import in_turn
-from nlfrf import paper_rig, servo_axis, simulate_loop
+from nlfrf import paper_rig, servo_axis
 from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb
-from nlfrf.rig import ServoAxis, run_servo
+from nlfrf.rig import ServoAxis, run
 from robust.shaping import pid
 
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
@@ -33,9 +33,9 @@ def costs():
         axis = servo_axis(name)
         way = 1e-3 if axis.motion == "linear" else 2e-2
         r = way * np.sin(2 * np.pi * np.arange(SECONDS * int(axis.drive.fs)) / 4000)
-        runs[name] = lambda axis=axis, r=r: run_servo(axis, position=r)
+        runs[name] = lambda axis=axis, r=r: run(axis, r)
     rig, K, r = paper_rig(), pid(40.0, 300.0, dt=1e-3), np.full(SECONDS * 1000, 1e-3)
-    runs["rig"] = lambda: simulate_loop(rig, K, r, fs=1000)
+    runs["rig"] = lambda: run(rig, r, K)
     spent = in_turn(runs, 15)
     for name in PRESETS:
         print(
@@ -78,11 +78,11 @@ def attack(seed):
     """Whether all that a random axis gives is finite, and the energy it gained when left alone, over the largest."""
     rng = np.random.default_rng(seed)
     axis = some_axis(rng)
-    trace = run_servo(axis, position=1e-4 * rng.standard_normal(800).cumsum())
+    trace = run(axis, 1e-4 * rng.standard_normal(800).cumsum())
     finite = all(np.isfinite(getattr(trace, name)).all() for name in ("x", "v", "friction", "current", "position"))
     free = replace(axis, drive=replace(axis.drive, lag=0.0, limit=np.inf))
     force = np.where(np.arange(1200) < 300, 30 * rng.standard_normal(1200), 0.0)
-    alone = run_servo(free, force=force, closed=False, oversampling=8)
+    alone = run(free, {"torque": force}, oversampling=8)
     rig = axis.rig
     energy = np.einsum("in,ij,jn->n", alone.v, rig.mass, alone.v) / 2
     energy += np.einsum("in,ij,jn->n", alone.x, rig.stiffness, alone.x) / 2

@@ -91,7 +91,7 @@ def stage_records(ms, *, friction=False, linear=False, gains=(0.0, 0.0), snrs=SN
         """Inputs and outputs of all experiments under noise that the controller sees."""
         u, y = np.empty((2, 2, M, total))
         for m in range(M):
-            drive(r[:, m], noise[:, m], cubic, LUGRE, friction, kp, kd, u[:, m], y[:, m], 8)
+            run(r[:, m], noise[:, m], cubic, LUGRE, friction, kp, kd, u[:, m], y[:, m], 8)
         return u, y
 
     def cut(s):
@@ -137,7 +137,7 @@ def tally(frms, quiet, resonances):
         # the others' mean: the run itself is not part of its truth
         d = (frm.G - truth) * n / (n - 1)
         # a new set, as the machine meets it: without measurement noise, and with the scatter of one set
-        new = (quiet[(e + 1) % n] - truth) * frm.n_realizations**0.5 - (frm.G - truth)
+        new = (quiet[(e + 1) % n] - truth) * frm.experiment.n_realizations**0.5 - (frm.G - truth)
         row = []
         for apart, of in ((d, "bla"), (new, "realization")):
             for inside in (np.abs(apart) < frm.bound(of=of), held(frm, apart, of)):

@@ -118,7 +118,7 @@ def run_case(case: PortCase, laws: tuple[VaryingSliders, ...], push: float, *, l
     axis = replace(case.axis, motor_friction=laws[0], load_friction=laws[1])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        trace = nlfrf.rig.run_servo(axis, force=force, oversampling=8)
+        trace = nlfrf.rig.run(axis, {"force": force}, oversampling=8)
     third, tenth = trace.x[:, -n // 3 :], trace.x[:, -n // 10 :]
     smallest = MOVING * min(Fs / one.K0 for Fs, one in zip(case.Fs, case.friction, strict=True))
     swings = np.ptp(tenth, axis=1) > np.maximum(0.5 * np.ptp(third, axis=1), smallest)

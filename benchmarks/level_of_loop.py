@@ -97,7 +97,7 @@ def design_controllers(model: robust.UncertaintyModel) -> list[control.StateSpac
     return found
 
 
-def judge(response: nlfrf.rig.LoopResponse) -> Outcome:
+def judge(response: nlfrf.rig.Trajectory) -> Outcome:
     """By the swing of the velocity after the loop was left alone."""
     if response.diverged:
         return Outcome.RUNS_AWAY
@@ -130,9 +130,7 @@ def run_loops(
             r = np.full(n, size if kind == "step" else 0.0)
             d = size * force if kind == "noise" else np.zeros(n)
             with ThreadPoolExecutor(1) as pool:
-                responses = nlfrf.rig.simulate_loops(
-                    nlfrf.paper_rig(), loops, r, fs=1 / T, disturbance=d, executor=pool
-                )
+                responses = nlfrf.rig.run_loops(nlfrf.paper_rig(), r, loops, disturbance=d, executor=pool)
             for one, response in zip(predicted[kind], responses, strict=True):
                 u, y = size * one.u, size * one.y
                 states = find_state(u, *one.u_measured), find_state(y, *one.y_measured)
@@ -140,7 +138,7 @@ def run_loops(
                 yield Run(seed, levels, kind, size, judge(response), *states, u, y, size * one.y_worst, *true)
 
 
-def true_level(response: nlfrf.rig.LoopResponse, force: np.ndarray, kind: str) -> tuple[float, float]:
+def true_level(response: nlfrf.rig.Trajectory, force: np.ndarray, kind: str) -> tuple[float, float]:
     """Rms of the whole force and of the motion while a loop was moved, as `predict_level` means them."""
     if response.diverged:
         return np.nan, np.nan

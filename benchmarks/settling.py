@@ -103,8 +103,8 @@ def hunting(rng: np.random.Generator, axis: Axis, law: VaryingSliders) -> tuple[
     rig = nlfrf.rig.Rig(axis.mass, 0.0, law, 0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        found = nlfrf.simulate_loop(
-            rig, axis.K, np.zeros(n), fs=1 / axis.T, delay=axis.T, disturbance=force, oversampling=8
+        found = nlfrf.rig.run(
+            rig, np.zeros(n), nlfrf.rig.Controller(axis.K, delay=axis.T), disturbance=force, oversampling=8
         )
     third, tenth = found.x[-n // 3 :], found.x[-n // 10 :]
     return float(np.abs(third).max()), bool(np.ptp(tenth) > max(0.5 * np.ptp(third), MOVING * FS / axis.K0))

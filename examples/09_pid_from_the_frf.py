@@ -66,7 +66,7 @@ push = np.where(t > 1.0, 0.2, 0.0)
 print(f"\n{'structure':10s} {'reached to 5 % after':>21s} {'error by the push':>18s} {'left of it at the end':>22s}")
 responses = {}
 for structure, design in designs.items():
-    run = nlfrf.simulate_loop(nlfrf.paper_rig(), design.K, r, fs=1000, delay=5e-4, disturbance=push)
+    run = nlfrf.rig.run(nlfrf.paper_rig(), r, nlfrf.rig.Controller(design.K, delay=5e-4), disturbance=push)
     late = np.flatnonzero(np.abs(run.e[100:1000]) > 0.05 * r[-1])[-1] / 1000
     after = np.abs(run.e[1000:])
     print(f"{structure:10s} {late:19.3f} s {1e6 * after.max():15.2f} um {1e6 * after[-100:].mean():19.3f} um")

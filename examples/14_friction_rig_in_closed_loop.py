@@ -56,7 +56,8 @@ def played(name, crossovers, gains, pool):
     said = list((pool.map if pool else map)(partial(verdicts, model), tried))
     force = np.pad(np.random.default_rng(0).standard_normal(round(BURST / T)), (0, round(QUIET / T)))
     rig, quiet = nlfrf.paper_rig(), 0 * force
-    run = partial(nlfrf.rig.simulate_loops, rig, tried, quiet, fs=1 / T, saturation=5.0, executor=pool)
+    limited = [nlfrf.rig.Controller(K, saturation=5.0) for K in tried]
+    run = partial(nlfrf.rig.run_loops, rig, quiet, limited, executor=pool)
     for kick, rms in KICKS.items():
         for (words, rs, sure), r in zip(said, run(disturbance=rms * force), strict=True):
             yield name, words, kick, r.outcome(BURST), rs, np.clip(r.residual(BURST), 1e-8, 1e3), sure

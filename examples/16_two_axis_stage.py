@@ -68,7 +68,9 @@ t = np.arange(1024) / FS
 goal, kick = np.outer([100e-6, 0], t >= 0.1), np.outer([3, 4], (t >= 1.2) & (t < 1.22))
 moves = {}
 for (name, K), late in ((one, late) for late in (0.0, 0.5e-3) for one in pids.items()):
-    moves[name, late] = move = nlfrf.simulate_loop(stage, K, goal, fs=FS, disturbance=kick, delay=late, saturation=40.0)
+    moves[name, late] = move = nlfrf.rig.run(
+        stage, goal, nlfrf.rig.Controller(K, delay=late, saturation=40.0), disturbance=kick
+    )
     off, swing = np.abs(move.e[:, t < 1.2][:, -1]).max(), np.ptp(move.x[:, t > 1.7], axis=1).max()
     print(
         f"{name}, {1e3 * late:g} ms late: off by {1e6 * off:.2f} um after 1.1 s, swings by {1e6 * swing:.2f} um "

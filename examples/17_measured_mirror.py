@@ -92,7 +92,7 @@ sizes = [np.abs((worst.plant(x) * loops["70 Hz"]).feedback(np.eye(3)).poles()).m
 print(f"largest pole with 0.99 and 1.01 of the breaking perturbation: {sizes[0]:.5f} and {sizes[1]:.5f}")
 
 figure, axes = plt.subplots(2, 2, figsize=(17, 11), layout="constrained")
-plot_singular_values(nlfrf.bla.singular_values(first, of="realization"), ax=axes[0, 0])
+plot_singular_values(first, of="realization", ax=axes[0, 0])
 plot_loop(robust.analysis.loop_gains(fit.G, loops["70 Hz"], omega=model.omega), ax=axes[0, 1])
 for ax, (name, report) in zip(axes[1], reports.items(), strict=True):
     plot_check(report, ax=ax).set_title(f"{name}: {report.verdict}")

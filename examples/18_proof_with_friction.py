@@ -76,8 +76,9 @@ for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
         asymmetry=0.3,
     )
     rig = nlfrf.rig.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, law)  # the machine that is proved
-    responses = nlfrf.rig.simulate_loops(rig, [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks, oversampling=8)
-    outside = nlfrf.rig.simulate_loops(nlfrf.paper_rig(), [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks)
+    late, still = nlfrf.rig.Controller(K, delay=delay), np.zeros(4000)
+    responses = nlfrf.rig.run_loops(rig, still, late, initial=kicks, oversampling=8)
+    outside = nlfrf.rig.run_loops(nlfrf.paper_rig(), still, late, initial=kicks)
     for kind, found in (("a friction of the class", responses), ("the rig, which creeps: outside the class", outside)):
         moving = sum(r.diverged or np.ptp(r.x[-400:]) > 1e-3 * np.ptp(r.x) for r in found)
         text.append(f"{name:23}{proofs[name].verdict:8}{kind:40}{moving:2d} of {len(found)} move after 4 s")

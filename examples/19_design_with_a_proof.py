@@ -86,7 +86,7 @@ for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
     kicks, bands = [], f"{band(K, k + assumed.friction.K0):9.3g} Hz{band(K, k):7.3g} Hz"
     for law, rig in laws():
         starts = np.column_stack([np.zeros(KICKS.size), KICKS])
-        responses = nlfrf.rig.simulate_loops(rig, [K], np.zeros(3000), fs=1 / T, initial=starts)
+        responses = nlfrf.rig.run_loops(rig, np.zeros(3000), K, initial=starts)
         left = np.array([np.inf if r.diverged else np.ptp(r.x[-1000:]) for r in responses])
         rests = left < 1e-3 * KICKS / np.sqrt(k * assumed.machine.B_force[1])
         first = np.argmin(np.append(rests, False))  # that does not

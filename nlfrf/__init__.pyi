@@ -22,7 +22,6 @@ from .io.results import save as save
 from .records.record import Record as Record
 from .records.record import join_records as join_records
 from .records.samples import record_from_samples as record_from_samples
-from .rig.bench.closed_loop import simulate_loop as simulate_loop
 from .rig.bench.rig import paper_rig as paper_rig
 from .rig.bench.servo import servo_axis as servo_axis
 from .rig.bench.simulate import simulate as simulate

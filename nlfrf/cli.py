@@ -483,7 +483,7 @@ def plot(
     figure, (top, *middle, bottom) = plt.subplots(2 + single, 1, figsize=size, layout="constrained")
     if isinstance(content, nlfrf.Bla) and not content.is_single:
         pictures.plot_frm(content, confidence=confidence, ax=top)
-        pictures.plot_singular_values(nlfrf.bla.singular_values(content, confidence), ax=bottom)
+        pictures.plot_singular_values(content, confidence=confidence, ax=bottom)
     elif isinstance(content, nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine):
         pictures.plot_excitation(content, ax=top)
         pictures.plot_spectrum(content, ax=bottom)

@@ -19,7 +19,8 @@ from nlfrf._base.units import POSITIONS
 from nlfrf.axis.loop import DriveLoop, closed_loop_poles, crossover_frequency, drive_loop
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
-from nlfrf.rig.bench.servo import ServoAxis, run_servo
+from nlfrf.rig.bench.run import run
+from nlfrf.rig.bench.servo import ServoAxis
 from nlfrf.signals.axis_experiment import PORTS, AxisExperiment, AxisLimits
 from nlfrf.signals.multisine import Multisine
 
@@ -291,7 +292,7 @@ def base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> Motio
         force = float(np.abs(source.u.mean(axis=-1)).max())
     elif np.any(experiment.velocities):
         n = min(2 * experiment.block + experiment.ms.n_samples, experiment.n_rows)  # both directions, and one reversal
-        force = float(np.abs(run_servo(source, position=experiment.base[:n]).force_set).max())
+        force = float(np.abs(run(source, experiment.base[:n]).force_set).max())
     else:
         force = 0.0
     return Motion(force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base)))

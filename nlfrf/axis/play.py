@@ -13,7 +13,9 @@ from nlfrf._base.arguments import require_kind
 from nlfrf._base.files import require_writable, to_path, write_table
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.designs import load_experiment
-from nlfrf.rig.bench.servo import ServoAxis, ServoTrace, run_servo
+from nlfrf.rig.bench.run import run
+from nlfrf.rig.bench.servo import ServoAxis
+from nlfrf.rig.bench.trajectory import Trajectory
 from nlfrf.signals.axis_experiment import GAINS, PORTS, SAME_GAIN, AxisLimits
 
 
@@ -24,7 +26,7 @@ def play_experiment(
     *,
     limits: AxisLimits | None = None,
     oversampling: int = 1,
-) -> ServoTrace:
+) -> Trajectory:
     """Play a file of set points on a simulated axis, and write its trace.
 
     Parameters
@@ -40,11 +42,11 @@ def play_experiment(
     limits : AxisLimits, optional
         The trace ends where one of them is passed, as a drive that watches them stops.
     oversampling : int
-        As in `run_servo`.
+        As in `nlfrf.rig.run`.
 
     Returns
     -------
-    ServoTrace
+    Trajectory
         What was written, and what a drive does not see.
 
     Raises
@@ -90,12 +92,10 @@ def play_experiment(
     fs = file.sampling_frequency(None, tuple(given))
     if abs(fs / axis.drive.fs - 1) > 1e-6:
         raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {fs:g} Hz")
-    trace = run_servo(
+    trace = run(
         axis,
+        {"force": played["force"], "velocity": played["velocity"], "position": played["position"]},
         oversampling=oversampling,
-        force=played["force"],
-        velocity=played["velocity"],
-        position=played["position"],
     )
     n = stop_sample(trace, AxisLimits() if limits is None else limits)
     if n < 2:
@@ -153,7 +153,7 @@ def set_point(file: Channels, port: str, unit: str) -> np.ndarray | None:
     return file.signal(port, port)
 
 
-def stop_sample(trace: ServoTrace, limits: AxisLimits) -> int:
+def stop_sample(trace: Trajectory, limits: AxisLimits) -> int:
     """Return how many samples pass before a limit is."""
     require_kind("limits", limits, AxisLimits)
     way = np.maximum.accumulate(trace.position) - np.minimum.accumulate(trace.position)

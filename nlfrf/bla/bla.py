@@ -6,7 +6,7 @@ a 1 x 1 matrix is a scalar with one variance a line, and everything that takes a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from nlfrf._base.arguments import (
     require_real,
 )
 from nlfrf._base.numbers import TINY, roy_quantile
-from nlfrf._base.values import field_names, value
+from nlfrf._base.values import ArrayField, freeze_array, value
 from nlfrf.bla.calibration import FEW_LINES
 from nlfrf.bla.covariance import diagonal, hermitian_sqrt
 from nlfrf.bla.line_index import SMOOTHING_LINES, index_lines
@@ -33,10 +33,108 @@ from nlfrf.signals.lines import LineGrid, local_mean
 #: smoothly: none of a saturation, up to a half of a fifth power. A half costs 7 % more of the loss than a quarter.
 #: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and it is in `var_bound`.
 SMOOTH_SHARE = {"roughness": 0.25}
-COVARIANCE_KINDS = ("noise", "total", "distortion", "even", "bound")
-COVARIANCES = tuple(f"cov_{kind}" for kind in COVARIANCE_KINDS)
+COVARIANCES = ("noise", "total", "distortion", "even", "bound")
 PER_LINE = ("f", "dof", "grid_factor", "coherence")
-PER_REALIZATION = ("distortion", "even")  # whose variances are of one realisation, whatever their number is
+
+
+@value
+class Experiment:
+    """What a `Bla` was measured by.
+
+    Fields
+    ------
+    grid : str
+        The kind of grid that was recognised.
+    design : str
+        "orthogonal" or "zippered", as recognised.
+    n_samples : int
+        Samples N in one period.
+    n_realizations, n_periods : int
+        Realisations M and periods P; of several inputs the sets R of experiments.
+    n_experiments : int
+        Experiments: M, of several inputs n_u in each of R sets.
+    transient : str
+        What was done about the transient: "none", "discard" or "local".
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7 and 4.3.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_realizations=2, rng=2)
+    >>> record = nlfrf.Record(u=ms.u[:, None], y=2 * ms.u[:, None], fs=256, lines=ms.lines)
+    >>> made = nlfrf.identify(record).experiment
+    >>> made.n_realizations, made.n_periods, made.grid
+    (2, 1, 'special-odd')
+    """
+
+    grid: str
+    design: str = "orthogonal"
+    n_samples: int
+    n_realizations: int = 1
+    n_periods: int = 1
+    n_experiments: int = 0
+    transient: str = "none"
+
+    def __post_init__(self) -> None:
+        self.__dict__["n_experiments"] = self.n_experiments or self.n_realizations
+
+
+@value(copy=False)
+class Covariances:
+    """Covariances of the residual Y - G U of ONE experiment, line by line: Cov(vec G) = conj(gamma) kron each of them.
+
+    Fields
+    ------
+    gamma : (n_u, n_u, F) complex ndarray
+        What the estimation makes of a residual. Diagonal, 1/(M A_i^2), in open loop; full in closed loop. Of one input
+        and one output ones: the others are then variances of G itself.
+    noise, total, distortion, even, bound : (n_y, n_y, F) complex ndarray
+        By noise; by noise and distortion; by distortion, without negative eigenvalues; what the even lines say, noise
+        included; the one behind `Bla.bound` and `Bla.block`.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7.
+
+    Examples
+    --------
+    >>> Covariances.of_variances(noise=np.ones(3), total=2 * np.ones(3), distortion=np.ones(3)).total[0, 0]
+    array([2., 2., 2.])
+    """
+
+    gamma: np.ndarray
+    noise: np.ndarray
+    total: np.ndarray
+    distortion: np.ndarray
+    even: np.ndarray
+    bound: np.ndarray
+
+    @classmethod
+    def of_variances(
+        cls,
+        *,
+        noise: np.ndarray,
+        total: np.ndarray,
+        distortion: np.ndarray,
+        even: np.ndarray | None = None,
+        bound: np.ndarray | None = None,
+        n_realizations: int = 1,
+    ) -> Covariances:
+        """Return those of one input and output from (F,) variances of G, distortion and even of one realisation.
+
+        Without `even` nothing is known of the even lines; without `bound` the total variance is behind the bound.
+        """
+        even = np.full(total.shape, np.nan) if even is None else even
+        parts = {"noise": noise, "total": total, "bound": total if bound is None else bound}
+        parts |= {"distortion": distortion / n_realizations, "even": even / n_realizations}
+        return cls(gamma=np.ones((1, 1, total.size)), **{name: part[None, None] for name, part in parts.items()})
+
+    def map(self, change: Callable[[np.ndarray], np.ndarray]) -> Covariances:
+        """Return them with each covariance changed, `gamma` as it is."""
+        return replace(self, **{name: change(getattr(self, name)) for name in COVARIANCES})
 
 
 @value
@@ -45,7 +143,7 @@ class Bla(Channels):
 
     Every variance is E|.|^2 of a complex number, per excited line. Of one input and one output fields are (F,) arrays.
     Of several, the covariance of the matrix has two factors: Cov(vec G) = conj(gamma) kron cov, vec stacking columns;
-    `cov_*` are of the residual Y - G U of ONE experiment, `gamma` is what the estimation makes of it.
+    `cov` holds both.
 
     Fields
     ------
@@ -55,16 +153,10 @@ class Bla(Channels):
         The best linear approximation, unit of y over unit of u.
     lines : LineGrid
         Excited and detection lines.
-    grid : str
-        The kind of grid that was recognised.
     fs : float
         Sampling frequency [Hz].
-    n_samples : int
-        Samples N in one period.
-    n_realizations, n_periods : int
-        Realisations M and periods P behind it; of several inputs the sets R of experiments.
-    transient : str
-        What was done about the transient: "none", "discard" or "local".
+    experiment : Experiment
+        What was measured: grid, period, realisations.
     level_source : str
         Where the distortion level comes from: "detection" (lines that were not excited), "roughness" (of the
         FRF over the excited lines), "realizations" (scatter over M >= 2 experiments), or
@@ -76,12 +168,8 @@ class Bla(Channels):
         no detection lines were used.
     levels : DistortionLevels, or a tuple of them, one an output
         Output amplitudes on excited and detection lines.
-    gamma : (n_u, n_u, F) complex ndarray
-        Diagonal, 1/(M A_i^2), in open loop; full in closed loop. Of one input and one output ones: `cov_*` are then
-        variances of G itself.
-    cov_noise, cov_total, cov_distortion, cov_even, cov_bound : (n_y, n_y, F) complex ndarray
-        Covariances behind the variances of the same names: by noise; by noise and distortion; by distortion, without
-        negative eigenvalues; what the even lines say, noise included; the one behind `bound` and `block`.
+    cov : Covariances
+        By noise, by distortion, behind the bound.
     typical : float
         Expected over observed distortion power: how much more a realisation of random phases distorts than those at
         hand, by the cube of their input, from 1 to 3. Low peaks distort less, whether they are chance or were chosen.
@@ -94,10 +182,6 @@ class Bla(Channels):
         How the inputs ran between their samples, as the `Record` says: with "zoh" the hold of 1/fs is in G.
     inputs, outputs, input_units, output_units : tuple of str
         Names and units of the channels, as in `Record`.
-    design : str
-        "orthogonal" or "zippered", as recognised.
-    n_experiments : int
-        Experiments behind it: M, of several inputs n_u in each of R sets.
     warnings : tuple of str
         What was warned of the record and while it was identified: text of each `DataWarning`.
 
@@ -136,123 +220,35 @@ class Bla(Channels):
     f: np.ndarray
     G: np.ndarray
     lines: LineGrid
-    grid: str
     fs: float
-    n_samples: int
-    n_realizations: int
-    n_periods: int
-    transient: str
-    level_source: str
+    experiment: Experiment
+    cov: Covariances
     dof: np.ndarray
+    level_source: str
     grid_factor: np.ndarray
     levels: Any  # one, or a tuple of one an output: a union would ask every reader of the field for a cast
-    gamma: np.ndarray
-    cov_noise: np.ndarray
-    cov_total: np.ndarray
-    cov_distortion: np.ndarray
-    cov_even: np.ndarray
-    cov_bound: np.ndarray
-    typical: float
-    coherence: np.ndarray
-    hold: str
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    input_units: tuple[str, ...]
-    output_units: tuple[str, ...]
-    design: str
-    n_experiments: int
-    warnings: tuple[str, ...]
-
-    def __init__(
-        self,
-        *,
-        f: np.ndarray,
-        G: np.ndarray,
-        lines: LineGrid,
-        grid: str,
-        fs: float,
-        n_samples: int,
-        n_realizations: int,
-        n_periods: int,
-        transient: str,
-        level_source: str,
-        dof: np.ndarray,
-        grid_factor: np.ndarray,
-        levels: DistortionLevels | Sequence[DistortionLevels],
-        typical: float = 1.0,
-        coherence: np.ndarray | None = None,
-        hold: str = "unknown",
-        inputs: Sequence[str] = (),
-        outputs: Sequence[str] = (),
-        input_units: Sequence[str] = (),
-        output_units: Sequence[str] = (),
-        u_name: str = "",
-        y_name: str = "",
-        u_unit: str = "",
-        y_unit: str = "",
-        design: str = "orthogonal",
-        n_experiments: int | None = None,
-        gamma: np.ndarray | None = None,
-        cov_noise: np.ndarray | None = None,
-        cov_total: np.ndarray | None = None,
-        cov_distortion: np.ndarray | None = None,
-        cov_even: np.ndarray | None = None,
-        cov_bound: np.ndarray | None = None,
-        var_noise: np.ndarray | None = None,
-        var_total: np.ndarray | None = None,
-        var_distortion: np.ndarray | None = None,
-        var_even: np.ndarray | None = None,
-        var_bound: np.ndarray | None = None,
-        warnings: Sequence[str] = (),
-    ) -> None:
-        G = np.asarray(G)
-        n_y, n_u = G.shape[:-1] if G.ndim == 3 else (1, 1)
-        if G.ndim == 3 and n_y == n_u == 1:
-            G, levels = G[0, 0], levels if isinstance(levels, DistortionLevels) else levels[0]
-        unknown = np.full(f.size, np.nan)
-        self.__dict__.update(
-            f=f,
-            G=G,
-            lines=lines,
-            grid=grid,
-            fs=fs,
-            n_samples=n_samples,
-            n_realizations=n_realizations,
-            n_periods=n_periods,
-            transient=transient,
-            level_source=level_source,
-            dof=dof,
-            grid_factor=grid_factor,
-            levels=levels,
-            gamma=np.ones((1, 1, f.size)) if gamma is None else gamma,
-            typical=typical,
-            coherence=unknown if coherence is None else coherence,
-            hold=hold,
-            design=design,
-            n_experiments=n_realizations if n_experiments is None else n_experiments,
-            warnings=tuple(warnings),
-        )
-        self._name_channels(
-            (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
-        )
-        covariances = (cov_noise, cov_total, cov_distortion, cov_even, cov_bound)
-        variances = (var_noise, var_total, var_distortion, var_even, var_bound)
-        for kind, cov, var in zip(COVARIANCE_KINDS, covariances, variances, strict=True):
-            if var is not None:  # of one input and one output
-                per_set = n_realizations if kind in PER_REALIZATION else 1
-                cov = (np.asarray(var) / per_set)[None, None] / self.gamma
-            if cov is None or (n_y * n_u > 1 and gamma is None):
-                missing = f"cov_{kind}" if cov is None else "gamma"
-                raise ValueError(f"bla must be given with gamma and its covariances, got it without {missing!r}")
-            self.__dict__[f"cov_{kind}"] = cov
-        self.__post_init__()
+    typical: float = 1.0
+    coherence: ArrayField = None
+    hold: str = "unknown"
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        n_y, n_u, F = self.n_outputs, self.n_inputs, self.f.size
-        shapes: dict[str, tuple[int, ...]] = {"G": (F,) if self.is_single else (n_y, n_u, F), "gamma": (n_u, n_u, F)}
-        shapes |= dict.fromkeys(COVARIANCES, (n_y, n_y, F)) | dict.fromkeys(PER_LINE, (F,))
+        n_y, n_u = self.G.shape[:-1] if self.G.ndim == 3 else (1, 1)
+        F, held = self.f.size, self.__dict__
+        if self.G.ndim == 3 and n_y == n_u == 1:
+            held["G"] = self.G[0, 0]
+            held["levels"] = self.levels if isinstance(self.levels, DistortionLevels) else self.levels[0]
+        if self.coherence is None:
+            held["coherence"] = freeze_array(np.full(F, np.nan))
+        self._name_channels((n_u, n_y), (self.inputs, self.outputs), (self.input_units, self.output_units))
+        shapes: dict[str, tuple[int, ...]] = {"G": (F,) if self.is_single else (n_y, n_u, F)}
+        shapes |= dict.fromkeys(PER_LINE, (F,)) | dict.fromkeys(COVARIANCES, (n_y, n_y, F)) | {"gamma": (n_u, n_u, F)}
         for name, shape in shapes.items():
-            array = np.asarray(self.__dict__[name])
+            array = getattr(self if name in held else self.cov, name)
             if array.shape != shape or array.dtype.kind not in "fiuc":
                 raise ValueError(
                     f"{name} must be numbers of shape {shape}, for {n_y} outputs, {n_u} inputs and {F} lines, "
@@ -267,15 +263,6 @@ class Bla(Channels):
         return bool(self.G.ndim == 1)
 
     @property
-    def _stored_(self) -> tuple[str, ...]:
-        """Names of the fields that a file holds: for one input and output the variances of G itself."""
-        several = field_names(self)
-        if not self.is_single:
-            return several
-        kept = [name for name in several if name != "gamma" and name not in COVARIANCES]
-        return (*kept, *(f"var_{kind}" for kind in COVARIANCE_KINDS))
-
-    @property
     def matrix(self) -> np.ndarray:
         """(n_y, n_u, F) complex: G with its axes of channels, of one input and one output too."""
         return self.G.reshape(self.n_outputs, self.n_inputs, self.f.size)
@@ -283,12 +270,12 @@ class Bla(Channels):
     @property
     def var_noise(self) -> np.ndarray:
         """(F,) or (n_y, n_u, F) variance of G by noise; nan for P = 1."""
-        return self.entries(self.cov_noise)
+        return self.entries(self.cov.noise)
 
     @property
     def var_total(self) -> np.ndarray:
         """(F,) or (n_y, n_u, F) variance of G by noise and distortion; always finite."""
-        return self.entries(self.cov_total)
+        return self.entries(self.cov.total)
 
     @property
     def var_distortion(self) -> np.ndarray:
@@ -296,12 +283,12 @@ class Bla(Channels):
 
         It does not shrink with M. For P = 1 it contains the noise.
         """
-        return self.n_realizations * self.entries(self.cov_distortion)
+        return self.experiment.n_realizations * self.entries(self.cov.distortion)
 
     @property
     def var_even(self) -> np.ndarray:
         """(F,) or (n_y, n_u, F) variance of one realisation's FRF as read on the even lines; nan without them."""
-        return self.n_realizations * self.entries(self.cov_even)
+        return self.experiment.n_realizations * self.entries(self.cov.even)
 
     @property
     def var_bound(self) -> np.ndarray:
@@ -310,11 +297,11 @@ class Bla(Channels):
         Detection lines, roughness and scatter over realisations, pooled by one statistical model (the guide derives it
         on its page on distortion). Its quantiles at 95 and 99.9 % are those of the model.
         """
-        return self.entries(self.cov_bound)
+        return self.entries(self.cov.bound)
 
     def entries(self, cov: np.ndarray) -> np.ndarray:
         """Return (F,) or (n_y, n_u, F) variances of the entries of G, of a covariance (n_y, n_y, F)."""
-        every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.gamma).real
+        every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.cov.gamma).real
         return np.asarray(every[0, 0] if self.is_single else every)
 
     @property
@@ -337,11 +324,11 @@ class Bla(Channels):
         """Return the (n_y, n_y, F) covariance of one experiment behind a bound: of the BLA, or of a new realisation."""
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
-            return self.cov_bound
+            return self.cov.bound
         missing = SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW_LINES else 0.0
-        new = (self.n_realizations + missing) * self.typical
+        new = (self.experiment.n_realizations + missing) * self.typical
         share = np.sqrt(new * np.atleast_2d(self.distorted_share()))
-        return self.cov_bound * (1 + share[:, None] * share)
+        return self.cov.bound * (1 + share[:, None] * share)
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
         """Return the radius of the disc around G, or around each entry of it, that holds the truth.
@@ -372,7 +359,7 @@ class Bla(Channels):
     def covariance(self) -> np.ndarray:
         """Return the (n_y n_u, n_y n_u, F) covariance of vec G, columns stacked: conj(gamma) kron cov_bound."""
         n = self.n_inputs * self.n_outputs
-        both = np.einsum("abk,cdk->acbdk", self.gamma.conj(), self.cov_bound)
+        both = np.einsum("abk,cdk->acbdk", self.cov.gamma.conj(), self.cov.bound)
         return both.reshape(n, n, -1)
 
     def block(
@@ -397,7 +384,9 @@ class Bla(Channels):
         if simultaneous:
             p = p ** (1 / self.f.size)
         x = np.array([roy_quantile(p, self.n_outputs, self.n_inputs, float(L)) for L in self.dof])
-        return np.sqrt(x) * hermitian_sqrt(self.covariance_of(of)), np.swapaxes(hermitian_sqrt(self.gamma), 0, 1).conj()
+        return np.sqrt(x) * hermitian_sqrt(self.covariance_of(of)), np.swapaxes(
+            hermitian_sqrt(self.cov.gamma), 0, 1
+        ).conj()
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
         """Return the quantile of F(2, 2 dof): squared modulus of a complex normal over its estimated variance.
@@ -430,11 +419,11 @@ class Bla(Channels):
         Where noise dominates, total less noise is negative on every second line. So the difference is taken over nine
         lines, with an allowance for chance; a single line that shows more counts by itself.
         """
-        noise = diagonal(np.nan_to_num(self.cov_noise))
+        noise = diagonal(np.nan_to_num(self.cov.noise))
         if not noise.any():
             return np.ones_like(noise[0] if self.is_single else noise)
-        total = diagonal(self.cov_total if self.n_realizations == 1 else self.cov_bound)
-        dof_noise = self.n_experiments * max(self.n_periods - 1, 1)
+        total = diagonal(self.cov.total if self.experiment.n_realizations == 1 else self.cov.bound)
+        dof_noise = self.experiment.n_experiments * max(self.experiment.n_periods - 1, 1)
         weight = 1 / np.maximum(total + noise, TINY)
         n = SMOOTHING_LINES
         smoothed = local_mean(noise * weight, n) / np.maximum(local_mean(total * weight, n), 1e-300)
@@ -475,33 +464,31 @@ class Bla(Channels):
             )
         if self.is_single:
             return self
-        covariances = {name: getattr(self, name)[j : j + 1, j : j + 1].real for name in COVARIANCES}
-        left = covariances["cov_total"] - np.nan_to_num(covariances["cov_noise"])
-        covariances["cov_distortion"] = np.maximum(left, 0.0)
-        gamma = self.gamma[i : i + 1, i : i + 1].real
+        cov = self.cov.map(lambda part: part[j : j + 1, j : j + 1].real)
+        left = np.maximum(cov.total - np.nan_to_num(cov.noise), 0.0)
+        cov = replace(cov, gamma=self.cov.gamma[i : i + 1, i : i + 1].real, distortion=left)
         return replace(
             self,
             G=self.G[j, i],
-            gamma=gamma,
+            cov=cov,
             levels=self.levels[j],
             inputs=self.inputs[i : i + 1],
             outputs=self.outputs[j : j + 1],
             input_units=self.input_units[i : i + 1],
             output_units=self.output_units[j : j + 1],
-            **covariances,
         )
 
     def every(self, step: int) -> Bla:
         """Return the `Bla` on every `step`-th excited line, for a fit that does not need them all."""
         some = slice(None, None, require_integer("step", step, least=1))
-        per_line = ("G", "gamma", *COVARIANCES, *PER_LINE)
+        cov = replace(self.cov.map(lambda part: part[..., some]), gamma=self.cov.gamma[..., some])
         levels = [
             replace(one, **{name: getattr(one, name)[..., some] for name in ("f_excited", "excited", "noise_excited")})
             for one in ((self.levels,) if self.is_single else self.levels)
         ]
         lines = replace(self.lines, excited=self.lines.excited[some])
-        kept = {name: getattr(self, name)[..., some] for name in per_line}
-        return replace(self, lines=lines, levels=levels[0] if self.is_single else tuple(levels), **kept)
+        kept = {name: getattr(self, name)[..., some] for name in ("G", *PER_LINE)}
+        return replace(self, lines=lines, cov=cov, levels=levels[0] if self.is_single else tuple(levels), **kept)
 
     def times(self, factor: np.ndarray, *, output_unit: str | Sequence[str] | None = None) -> Bla:
         """Return the `Bla` with G times a factor (F,) and its variances times the squared modulus of that.
@@ -537,11 +524,9 @@ class Bla(Channels):
                 f"output_unit must be given, as the factor may change the unit of {', '.join(self.output_units)}: "
                 'output_unit="m" where it makes metres of an acceleration, output_unit=bla.output_units of a ratio'
             )
-        scaled = {name: getattr(self, name) * square for name in COVARIANCES}
         units = self.output_units if output_unit is None else output_unit
-        return replace(
-            self, G=self.G * factor, output_units=(units,) if isinstance(units, str) else tuple(units), **scaled
-        )
+        units = (units,) if isinstance(units, str) else tuple(units)
+        return replace(self, G=self.G * factor, output_units=units, cov=self.cov.map(lambda part: part * square))
 
     def roughness(self) -> np.ndarray:
         """Estimate the variance of G from its roughness over the lines: a second estimate to compare with `var_total`.
@@ -574,15 +559,15 @@ class Bla(Channels):
         if not self.is_single:
             return describe_matrix(self)
         about = (
-            f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.grid} grid, "
-            f"M = {self.n_realizations}, P = {self.n_periods}\n"
+            f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.experiment.grid} grid, "
+            f"M = {self.experiment.n_realizations}, P = {self.experiment.n_periods}\n"
         )
         gain = np.abs(self.G)
         peak, there = int(np.argmax(gain)), gain > 0
         if not there.any():
             return about + "  G is zero on every line: no part of the output is linear in the input"
         relative, power = np.median(self.bound()[there] / gain[there]), np.median(gain[there]) ** 2
-        noise = np.nan_to_num(self.n_realizations * self.var_noise)
+        noise = np.nan_to_num(self.experiment.n_realizations * self.var_noise)
         found = "distortion" if np.isfinite(self.var_noise).any() else "distortion and noise"
         levels = {
             "noise": np.median(noise),
@@ -598,13 +583,13 @@ class Bla(Channels):
             f"{about}  largest |G| {gain[peak]:.4g}{f' {self.unit}' * bool(self.unit)} at {self.f[peak]:g} Hz; "
             f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
             f"  under the median |G|: {', '.join(parts) or 'nothing above rounding'}\n"
-            f"  transient: {self.transient}; level from {source}"
+            f"  transient: {self.experiment.transient}; level from {source}"
             + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
             + (f"; {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
 
 
-@value
+@value(copy=False)
 class DistortionLevels:
     """Output amplitudes on each kind of line.
 
@@ -647,16 +632,16 @@ class DistortionLevels:
 
 def describe_matrix(bla: Bla) -> str:
     """Describe each entry of the matrix in one line."""
-    gain = np.abs(bla.G)
+    gain, made = np.abs(bla.G), bla.experiment
     rows = [
         f"FRM of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from {bla.f[0]:g} to "
-        f"{bla.f[-1]:g} Hz, {bla.design} {bla.grid}, R = {bla.n_realizations}, M = {bla.n_experiments}, "
-        f"P = {bla.n_periods}"
+        f"{bla.f[-1]:g} Hz, {made.design} {made.grid}, R = {made.n_realizations}, M = {made.n_experiments}, "
+        f"P = {made.n_periods}"
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = median_over_lines(bla.bound() / gain)
         distortion = 10 * np.log10(median_over_lines(bla.var_distortion / gain**2))
-        noise = 10 * np.log10(median_over_lines(bla.n_realizations * bla.var_noise / gain**2))
+        noise = 10 * np.log10(median_over_lines(made.n_realizations * bla.var_noise / gain**2))
     has_noise = np.isfinite(bla.var_noise).any()  # which a single period does not show
     for j, out in enumerate(bla.outputs):
         for i, name in enumerate(bla.inputs):
@@ -668,7 +653,7 @@ def describe_matrix(bla: Bla) -> str:
                 + f" {distortion[j, i]:.0f} dB"
             )
     warned = f"; {format_count(len(bla.warnings), 'warning')}" if bla.warnings else ""
-    rows.append(f"  medians over lines, of one set; transient: {bla.transient}; level from {bla.level_source}{warned}")
+    rows.append(f"  medians over lines, of one set; transient: {made.transient}; level from {bla.level_source}{warned}")
     return "\n".join(rows)
 
 

@@ -15,7 +15,7 @@ from nlfrf._base.arguments import (
     require_real,
     require_real_array,
 )
-from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, Covariances, DistortionLevels, Experiment
 from nlfrf.signals.lines import LineGrid
 
 #: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
@@ -138,30 +138,26 @@ def bla_from_frf(
         f=f,
         G=G.astype(complex),
         lines=LineGrid(excited=np.arange(1, f.size + 1), odd=[], even=[]),
-        grid="given",
-        design="FRF",
-        fs=rate,
-        n_samples=0,
-        n_realizations=1,
-        n_experiments=n_u,
-        n_periods=1,
-        transient="unknown",
-        level_source=source,
-        gamma=np.einsum("if,ij->ijf", of_input, np.eye(n_u)).astype(complex),
-        cov_noise=nan,
-        cov_total=cov,
-        cov_distortion=cov,
-        cov_even=nan,
-        cov_bound=cov,
+        experiment=Experiment(grid="given", design="FRF", n_samples=0, n_experiments=n_u, transient="unknown"),
+        cov=Covariances(
+            gamma=np.einsum("if,ij->ijf", of_input, np.eye(n_u)).astype(complex),
+            noise=nan,
+            total=cov,
+            distortion=cov,
+            even=nan,
+            bound=cov,
+        ),
         dof=np.full(f.size, dof),
+        level_source=source,
+        fs=rate,
+        hold=hold,
         grid_factor=np.ones(f.size),
         levels=(unknown_levels(f),) * n_y if several else unknown_levels(f),
         coherence=None if coherence is None or several else np.broadcast_to(coherence, f.shape).astype(float),
-        hold=hold,
-        inputs=inputs,
-        outputs=outputs,
-        input_units=input_units,
-        output_units=output_units,
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        input_units=tuple(input_units),
+        output_units=tuple(output_units),
     )
 
 

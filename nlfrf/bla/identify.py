@@ -14,7 +14,7 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning, keep_warnings, require_choice, require_integer, short_form
 from nlfrf._base.numbers import power, squared_modulus
-from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, Covariances, DistortionLevels, Experiment
 from nlfrf.bla.channel_mismatch import warn_of_mismatch
 from nlfrf.bla.covariance import psd_difference
 from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frm
@@ -244,33 +244,31 @@ def assemble_bla(
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
     covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, cov_bound]
     if record.is_single:
-        covariances, gamma = [cov * gamma.real for cov in covariances], np.ones(gamma.shape)
-    cov_noise, cov_total, cov_distortion, cov_even, cov_bound = covariances
-    levels = output_levels(record, excited, residual)
+        size, gamma = gamma.real, np.ones(gamma.shape)
+        covariances = [part * size for part in covariances]
+    noise, total, cov_distortion, even, bound = covariances
+    cov = Covariances(gamma=gamma, noise=noise, total=total, distortion=cov_distortion, even=even, bound=bound)
     return Bla(
+        f=grid.excited * record.f0,
+        G=frm.G,
         lines=grid,
         fs=record.fs,
-        n_samples=record.n_samples,
-        f=grid.excited * record.f0,
-        n_realizations=R,
-        n_experiments=excited.U.shape[1],
-        n_periods=excited.n_periods,
-        G=frm.G,
-        grid=grid.kind,
-        design="zippered" if excited.is_zippered else "orthogonal",
-        transient=treatment,
-        level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
-        gamma=gamma,
-        cov_noise=cov_noise,
-        cov_total=cov_total,
-        cov_distortion=cov_distortion,
-        cov_even=cov_even,
-        cov_bound=cov_bound,
-        dof=distortion.dof,
-        grid_factor=distortion.grid_factor if R == 1 else np.ones(grid.excited.size),
-        levels=levels,
-        typical=typical,
+        experiment=Experiment(
+            grid=grid.kind,
+            design="zippered" if excited.is_zippered else "orthogonal",
+            n_samples=record.n_samples,
+            n_realizations=R,
+            n_periods=excited.n_periods,
+            n_experiments=excited.U.shape[1],
+            transient=treatment,
+        ),
         hold=record.hold,
+        cov=cov,
+        dof=distortion.dof,
+        level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
+        grid_factor=distortion.grid_factor if R == 1 else np.ones(grid.excited.size),
+        levels=output_levels(record, excited, residual),
+        typical=typical,
         inputs=record.inputs,
         outputs=record.outputs,
         input_units=record.input_units,

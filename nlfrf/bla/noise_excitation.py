@@ -21,7 +21,7 @@ from nlfrf._base.arguments import (
     require_real_array,
 )
 from nlfrf._base.numbers import TINY, power
-from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, Covariances, DistortionLevels, Experiment
 from nlfrf.signals.lines import LineGrid
 
 HANN_NOISE_BANDWIDTH = 1.5  # lines that the power in one line of a Hann window comes from
@@ -102,26 +102,17 @@ def identify_noise(
     if method == "welch":
         G_local, frf = frf.G, estimate_frf_welch(u, y, n=n_samples, lines=lines)
         warn_of_coarse_segments(lines * fs / n_samples, frf, G_local=G_local)
-    nan = np.full(lines.size, np.nan)
     return Bla(
         f=lines * fs / n_samples,
         G=frf.G,
         lines=LineGrid(excited=lines),
-        grid="noise",
         fs=fs,
-        n_samples=n_samples,
-        n_realizations=1,
-        n_periods=1,
-        transient="local" if method == "local" else "none",
-        level_source="coherence",
-        var_noise=nan,
-        var_total=frf.variance,
-        var_distortion=frf.variance,
-        var_even=nan,
+        experiment=Experiment(grid="noise", n_samples=n_samples, transient="local" if method == "local" else "none"),
+        cov=Covariances.of_variances(noise=np.full(lines.size, np.nan), total=frf.variance, distortion=frf.variance),
         dof=np.full(lines.size, float(frf.dof)),
+        level_source="coherence",
         grid_factor=np.ones(lines.size),
         levels=output_amplitudes(lines * fs / n_samples, frf.output_power),
-        var_bound=frf.variance,
         coherence=frf.coherence,
     )
 

@@ -6,7 +6,7 @@ import gzip
 import os
 import tempfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from pathlib import Path
 from types import ModuleType
@@ -99,13 +99,7 @@ class Channels:
         full, file = self.full_name(name), Path(self.path).name
         array = self.arrays.get(full)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
-            listed = ", ".join(sorted(self.signals)) or "none"
-            noted = "; ".join(f"{one!r} {why}" for one, why in self.notes.items() if one == name or not self.signals)
-            raise ValueError(
-                f"{parameter} must name a signal of {file!r}, one of {listed}; got {name!r}"
-                + (f"; {noted}" if noted else "")
-                + (f"; {OTHER_WAY}" if not self.signals else "")
-            )
+            raise ValueError(f"{parameter} must name a signal of {file!r}, {self.describe_signals(name)}")
         if array.ndim > 1 and self.text("schema"):
             return to_stream(array)  # this package's own file: whoever asks knows the axes
         array = np.squeeze(array)
@@ -125,6 +119,13 @@ class Channels:
                 f"apart: {parameter} is {full!r}, the first of them"
             )
         return to_stream(array)
+
+    def describe_signals(self, name: str) -> str:
+        """Return the signals there are in place of one that is none, and why that, or the file, has none."""
+        listed = ", ".join(sorted(self.signals)) or "none"
+        named = [name] if name in self.notes else [] if self.full_name(name) in self.arrays else list(self.notes)[:3]
+        noted = [f"{one!r} {self.notes[one]}" for one in named]
+        return "; ".join([f"one of {listed}", f"got {name!r}", *noted, *([] if self.signals else [OTHER_WAY])])
 
     def labels(self, u: str, y: str) -> SignalLabels:
         """Names of input and output without their units, and the units that the file has in brackets or beside them."""
@@ -162,12 +163,7 @@ class Channels:
             self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names
         }
         known = {name: clock for name, clock in known_clocks.items() if clock is not None}
-        found: dict[str, tuple[float, str]] = {}
-        for name, clock in known.items() if known else [("", self.clocks.get(""))]:
-            if isinstance(clock, str):
-                found[name] = self.frequency_of_time(clock, given is not None), f"the time channel {clock!r}"
-            elif clock is not None:
-                found[name] = float(clock), f"what it says of {name!r}" if name else "its own word"
+        found = self.stated_clocks(known, given is not None)
         if not found:
             found = self.neighbouring_clock(tuple(known_clocks), given is not None)
         rates = [fs for fs, _ in found.values() if fs > 0]
@@ -195,6 +191,16 @@ class Channels:
                 f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {fs:g} Hz; the one given is used"
             )
         return given
+
+    def stated_clocks(self, clocks: Mapping[str, float | str], known: bool) -> dict[str, tuple[float, str]]:
+        """Return the frequency by the clock of each channel and who says so, else by that of the whole file."""
+        found: dict[str, tuple[float, str]] = {}
+        for name, clock in clocks.items() if clocks else [("", self.clocks.get(""))]:
+            if isinstance(clock, str):
+                found[name] = self.frequency_of_time(clock, known), f"the time channel {clock!r}"
+            elif clock is not None:
+                found[name] = float(clock), f"what it says of {name!r}" if name else "its own word"
+        return found
 
     def neighbouring_clock(self, names: tuple[str, ...], known: bool) -> dict[str, tuple[float, str]]:
         """What a variable says of the clock of these channels, else a time channel; where both do, the two agree."""
@@ -264,20 +270,7 @@ class Channels:
 
     def scalar_clock(self, candidates: str, known: bool = False) -> ScalarClock | None:
         """Return the sampling frequency by a variable fs, Ts and the like, first in the struct of a channel."""
-        homes = [candidates.rpartition(".")[0], ""]
-        found: list[ScalarClock] = []
-        for name, array in self.arrays.items():
-            key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
-            is_step, is_rate = STEP_NAME.fullmatch(key) is not None, RATE_NAME.fullmatch(key) is not None
-            number, unit = constant_of(array) if is_step or is_rate else None, unit or self.unit(name)
-            if number is None or (array.size > 1 and is_step and not unit and number >= MIN_DURATION):
-                continue
-            scale = (seconds_per_unit if is_step else hertz_per_unit)(unit)
-            number *= scale or 0.0
-            if 0 < number < np.inf:
-                rank = homes.index(home) if (home := name.rpartition(".")[0]) in homes else 2
-                fs = number if is_rate else float(f"{1 / number:.12g}")
-                found.append(ScalarClock(rank, fs, is_step and not unit and fs <= SLOW, name))
+        found = list(self.scalar_clocks([candidates.rpartition(".")[0], ""]))
         sure = [one for one in found if not one.is_doubtful]
         found = [one for one in found if one in sure or not any(agrees_in_some_unit(one.fs, two.fs) for two in sure)]
         best = min(found, default=None)
@@ -290,6 +283,22 @@ class Channels:
                 f"{others[0].fs:g} Hz by {others[0].name!r}"
             )
         return best
+
+    def scalar_clocks(self, homes: list[str]) -> Iterator[ScalarClock]:
+        """Yield every variable that states a sampling frequency or time; `homes` are the structs that count first."""
+        for name, array in self.arrays.items():
+            key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
+            is_step, is_rate = STEP_NAME.fullmatch(key) is not None, RATE_NAME.fullmatch(key) is not None
+            number, unit = constant_of(array) if is_step or is_rate else None, unit or self.unit(name)
+            if number is None or (array.size > 1 and is_step and not unit and number >= MIN_DURATION):
+                continue
+            scale = (seconds_per_unit if is_step else hertz_per_unit)(unit)
+            number *= scale or 0.0
+            if 0 < number < np.inf:
+                home = name.rpartition(".")[0]
+                rank = homes.index(home) if home in homes else 2
+                fs = number if is_rate else float(f"{1 / number:.12g}")
+                yield ScalarClock(rank, fs, is_step and not unit and fs <= SLOW, name)
 
     def frequency_of_time(self, time: str, known: bool) -> float:
         """The sampling frequency [Hz] by a time channel, 0 where it has none or where it need not be understood."""

@@ -300,7 +300,7 @@ def load_record(
     ----------
     path : path, or a list of them
         ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat`` (Simulink scopes,
-        dSPACE, ``[t u y]`` matrices; objects by mat-io), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
+        dSPACE, ``[t u y]`` matrices), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
         ``.parquet .feather``, ``.wav``; `inspect_file` shows what is inside. Several files are several realisations of
         one experiment, as in `join_records`.
     u, y, r : str, or a list of them

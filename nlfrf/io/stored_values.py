@@ -14,7 +14,7 @@ import numpy as np
 from nlfrf._base.arguments import one_line
 from nlfrf._base.files import VERSION, Role, describe_wrong_file, to_path, write_arrays
 from nlfrf._base.values import field_names
-from nlfrf.bla.bla import DistortionLevels
+from nlfrf.bla.bla import Covariances, DistortionLevels, Experiment
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 #: Values inside a Bla or an experiment; levels of several channels are one an output.
-NESTED_VALUES: dict[str, type[LineGrid] | type[DistortionLevels] | type[Multisine]] = {
+NESTED_VALUES: dict[str, type[DataclassInstance]] = {
     "lines": LineGrid,
+    "experiment": Experiment,
+    "cov": Covariances,
     "levels": DistortionLevels,
     "ms": Multisine,
 }
@@ -38,7 +40,7 @@ def save_value(
 ) -> None:
     """Write every field of a value, those of the values inside it by dotted names, tuples of texts as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
-    content |= value_to_arrays(thing, getattr(thing, "_stored_", None) or field_names(thing))
+    content |= value_to_arrays(thing, field_names(thing))
     write_arrays(to_path(path), content, role=role)
 
 

@@ -221,7 +221,8 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
 
 def describe_measurement(bla: Bla) -> str:
     """Describe grid, realisations, periods and source of the level in one line."""
-    return f"{bla.grid} grid, M = {bla.n_realizations}, P = {bla.n_periods}, level from {bla.level_source}"
+    made = bla.experiment
+    return f"{made.grid} grid, M = {made.n_realizations}, P = {made.n_periods}, level from {bla.level_source}"
 
 
 def require_single(bla: Bla) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.axes import axes_or_new, finish_axes, finish_matrix, gain_band, matrix_axes, phase_band, to_decibel
 from nlfrf.bla.bla import Bla
-from nlfrf.bla.gains import RelativeGains, SingularValues
+from nlfrf.bla.gains import rga, rga_radius, singular_values
 from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
 
 if TYPE_CHECKING:
@@ -95,64 +95,52 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Axes:
+def plot_singular_values(frm: Bla, *, confidence: float = 0.95, of: str = "bla", ax: Axes | None = None) -> Axes:
     """Draw the singular values of the matrix, each with its bounds.
 
     Parameters
     ----------
-    found : SingularValues
-        From `singular_values`.
+    frm : Bla
+        What was identified.
+    confidence, of
+        As in `singular_values`.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    require_kind("found", found, SingularValues)
+    require_kind("frm", frm, Bla)
     ax = axes_or_new(ax)
-    for i, sigma in enumerate(found.sigma):
-        color = COLOR_CYCLE[i % len(COLOR_CYCLE)]
-        gains = sigma, found.low[i], found.high[i]
-        gain_band(ax, found.f, *gains, color=color, alpha=0.2, label="_band", over="the matrix may be singular")
-        ax.plot(
-            found.f,
-            to_decibel(sigma),
-            LINE_STYLES[i % len(LINE_STYLES)],
-            lw=1.4,
-            color=color,
-            label=f"singular value {i + 1}",
+    sigma, low, high = singular_values(frm, confidence, of=of)
+    for i, gain in enumerate(sigma):
+        color, style = COLOR_CYCLE[i % len(COLOR_CYCLE)], LINE_STYLES[i % len(LINE_STYLES)]
+        gain_band(
+            ax, frm.f, gain, low[i], high[i], color=color, alpha=0.2, label="_band", over="the matrix may be singular"
         )
-    ax.fill_between([], [], [], color="0.5", alpha=0.3, lw=0, label=f"{100 * found.confidence:g} % bound of the matrix")
+        ax.plot(frm.f, to_decibel(gain), style, lw=1.4, color=color, label=f"singular value {i + 1}")
+    ax.fill_between([], [], [], color="0.5", alpha=0.3, lw=0, label=f"{100 * confidence:g} % bound of the matrix")
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel="singular values of G [dB]",
-        ylim=(smallest_nonzero(found.sigma) - LEGEND_DB / 2, float(to_decibel(found.sigma.max())) + LEGEND_DB / 2),
+        ylim=(smallest_nonzero(sigma) - LEGEND_DB / 2, float(to_decibel(sigma.max())) + LEGEND_DB / 2),
         title="Gain in the strongest and in the weakest direction",
     )
     return finish_axes(ax)
 
 
-def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> np.ndarray:
+def plot_rga(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
     """Draw the magnitude of every relative gain over frequency with its bound: near one is a good pairing.
 
-    Parameters
-    ----------
-    found : RelativeGains
-        From `rga` of a `Bla` of several inputs or outputs.
-    ax : matplotlib Axes, optional
-        As in `plot_frm`.
-
-    Returns
-    -------
-    (n_y, n_u) ndarray of matplotlib Axes
+    Arguments and result as in `plot_frm`; the bound is that of `rga_radius`.
     """
-    require_kind("found", found, RelativeGains)
-    made, foot = matrix_axes(ax, list(found.outputs), [f"by {name}" for name in found.inputs])
-    size = np.abs(found.gains)
-    top = 1.15 * max(float(np.quantile(size + found.radius, 0.99)), 1.2)
-    label = f"{100 * found.confidence:g} % bound"
+    require_kind("frm", frm, Bla)
+    made, foot = entry_axes(ax, frm, "")
+    size, radius = np.abs(rga(frm.matrix)), rga_radius(frm, confidence)
+    top = 1.15 * max(float(np.quantile(size + radius, 0.99)), 1.2)
     for (j, i), one in np.ndenumerate(made):
-        low, high = np.maximum(size[j, i] - found.radius[j, i], 0.0), size[j, i] + found.radius[j, i]
-        one.fill_between(found.f, low, high, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
-        one.plot(found.f, size[j, i], "-", lw=1.2, color=COLOR["excited"], label="|relative gain|")
+        low, high = np.maximum(size[j, i] - radius[j, i], 0.0), size[j, i] + radius[j, i]
+        label = f"{100 * confidence:g} % bound"
+        one.fill_between(frm.f, low, high, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+        one.plot(frm.f, size[j, i], "-", lw=1.2, color=COLOR["excited"], label="|relative gain|")
         one.axhline(1, color="0.3", lw=0.8, ls=":")
         one.set(xscale="log", ylim=(0, top))
     return finish_matrix(made, foot, "frequency [Hz]")
@@ -160,7 +148,7 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> np.ndarray:
 
 def entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[np.ndarray, Axes]:
     """Create a matrix of axes with the names of the channels."""
-    return matrix_axes(ax, [f"{name}  {up}" for name in frm.outputs], [f"by {name}" for name in frm.inputs])
+    return matrix_axes(ax, [f"{name}  {up}".strip() for name in frm.outputs], [f"by {name}" for name in frm.inputs])
 
 
 def expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:

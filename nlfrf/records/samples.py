@@ -287,7 +287,7 @@ def records_from_streams(
     excitation = streams[known]
     for one in excitation:
         warn_of_hits(known, one[excited_span(one, one.size // 16)])
-    n_samples_found = n_samples is None and design is None
+    found = n_samples is None and design is None
     if n_samples is None and design is not None:
         n_samples = design_period(design, fs)
     elif n_samples is None:
@@ -309,33 +309,23 @@ def records_from_streams(
     with add_swap_hint(kept, labels):
         tracks = track_inputs(kept.get("r", kept["u"]), n_samples, resample)
     n_periods = min(one.size for one in kept["u"]) // n_samples
+
+    def cut_into_periods(signal: list[np.ndarray]) -> np.ndarray:
+        return cut_stream(signal, tracks, n_periods=n_periods, n_samples=n_samples)
+
     # what may be cut once more is kept
-    cut = {
-        name: cut_stream(kept[name] if resample else kept.pop(name), tracks, n_periods=n_periods, n_samples=n_samples)
-        for name in list(kept)
-    }
+    cut = {name: cut_into_periods(kept[name] if resample else kept.pop(name)) for name in list(kept)}
     with add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
         check_period(cut.get("r", cut["u"]), stream, fs)
     warn_of_swapped(cut, labels)
-    if lines is None:
-        lines = recognise_grid(cut.get("r", cut["u"])) if design is None else design.lines
-        if n_samples_found and n_periods == 2 and lines.kind == "custom":
-            data_warning(
-                f"the period of {n_samples} samples was found from one repetition, of lines that form no grid: with "
-                "samples lost between its two ends it would come out too short. Give the design that was played, or "
-                "n_samples"
-            )
+    lines = lines_of_periods(cut, design, found=found) if lines is None else lines
     require_equal_gaps(kept, tracks)
     for _ in range(MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
         if not examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):
             break
-        cut = {
-            name: cut_stream(signal, tracks, n_periods=n_periods, n_samples=n_samples) for name, signal in kept.items()
-        }
-    else:
-        examine_outputs(
-            kept, cut, tracks=tracks, lines=lines, resample=False
-        )  # what is left after all cures is refused
+        cut = {name: cut_into_periods(signal) for name, signal in kept.items()}
+    else:  # what is left after all cures is refused
+        examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=False)
     if resample and n_periods > 1 and cut["u"].shape[1] == 1:
         data_warning(
             f"resample leaves one period of {n_periods}: the others hold lost or repeated samples. In one period noise "
@@ -346,12 +336,26 @@ def records_from_streams(
         fs /= float(np.mean([where.spacing for where in tracks if where]))
     if design is not None:
         cut.setdefault("r", reconstruct_reference(design, cut["u"]))
-    if hold is None:
-        hold = "unknown" if design is None else design.hold
+        hold = design.hold if hold is None else hold
     u, r = cut.pop("u"), cut.pop("r", None)
     (y, label), *others = zip(cut.values(), labels.values(), strict=True)
-    first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **label)
+    first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold="unknown" if hold is None else hold, **label)
     return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
+
+
+def lines_of_periods(cut: Mapping[str, np.ndarray], design: Design | None, *, found: bool) -> LineGrid:
+    """Return the lines of the design, or those that the input shows; `found`: its period was found from repetitions."""
+    if design is not None:
+        return design.lines
+    lines = recognise_grid(cut.get("r", cut["u"]))
+    _, n_periods, n_samples = cut["u"].shape
+    if found and n_periods == 2 and lines.kind == "custom":
+        data_warning(
+            f"the period of {n_samples} samples was found from one repetition, of lines that form no grid: with "
+            "samples lost between its two ends it would come out too short. Give the design that was played, or "
+            "n_samples"
+        )
+    return lines
 
 
 def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:

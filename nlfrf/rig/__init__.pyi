@@ -1,12 +1,9 @@
-from .bench.closed_loop import LoopResponse as LoopResponse
-from .bench.closed_loop import simulate_loops as simulate_loops
-from .bench.motion import Motion as Motion
-from .bench.motion import drive as drive
-from .bench.motion import run as run
+from .bench.closed_loop import Controller as Controller
+from .bench.closed_loop import run_loops as run_loops
 from .bench.rig import Rig as Rig
 from .bench.rig import two_axis_stage as two_axis_stage
+from .bench.run import run as run
 from .bench.servo import ServoAxis as ServoAxis
-from .bench.servo import ServoTrace as ServoTrace
-from .bench.servo import run_servo as run_servo
 from .bench.servo import simulate_servo as simulate_servo
+from .bench.trajectory import Trajectory as Trajectory
 from .studies.level_study import LevelStudy as LevelStudy

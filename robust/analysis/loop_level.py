@@ -651,13 +651,13 @@ def predict_level(
         y_measured=measured[1],
         u_state=find_state(totals["u"], *measured[0]),
         y_state=find_state(totals["y"], *measured[1]),
-        unit=model.unit,
+        unit=model.origin.unit,
     )
 
 
 def require_one_channel_loop(model: object) -> None:
     """Refuse a plant whose loop has no response between lines, or more than one port."""
-    require_one_channel(model, "simulate its loop (nlfrf.simulate_loop)", "for its level in a loop")
+    require_one_channel(model, "simulate its loop (nlfrf.rig.run)", "for its level in a loop")
 
 
 def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:

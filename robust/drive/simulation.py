@@ -190,7 +190,7 @@ def swing_in_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.
     move, hold = (int(count * reset * settings.fs) + 1 for count in (MOVE, HOLD))
     ends = way * np.cumsum(10 ** (1.5 * draws[4:] - 1) * np.resize([1.0, -1.0], MOVES))
     position = np.concatenate([np.repeat(ends, move), np.full(hold, ends[-1])])
-    trace = nlfrf.rig.run_servo(axis, position=position, oversampling=oversampling)
+    trace = nlfrf.rig.run(axis, position, oversampling=oversampling)
     if trace.diverged:
         return np.nan, np.nan
     last = trace.x[0][-int(LAST * hold) :]

@@ -27,7 +27,7 @@ from robust.lti.realisation import state_space
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-#: A friction law as `nlfrf.rig.drive` takes it.
+#: A friction law as `nlfrf.rig.run` takes it.
 Law: TypeAlias = (
     "nlfrf.friction.Coulomb | nlfrf.friction.LuGre | nlfrf.friction.Leuven | nlfrf.friction.GeneralizedMaxwellSlip"
     " | nlfrf.friction.Dahl | nlfrf.friction.VaryingSliders | nlfrf.friction.OwnFriction"
@@ -56,7 +56,7 @@ def describing_function(friction: Law, amplitude: float, omega: float) -> comple
     steps = 4
     while True:
         try:
-            motion = nlfrf.rig.drive(friction, amplitude * omega * np.cos(phase), fs=fs, oversampling=steps)
+            motion = nlfrf.rig.run(friction, amplitude * omega * np.cos(phase), fs=fs, oversampling=steps)
             break
         except ValueError:  # steps too long for the law; what else is wrong is so at the finest too
             if steps >= MAX_STEPS_PER_SAMPLE:
@@ -97,7 +97,7 @@ class QuasiLinear:
     cycles : (C,) ndarray
         Amplitudes of motions that go on, and come back after a disturbance [m].
     outcome : str
-        What becomes of the loop after the burst, in the words of `nlfrf.rig.LoopResponse.outcome`: "settled", "limit
+        What becomes of the loop after the burst, in the words of `nlfrf.rig.Trajectory.outcome`: "settled", "limit
         cycle" or "ran away"; empty without a burst.
     amplitudes, stiffnesses, dampings : (A,) ndarray
         k_eq [N/m] and c_eq [Ns/m] of the friction at each amplitude [m].

@@ -27,7 +27,7 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
         which = f" of record {i + 1}" if len(records) > 1 else ""
         grid, u = record.lines, record.u[0, -1]
         rms = " ".join([f"{u.std():.4g}", *record.u_unit.split()])
-        kind = blas[i].grid if i < len(blas) else "given"
+        kind = blas[i].experiment.grid if i < len(blas) else "given"
         facts += [
             (
                 f"excitation{which}",
@@ -81,6 +81,20 @@ def describe_stray_energy(record: Record) -> str:
     )
 
 
+def describe_directions(bla: Bla) -> str:
+    """Return the largest and the smallest singular value, the condition, and whether the weakest was measured."""
+    sigma, low, _ = nlfrf.bla.singular_values(bla)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        condition = np.nan_to_num(sigma[0] / sigma[-1], nan=np.inf, posinf=np.inf)
+    k, lost = int(condition.argmax()), int(np.count_nonzero(low[-1] == 0))
+    return (
+        f"{len(sigma)} singular values on {bla.f.size} lines; largest {sigma[0].max():.4g}, smallest "
+        f"{sigma[-1].min():.4g}, condition at most {condition[k]:.4g} at {bla.f[k]:g} Hz"
+    ) + (
+        f"; on {lost} lines the set may hold a matrix of lower rank: the weakest direction is not measured" * (lost > 0)
+    )
+
+
 def bla_section(blas: list[Bla]) -> Section:
     """Return the best linear approximation, its levels and its bound."""
     from nlfrf import plot
@@ -89,14 +103,13 @@ def bla_section(blas: list[Bla]) -> Section:
     for i, bla in enumerate(blas):
         which = f" of record {i + 1}" if len(blas) > 1 else ""
         if not bla.is_single:
-            values = nlfrf.bla.singular_values(bla)
-            facts += [(f"matrix{which}", rows_of_value(bla)), (f"directions{which}", rows_of_value(values))]
+            facts += [(f"matrix{which}", rows_of_value(bla)), (f"directions{which}", describe_directions(bla))]
             pictures += [
                 parts.draw_picture(plot.plot_frm, bla, tall=True, caption=f"Every entry{which} with its 95 % bound."),
                 parts.draw_picture(plot.plot_frm_bounds, bla, tall=True, caption=f"What limits each entry{which}."),
                 parts.draw_picture(
                     plot.plot_singular_values,
-                    values,
+                    bla,
                     caption=f"Singular values{which}, in the bands that the bound of the matrix leaves them.",
                 ),
             ]
@@ -203,13 +216,13 @@ def set_section(model: UncertaintyModel) -> Section:
         ("set", str(model)),
         ("class of perturbations", model.perturbation),
         ("confidence", "; ".join(describe_confidence(model)) or "none claimed"),
-        ("outside the measured band", f"nothing was measured; assumed: {model.extrapolation}"),
-        ("source", model.source),
+        ("outside the measured band", f"nothing was measured; assumed: {model.origin.extrapolation}"),
+        ("source", model.origin.source),
     ]
     pictures = [
         parts.draw_picture(plot.plot_weight, model, caption="Radius on the lines, its parts, and the weight over it.")
     ]
-    if model.is_single and model.budget():
+    if model.is_single and model.budget:
         pictures.append(
             parts.draw_picture(plot.plot_budget, model, caption="What the radius is made of: what to measure next.")
         )

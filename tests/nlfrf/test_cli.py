@@ -41,7 +41,7 @@ def test_design_simulate_identify_plot(nlfrf_command, tmp_path):
         assert code == 0, step
         assert "wrote" in out
     bla = load(tmp_path / "bla.npz")
-    assert bla.grid == "special-odd"
+    assert bla.experiment.grid == "special-odd"
     assert 55 < bla.f[np.argmax(np.abs(bla.G))] < 63
     for name, magic in (("bla.png", b"\x89PNG"), ("ms.svg", b"<?xml"), ("record.pdf", b"%PDF")):
         assert (tmp_path / name).read_bytes().startswith(magic)
@@ -61,7 +61,7 @@ def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
     assert "second opinion: roughness over detection lines" in out
     assert (tmp_path / "bla.csv").read_text().startswith("f [Hz],Re G,Im G,bound")
     assert (tmp_path / "play.npz").exists()
-    assert load(tmp_path / "bla.h5").n_realizations == 2
+    assert load(tmp_path / "bla.h5").experiment.n_realizations == 2
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_inputs_one_by_one_are_as_many_as_with_commas(nlfrf_command, tmp_path):
         assert nlfrf_command(*asked, *how)[0] == 0
     one, other = load(tmp_path / "G.npz"), load(tmp_path / "H.npz")
     assert one.inputs == other.inputs == ("f,x", "fy")
-    np.testing.assert_array_equal(one.cov_bound, other.cov_bound)
+    np.testing.assert_array_equal(one.cov.bound, other.cov.bound)
     code, _, err = nlfrf_command(*asked, "--input", "fy", "--reference", "rx", "--reference", "ry", "-o", "b.npz")
     assert code == 2
     assert "--reference must name a signal of 'run0.npz'" in err
@@ -162,7 +162,7 @@ def test_a_zippered_record_beside_its_design(nlfrf_command, tmp_path):
     names = ["--input", "fx,fy", "--output", "x"]
     code, _, err = nlfrf_command("identify", "run.npz", *names, "--design", "ms.npz", "-o", "G.npz")
     assert (code, "r must be left out" in err) == (0, False)
-    assert load(tmp_path / "G.npz").design == "zippered"
+    assert load(tmp_path / "G.npz").experiment.design == "zippered"
 
 
 def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
@@ -269,7 +269,7 @@ def test_motor_bench_from_the_command_line(nlfrf_command, measured):
     assert code == 0
     assert "nlfrf: warning: the odd detection lines of an odd-odd grid" in err
     assert "60 lines from 13 to 249 Hz, odd-odd grid" in out
-    assert load("bla-theta_my.npz").n_periods == 19
+    assert load("bla-theta_my.npz").experiment.n_periods == 19
 
 
 def test_the_version_needs_no_command(nlfrf_command):
@@ -343,7 +343,7 @@ def test_several_files_and_the_design_that_was_played(nlfrf_command, tmp_path):
     assert code == 0
     assert all("seems clipped" in line or "its crest factor is" in line for line in err.splitlines())
     bla = load(tmp_path / "bla.npz")
-    assert (bla.n_realizations, bla.f.size) == (3, ms.f.size)
+    assert (bla.experiment.n_realizations, bla.f.size) == (3, ms.f.size)
     assert np.abs(bla.G - 3).max() < 0.02
     assert "M = 3, P = 2" in out
 

@@ -78,7 +78,6 @@ HEAVY = {
     "anywidget": "robust.reports.shaping_page.widget",
     "traitlets": "robust.reports.shaping_page.widget",
     "pandas": "nlfrf.io.readers.tables",
-    "matio": "nlfrf.io.readers.matlab_objects",
     "nptdms": "nlfrf.io.readers.tdms",
     "asammdf": "nlfrf.io.readers.mdf",
     "pyuff": "nlfrf.io.readers.uff",

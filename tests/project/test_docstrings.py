@@ -16,20 +16,12 @@ REFUSES = re.compile(r"\braise\b|\b(?:require|check)_\w+\(")
 
 #: Files, containers and our own bookkeeping: nothing in them comes from a book.
 OWN = {
-    *(
-        "nlfrf.DataWarning",
-        "nlfrf.signals.LineGrid",
-        "nlfrf.rig.LoopResponse",
-        "nlfrf.rig.Motion",
-        "nlfrf.Record",
-        "nlfrf.rig.drive",
-    ),
-    "nlfrf.rig.ServoTrace",
+    *("nlfrf.DataWarning", "nlfrf.signals.LineGrid", "nlfrf.rig.Trajectory"),
     *("nlfrf.Record", "nlfrf.record_from_samples"),
     *("nlfrf.io.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_record"),
-    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.export_csv", "nlfrf.rig.run", "nlfrf.simulate"),
+    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.export_csv", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.io.controller_sections", "robust.io.export_matlab", "robust.frd"),
-    "robust.drive.load_gains",
+    *("robust.drive.load_gains", "robust.models.Origin"),
     *("robust.reports.write_report", "nlfrf.hysteresis.Linear", "nlfrf.hysteresis.Table"),
 }
 

@@ -257,7 +257,7 @@ def test_a_script_runs_twice_and_every_file_is_named(files, command, written):
 def test_overwrite_replaces_what_was_asked_for(files):
     Path("old.npz").write_text("mine")
     assert run("nlfrf identify mid.csv -o old.npz --force")[0] == 0
-    assert nlfrf.load("old.npz").n_periods == 2
+    assert nlfrf.load("old.npz").experiment.n_periods == 2
 
 
 def test_a_measurement_is_never_taken_for_a_simulation(files):
@@ -277,7 +277,7 @@ def test_a_symbolic_link_is_written_through(files):
     Path("link.npz").symlink_to("sub/behind.npz")
     assert run("nlfrf identify mid.csv -o link.npz")[0] == 0
     assert Path("link.npz").is_symlink()
-    assert nlfrf.load("sub/behind.npz").n_periods == 2
+    assert nlfrf.load("sub/behind.npz").experiment.n_periods == 2
 
 
 def test_a_script_replaces_the_path_that_it_names_and_no_other(tmp_path):

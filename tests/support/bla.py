@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, Covariances, DistortionLevels, Experiment
 from nlfrf.signals.lines import LineGrid
 
 
@@ -50,17 +50,22 @@ def make_bla(
         f=f,
         G=measured,
         lines=LineGrid(excited=excited),
-        grid="special-odd",
+        experiment=Experiment(
+            grid="special-odd",
+            n_samples=max(4, round(fs / f0)),
+            n_realizations=n_realizations,
+            n_periods=2,
+        ),
+        hold=hold,
         fs=fs,
-        n_samples=max(4, round(fs / f0)),
-        n_realizations=n_realizations,
-        n_periods=2,
-        transient="none",
+        cov=Covariances.of_variances(
+            noise=var_noise,
+            total=estimated,
+            distortion=var_odd * ratio,
+            even=ones * sigma_even**2,
+            n_realizations=n_realizations,
+        ),
         level_source="detection",
-        var_noise=var_noise,
-        var_total=estimated,
-        var_distortion=var_odd * ratio,
-        var_even=ones * sigma_even**2,
         dof=ones * dof,
         grid_factor=ones,
         levels=DistortionLevels(
@@ -74,6 +79,4 @@ def make_bla(
             noise_odd=np.zeros(0),
             noise_even=np.zeros(0),
         ),
-        hold=hold,
-        var_bound=estimated,
     )

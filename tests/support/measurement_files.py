@@ -1,6 +1,7 @@
 """One small experiment in the formats of others: a force u [N], a position y [mm], 1000 Hz, three periods of 250."""
 
 import numpy as np
+import scipy.io
 
 import nlfrf
 
@@ -100,29 +101,8 @@ def write_hdf5(path):
         file["matrix"].attrs["columns"] = ["current", "angle"]
 
 
-def time_series(implicit=True):
-    """The input and the output as MATLAB time series, with times by start and step or one by one."""
-    from matio.utils.matclass import MatlabOpaque
-
-    def made(kind, **properties):
-        return MatlabOpaque(properties=properties, classname=kind, type_system="MCOS")
-
-    steps = dict(Start_=np.zeros((1, 1)), Increment_=np.full((1, 1), 1 / FS), Length=np.full((1, 1), float(U.size)))
-    info = made("tsdata.timemetadata", Units=np.array(["seconds"]), **(steps if implicit else {}))
-    found = []
-    for name, data, unit in (("u", U, "N"), ("y", Y, "mm")):
-        about = dict(Name=np.array([name]), Data_=data[:, None], TimeInfo_=info)
-        about |= dict(Time_=np.empty((0, 0)) if implicit else T[:, None])
-        about |= dict(DataInfo_=made("tsdata.datametadata", Units=np.array([unit])))
-        found.append(made("timeseries", **about))
-    return found
-
-
-def write_mat_objects(path):
-    import matio
-
-    first, second = time_series()
-    matio.save_to_mat(str(path), {"first": first, "second": second}, version="v7", do_compression=False)
+def write_mat(path):
+    scipy.io.savemat(path, {"run": {"u": U, "y": Y}, "fs": FS})
 
 
 #: Format -> who writes it, and what to load of it where it is not u and y.
@@ -137,7 +117,7 @@ WRITERS = {
     ".parquet": (write_arrow, {}),
     ".feather": (write_arrow, {}),
     ".h5": (write_hdf5, {}),
-    ".mat": (write_mat_objects, {}),
+    ".mat": (write_mat, {}),
 }
 
 

@@ -6,7 +6,6 @@ hdf5            HDF5: datasets, tables, attributes
 header          names, units and clocks that the rows above the numbers of a text table state
 layout          where the numbers stand in a text table, and what separates them
 matlab          MATLAB: which version it is
-matlab_objects  MATLAB: time series, timetables, datasets
 matlab_v5       MATLAB to v7: variables, structs, Simulink scopes, dSPACE recordings
 mdf             MDF of cars and test benches
 npy             arrays of NumPy, with or without named columns

@@ -36,8 +36,7 @@ def contents(path: Path) -> Contents:
     Long datasets are returned unread, to be read a block at a time; so the file stays open as long as they exist. This
     module is loaded by its path in a process of its own, so it imports nothing of this package.
 
-    HDF5 can take numbers from any other file of the machine, by its path. Such a file is refused as a whole: mat-io,
-    which reads some files again, would follow its links.
+    HDF5 can take numbers from any other file of the machine, by its path. Such a file is refused as a whole.
 
     Raises
     ------
@@ -58,6 +57,9 @@ def contents(path: Path) -> Contents:
         prefix = place.replace("/", ".")
         if place.startswith("#"):  # where MATLAB keeps what its cells and objects refer to
             notes[place.split("/")[0]] = "holds references"
+            return
+        if "MATLAB_object_decode" in attributes:  # the numbers of such a dataset are references too
+            notes[prefix] = "is a MATLAB object"
             return
         if not isinstance(node, h5py.Dataset):
             for key, held in attributes.items():

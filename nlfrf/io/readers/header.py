@@ -107,18 +107,7 @@ class Header(NamedTuple):
 def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     """Read the header of a table; `columns` are its columns of numbers, by their place."""
     kinds, width = find_kinds(layout, columns), len(layout.numeric)
-    rows: list[list[str]] = []
-    labelled: dict[Role, list[str]] = {}
-    preamble = []
-    for i, line in enumerate(layout.header):
-        cells = split_header_line(line, layout.delimiter, width)
-        role = find_role(cells)
-        if role not in (None, Role.NAMES):
-            labelled[role] = cells
-        elif any(cells):
-            rows.append(cells)
-        if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
-            preamble.append(line)  # but not the names, of which one may be that of a clock
+    rows, labelled, preamble = sort_rows(layout)
     names, units, constants = find_names(rows, kinds)
     label = names[0] if find_role(names) is Role.NAMES else ""
     names = names[len(names) > width :] if label else names
@@ -138,6 +127,32 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
         stated[j] = stated[j] or (clock.unit if as_clock else "")
         placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
     stated = [unit or (abscissa if is_time_name(name) else "") for unit, name in zip(stated, placed, strict=True)]
+    units = ["" if unit == "-" else unit.strip("[]()").strip() for unit in stated]
+    steps, starts = steps_and_starts(layout, labelled, kinds)
+    return Header(tuple(make_unique(placed)), tuple(units), steps, starts, clock, unplaced)
+
+
+def sort_rows(layout: Layout) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
+    """Return the rows of a header without a label, those with one by what it says, and the lines of the preamble."""
+    rows: list[list[str]] = []
+    labelled: dict[Role, list[str]] = {}
+    preamble = []
+    for i, line in enumerate(layout.header):
+        cells = split_header_line(line, layout.delimiter, len(layout.numeric))
+        role = find_role(cells)
+        if role not in (None, Role.NAMES):
+            labelled[role] = cells
+        elif any(cells):
+            rows.append(cells)
+        if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
+            preamble.append(line)  # but not the names, of which one may be that of a clock
+    return rows, labelled, preamble
+
+
+def steps_and_starts(
+    layout: Layout, labelled: Mapping[Role, list[str]], kinds: list[Kind]
+) -> tuple[dict[int, float], dict[int, float]]:
+    """Return steps and starts [s] of the columns as labelled rows state them, a time of the day added to its start."""
     steps, starts = (
         {j: parse_number(cell, layout.delimiter, layout.decimal) for j, cell in enumerate(spread(row, kinds)) if cell}
         for row in (labelled.get(Role.STEP, []), labelled.get(Role.START, []))
@@ -146,14 +161,7 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
         if cell:
             parts = enumerate(reversed(cell.replace(",", ".").split(":")))
             starts[j] = starts.get(j, 0.0) + sum(60**k * float(part) for k, part in parts)
-    return Header(
-        tuple(make_unique(placed)),
-        tuple("" if unit == "-" else unit.strip("[]()").strip() for unit in stated),
-        steps,
-        starts,
-        clock,
-        unplaced,
-    )
+    return steps, starts
 
 
 def find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:

@@ -9,24 +9,19 @@ import numpy as np
 
 from nlfrf._base.files import to_path
 from nlfrf._base.own_process import Contents, read_in_own_process
-from nlfrf.io.readers import hdf5, matlab_objects, matlab_v5
+from nlfrf.io.readers import hdf5, matlab_v5
 
-INSTALL_HINT = "is a MATLAB object, which mat-io reads: pip install 'nlfrf[mat]'"
+OBJECTS = "what MATLAB's whos calls timeseries, timetable, table or Dataset"
+CURE = "is a MATLAB object and not read: save it as a matrix, x = [ts.Time ts.Data]; save run.mat x"
 
 
 def contents(path: Path) -> Contents:
-    """Read MATLAB v4 to v7 by SciPy, v7.3 as HDF5; time series, timetables and datasets by mat-io if installed."""
+    """Read MATLAB v4 to v7 by SciPy, v7.3 as HDF5; objects (time series, tables) are named in the notes, not read."""
     found = read_in_own_process(str((hdf5 if is_version_73(path) else matlab_v5).__file__), path)
-    objects = {"#subsystem#", "#objects"} & set(found[3])
-    found[3].clear()
-    if objects:
-        try:
-            more = read_in_own_process(matlab_objects.__file__, path)
-        except ModuleNotFoundError:
-            found[3]["what MATLAB's whos calls timeseries, timetable or Dataset"] = INSTALL_HINT
-        else:
-            found = found[0] | more[0], found[1] | more[1], found[2] | more[2], found[3] | more[3]
-    return found
+    arrays, units, clocks, notes = found
+    has_objects = any(name == "#subsystem#" for name in notes)
+    named = {name: CURE for name in notes if not name.startswith("#")}
+    return arrays, units, clocks, named or ({OBJECTS: CURE} if has_objects else {})
 
 
 def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:

@@ -21,7 +21,7 @@ MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are looked at
 
 
 def contents(path: Path) -> Contents:
-    """Read arrays by name, units and clocks; "#objects" in the notes says that the file holds MATLAB objects."""
+    """Read arrays by name, units and clocks; "#subsystem#" in the notes says that the file holds MATLAB objects."""
     from scipy.io import loadmat
 
     with warnings.catch_warnings():
@@ -33,7 +33,7 @@ def contents(path: Path) -> Contents:
             add_variable(name, content, found)
     found = rename_by_labels(found)
     if "__function_workspace__" in raw:
-        found[3]["#objects"] = ""
+        found[3]["#subsystem#"] = ""
     return found
 
 

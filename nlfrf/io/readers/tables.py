@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf._base.own_process import Contents, require_size
 from nlfrf.io.readers.clock import NUMBER_SUFFIX, STEP_NAME, is_time_name, split_clock_name
-from nlfrf.io.readers.header import read_header
+from nlfrf.io.readers.header import Header, read_header
 from nlfrf.io.readers.layout import COMMENT_MARKS, EMPTY_CELLS, Layout, decode_text, find_layout
 
 if TYPE_CHECKING:
@@ -60,18 +60,27 @@ def read_table(start: bytes, path: Path | None = None) -> Contents:
     units = {name: unit for name, unit in zip(names, header.units, strict=True) if unit}
     for i, seconds in seconds_of_moments(frame, layout).items():
         arrays, units[names[i]] = {names[i]: seconds} | arrays, "s"
-    clocks = own_time_columns(list(arrays))
+    clocks, more = clocks_of_table(header, list(columns), list(arrays))
+    return arrays | more, units, clocks, notes
+
+
+def clocks_of_table(
+    header: Header, columns: list[int], arrays: list[str]
+) -> tuple[dict[str, float | str], dict[str, np.ndarray]]:
+    """Return the clock of each channel by its name, and what says of it more: starts [s], a sampling time."""
+    names, clocks = header.names, own_time_columns(arrays)
+    more: dict[str, np.ndarray] = {}
     channels = [i for i in columns if not is_time_name(names[i])]
     steps = {names[i]: header.steps[i] for i in channels if header.steps.get(i, 0.0) > 0}
     starts = {i: header.starts[i] for i in channels if i in header.starts}
     if len({*steps.values()}) > 1 or (len({*starts.values()}) > 1 and not any(map(is_time_name, arrays))):
         clocks = {name: 1 / step for name, step in steps.items()}
-        arrays |= {f"{names[i]}.start": np.array(start) for i, start in starts.items()}
+        more = {f"{names[i]}.start": np.array(start) for i, start in starts.items()}
     elif header.clock.fs and not any(map(is_time_name, arrays)):
         label = header.clock.label if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0]) else "sampling time"
         clocks = {"": header.clock.fs} if header.clock.unit else {}
-        arrays |= {} if header.clock.unit else {label: np.array(1 / header.clock.fs)}
-    return arrays, units, clocks, notes
+        more = {} if header.clock.unit else {label: np.array(1 / header.clock.fs)}
+    return clocks, more
 
 
 def own_time_columns(names: list[str]) -> dict[str, float | str]:
@@ -144,9 +153,15 @@ def parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -
             if isinstance(error, pd.errors.ParserError):
                 raise
     with source() as stream:
-        frame = pd.read_csv(stream, dtype=str, **options, **empty)
-    numbers = [i for i in wanted if layout.numeric[i]]
-    first = frame[wanted[0]].fillna("").str.strip()
+        return numbers_of_texts(pd.read_csv(stream, dtype=str, **options, **empty), layout)
+
+
+def numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame, dict[int, str]]:
+    """Return the numbers of columns that were read as texts, without comments and what stands below; note others."""
+    import pandas as pd
+
+    numbers = [i for i in frame.columns if layout.numeric[i]]
+    first = frame[frame.columns[0]].fillna("").str.strip()
     as_written = frame.copy()
     for i in numbers:
         column = frame[i] if layout.decimal == "." else frame[i].str.replace(",", ".")

@@ -14,7 +14,7 @@ import pickle
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar, overload
 
 import numpy as np
@@ -25,201 +25,142 @@ from nlfrf._base.arguments import (
     require_kind,
     require_nonnegative,
     require_positive,
-    require_real,
     require_real_array,
 )
 from nlfrf._base.values import value
 from nlfrf.rig.bench import machine as axes
-from nlfrf.rig.bench.motion import require_samples
 from nlfrf.rig.bench.rig import Rig, initial_memory, require_one_axis
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_each
+from nlfrf.rig.bench.trajectory import Trajectory, require_samples
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.laws import UserLawData, pack_law
 
-
-def controller_matrices(K: object, fs: float, *, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
-    """Return A (s, s), B (s, n_inputs), C (n_outputs, s) and D of a sampled controller, checked."""
-    missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(K, name)]
-    if missing:
-        raise ValueError(f"K must have A, B, C, D and dt, got {type(K).__name__} without {', '.join(missing)}")
-    dt = getattr(K, "dt")  # noqa: B009 - anything with these attributes is a controller
-    if isinstance(dt, (bool, np.bool_)) or dt is None or dt == 0:
-        raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {dt}. Discretise it first")
-    if abs(float(dt) * fs - 1) > 1e-6:
-        raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {float(dt):g} s")
-    given = {name: np.asarray(getattr(K, name)) for name in ("A", "B", "C", "D")}
-    for name, matrix in given.items():
-        if matrix.dtype.kind not in "fiu":
-            raise ValueError(f"K must have real matrices, got {name} of dtype {matrix.dtype}")
-        if not np.isfinite(matrix).all():
-            raise ValueError(f"K must have finite matrices, got a number in {name} that is not")
-    A, B, C, D = (matrix.astype(float) for matrix in given.values())
-    D = np.atleast_2d(D)
-    if D.shape != (n_outputs, n_inputs):
-        wanted = (
-            "one input and one output"
-            if (n_inputs, n_outputs) == (1, 1)
-            else f"{n_inputs} inputs and {n_outputs} outputs"
-        )
-        raise ValueError(f"K must have {wanted}, got {D.shape[1]} and {D.shape[0]}")
-    size = int(np.sqrt(A.size))
-    if A.size != size**2 or B.size != size * n_inputs or C.size != size * n_outputs:
-        raise ValueError(
-            f"K must have A (s, s), B (s, {n_inputs}) and C ({n_outputs}, s), got shapes "
-            f"{given['A'].shape}, {given['B'].shape} and {given['C'].shape}"
-        )
-    return A.reshape(size, size), B.reshape(size, n_inputs), C.reshape(n_outputs, size), D
+#: Halvings of the step after which a loop that still runs away counts as diverged.
+MAX_HALVINGS = 6
+MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
+MAX_BATCH_SAMPLES = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
+OVERSAMPLING = 4  # integration steps per sample where nothing else is asked for
+UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
 
 
-#: Of the peak-to-peak error while disturbed: below it a channel is at rest.
-MIN_SWING = 1e-6
-#: Of the peak-to-peak error, and of the usual friction, while disturbed: the most that a settled loop still has.
-MAX_SETTLED_SWING = 1e-2
+@value(kw_only=False)
+class Controller:
+    """A sampled controller as it runs at a machine: u = K (r - y), late, limited, reading a sensor of finite steps.
 
+    Parameters
+    ----------
+    K : state space
+        Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs, sampled with dt [s].
+    delay : float
+        From sampling to the force changing [s]; any part of a sample, or several.
+    saturation : float or (n_u,) ndarray
+        Largest force the actuators give, either way [N].
+    resolution : float or (n_y,) ndarray
+        Step of the position sensors [m]; zero for none.
 
-@value
-class LoopResponse:
-    """Response of a loop, sample by sample.
-
-    Fields
+    Raises
     ------
-    t : (n,) ndarray
-        Time [s].
-    r : (n,) or (n_y, n) ndarray
-        Reference [m].
-    u : (n,) or (n_u, n) ndarray
-        Force commanded by the controller at each sample, saturated [N]; it reaches the rig after the delay.
-    x, v : (n,) or (n_y, n) ndarray
-        Position [m] and velocity [m/s] of the rig at the samples, where it is measured.
-    y : (n,) or (n_y, n) ndarray
-        Position as the controller reads it: with noise, quantised [m].
-    friction : (n,) or (axes, n) ndarray
-        Friction force [N].
-    diverged : bool
-        Whether the loop diverged; the arrays end there.
+    ValueError
+        A controller that is continuous, or whose matrices are not finite, real and of shapes that fit; a delay, limit
+        or step that is negative.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay).
 
     Examples
     --------
-    >>> import control
-    >>> from nlfrf import paper_rig, simulate_loop
-    >>> K = control.ss(control.tf([2e3, 0], [1, -1], 1e-3))                 # an integrator
-    >>> response = simulate_loop(paper_rig(), K, np.full(500, 1e-6), fs=1000)
-    >>> response.diverged, bool(abs(response.e[-1]) < 1e-7)
-    (False, True)
+    >>> from types import SimpleNamespace
+    >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
+    >>> Controller(K, delay=5e-4, saturation=40.0).fs
+    1000.0
     """
 
-    t: np.ndarray
-    r: np.ndarray
-    u: np.ndarray
-    x: np.ndarray
-    v: np.ndarray
-    y: np.ndarray
-    friction: np.ndarray
-    diverged: bool
+    K: Any  # of any library of state spaces
+    delay: float = 0.0
+    saturation: Any = np.inf  # one number, or one a channel
+    resolution: Any = 0.0
+
+    def __post_init__(self) -> None:
+        missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(self.K, name)]
+        if missing:
+            raise ValueError(f"K must have A, B, C, D and dt, got {type(self.K).__name__} without {', '.join(missing)}")
+        dt = self.K.dt
+        if isinstance(dt, (bool, np.bool_)) or dt is None or dt == 0:
+            raise ValueError(f"K must be sampled with a time dt in seconds, got dt = {dt}. Discretise it first")
+        require_positive("dt of K", dt)
+        require_nonnegative("delay", self.delay)
 
     @property
-    def e(self) -> np.ndarray:
-        """(n,) or (n_y, n) error r - x [m]."""
-        return self.r - self.x
+    def fs(self) -> float:
+        """Sampling frequency [Hz]."""
+        return 1 / float(self.K.dt)
 
-    def residual(self, calm: float) -> float:
-        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf where it diverged.
+    def matrices(self, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
+        """Return A (s, s), B (s, n_inputs), C (n_outputs, s) and D, checked."""
+        given = {name: np.asarray(getattr(self.K, name)) for name in ("A", "B", "C", "D")}
+        for name, matrix in given.items():
+            if matrix.dtype.kind not in "fiu":
+                raise ValueError(f"K must have real matrices, got {name} of dtype {matrix.dtype}")
+            if not np.isfinite(matrix).all():
+                raise ValueError(f"K must have finite matrices, got a number in {name} that is not")
+        A, B, C, D = (matrix.astype(float) for matrix in given.values())
+        D = np.atleast_2d(D)
+        if D.shape != (n_outputs, n_inputs):
+            wanted = (
+                "one input and one output"
+                if (n_inputs, n_outputs) == (1, 1)
+                else f"{n_inputs} inputs and {n_outputs} outputs"
+            )
+            raise ValueError(f"K must have {wanted}, got {D.shape[1]} and {D.shape[0]}")
+        size = int(np.sqrt(A.size))
+        if A.size != size**2 or B.size != size * n_inputs or C.size != size * n_outputs:
+            raise ValueError(
+                f"K must have A (s, s), B (s, {n_inputs}) and C ({n_outputs}, s), got shapes "
+                f"{given['A'].shape}, {given['B'].shape} and {given['C'].shape}"
+            )
+        return A.reshape(size, size), B.reshape(size, n_inputs), C.reshape(n_outputs, size), D
 
-        For a loop that is disturbed until `calm` and undisturbed afterwards. A loop at rest has zero, wherever it
-        rests. With several channels the largest of these ratios counts.
-        """
-        before, after = self.split_error(calm)
-        if self.diverged:
-            return np.inf
-        return float(np.max(peak_to_peak(after[..., -(after.shape[-1] // 4) :]) / disturbed_swing(before)))
-
-    def outcome(self, calm: float) -> str:
-        """Classify a loop that is disturbed until `calm` [s] and undisturbed afterwards, by its peak-to-peak error.
-
-        "limit cycle": in some channel the peak-to-peak error of the last quarter is within 5 % of, or above, that of
-        the quarter before it, down to a millionth of the error while disturbed. "settled": below a hundredth of it in
-        every channel, and the friction no longer drifts: a mass that sticks while an integrator winds up is not at
-        rest. "stable": still decaying, creeping, or about to slip. "ran away": the simulation diverged.
-        """
-        if self.diverged:
-            return "ran away"
-        before, after = self.split_error(calm)
-        n = after.shape[-1] // 4
-        last, earlier = peak_to_peak(after[..., -n:]), peak_to_peak(after[..., -2 * n : -n])
-        if np.any(last > np.maximum(0.95 * earlier, MIN_SWING * disturbed_swing(before))):
-            return "limit cycle"
-        held = self.friction[..., -2 * n :]
-        usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
-        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > MAX_SETTLED_SWING * usual)
-        return "settled" if self.residual(calm) < MAX_SETTLED_SWING and not waits else "stable"
-
-    def split_error(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the error before and after `calm` [s]."""
-        require_positive("calm", calm)
-        before, after = self.e[..., self.t < calm], self.e[..., self.t >= calm]
-        if not self.diverged and after.shape[-1] < 8:
-            raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
-        return before, after
+    def limits(self, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """Return (n_outputs,) saturations and (n_inputs,) resolutions, checked."""
+        return broadcast_limit("saturation", self.saturation, n_outputs), broadcast_limit(
+            "resolution", self.resolution, n_inputs
+        )
 
 
-def peak_to_peak(x: np.ndarray) -> np.ndarray:
-    """Return the largest less the smallest value, () or (channels,)."""
-    return np.ptp(x, axis=-1) if x.size else np.zeros(x.shape[:-1])
+def as_controller(given: object) -> Controller:
+    """Return a controller as it is; a state space alone acts at once, without limits."""
+    return given if isinstance(given, Controller) else Controller(given)
 
 
-def disturbed_swing(before: np.ndarray) -> np.ndarray:
-    """Return the peak-to-peak error of each channel while disturbed, floored at `MIN_SWING` of the largest one."""
-    found = peak_to_peak(before)
-    return np.maximum(found, max(MIN_SWING * found.max(), np.finfo(float).tiny))
-
-
-#: Halvings of the step after which a loop that still runs away counts as diverged.
-MAX_HALVINGS = 6
-
-
-def simulate_axes_loop(
+def run_axes_loop(
     rig: Rig,
-    K: object,
-    *,
+    controller: Controller,
     r: ArrayLike,
-    fs: float,
-    saturation: ArrayLike,
-    resolution: ArrayLike,
-    delay: float,
-    disturbance: ArrayLike | None,
-    noise: ArrayLike | None,
+    *,
+    signals: dict[str, ArrayLike | None],
     initial: ArrayLike,
     steps: int,
-) -> LoopResponse:
-    """Simulate a sampled controller matrix around a rig of matrices; arguments as of `simulate_loop`."""
-    r = require_samples("r", r, channels=rig.n_outputs)
-    n = r.shape[1]
-    controller = [
-        np.ascontiguousarray(part)
-        for part in controller_matrices(K, fs, n_inputs=rig.n_outputs, n_outputs=rig.n_inputs)
-    ]
-    limits = (
-        broadcast_limit("saturation", saturation, rig.n_inputs),
-        broadcast_limit("resolution", resolution, rig.n_outputs),
-    )
-    signals = [
-        channel_samples("disturbance", disturbance, n_channels=rig.n_inputs, n=n),
-        channel_samples("noise", noise, n_channels=rig.n_outputs, n=n),
-    ]
+) -> Trajectory:
+    """Simulate a sampled controller matrix around a rig of matrices; arguments as of `run`."""
+    r = require_samples("signal", r, channels=rig.n_outputs)
+    n, fs = r.shape[1], controller.fs
+    K = [np.ascontiguousarray(part) for part in controller.matrices(rig.n_outputs, rig.n_inputs)]
+    channels = {"disturbance": rig.n_inputs, "noise": rig.n_outputs}
+    samples = [channel_samples(name, signals[name], n_channels=width, n=n) for name, width in channels.items()]
     begin = initial_axes(initial, rig.n_axes)
-    late = min(require_nonnegative("delay", delay) * fs, n)  # all later is after the end
+    late = min(controller.delay * fs, n)  # all later is after the end
     for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
-        numbers = fs, *limits, late, steps * 2**halving
+        numbers = fs, *controller.limits(rig.n_outputs, rig.n_inputs), late, steps * 2**halving
         length, found, lost = run_axes_once(
-            rig, controller, r=np.ascontiguousarray(r.T), signals=signals, begin=begin, numbers=numbers
+            rig, K, r=np.ascontiguousarray(r.T), signals=samples, begin=begin, numbers=numbers
         )
         if length == n:
             break
     warn_of_forgotten_loops(lost)
-    x, v, friction, y, u = (part[:, :length] for part in found)
-    t, ran_away = np.arange(length) / fs, length < n
-    return LoopResponse(t=t, r=r[:, :length], u=u, x=x, v=v, y=y, friction=friction, diverged=ran_away)
+    rows = {"r": r[:, :length].copy()} | {name: found[name][:, :length] for name in UNITS if name != "r"}
+    return Trajectory(t=np.arange(length) / fs, signals=rows, units=UNITS, diverged=length < n)
 
 
 def run_axes_once(
@@ -230,24 +171,31 @@ def run_axes_once(
     signals: list[np.ndarray],
     begin: np.ndarray,
     numbers: tuple[float | np.ndarray, ...],
-) -> tuple[int, list[np.ndarray], float]:
-    """Call the compiled code once: samples reached, channels (.., n) of x, v, friction, y and u, loops forgotten."""
-    from nlfrf.rig.kernels.coupled import run_axes_loop
+) -> tuple[int, dict[str, np.ndarray], float]:
+    """Call the compiled code once: samples reached, channels (.., n) of the signals, loops forgotten."""
+    from nlfrf.rig.kernels.coupled import run_axes_loop as run_compiled
 
-    memory = initial_memory(rig)
     laws, grids = axes.pack_laws(rig.friction)
-    memory.state[:, packing.X], memory.state[:, packing.V] = begin
-    dry = laws[:, 0] == packing.COULOMB
-    memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
+    memory = memory_at(rig, laws, begin)
     rows = np.zeros((len(r), 4, rig.n_axes))
     y, u = np.zeros((len(r), rig.n_outputs)), np.zeros((len(r), rig.n_inputs))
     machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
     places = np.array(rig.sensors), np.array(rig.actuators)
-    length = run_axes_loop(
+    length = run_compiled(
         machine, laws, grids, memory.state, memory.stack, *places, *controller, r, *signals, *numbers, rows, y, u
     )
     x, v = rig.sensors @ rows[:, 0].T, rig.sensors @ rows[:, 1].T
-    return int(length), [x, v, rows[:, 3].T, y.T, u.T], float(memory.state[:, packing.LOST].sum())
+    found = {"x": x, "v": v, "friction": rows[:, 3].T, "y": y.T, "u": u.T}
+    return int(length), found, float(memory.state[:, packing.LOST].sum())
+
+
+def memory_at(rig: Rig, laws: np.ndarray, begin: np.ndarray) -> packing.Memory:
+    """Return the memory of axes (2, n) that begin at a position and velocity, their friction relaxed."""
+    memory = initial_memory(rig)
+    memory.state[:, packing.X], memory.state[:, packing.V] = begin
+    dry = laws[:, 0] == packing.COULOMB
+    memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
+    return memory
 
 
 def broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
@@ -289,54 +237,33 @@ class LoopRuns:
     Fields
     ------
     rig : Rig
-    fs, saturation, resolution : float
+    fs : float
     steps : int
         Integration steps a sample.
-    A, B, C, D : (R, s, s), (R, s), (R, s), (R,) ndarray
-        Controllers.
-    r, disturbance, noise : (R, n) ndarray
-    delays : (R,) ndarray
-        In samples.
-    initial : (R, 2) ndarray
-        Position and velocity.
+    rows : dict of str to ndarray
+        One row a run: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r, disturbance, noise (R, n);
+        delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity.
     """
 
     rig: Rig
     fs: float
-    saturation: float
-    resolution: float
     steps: int
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    r: np.ndarray
-    disturbance: np.ndarray
-    noise: np.ndarray
-    delays: np.ndarray
-    initial: np.ndarray
+    rows: dict[str, np.ndarray]
 
-    def select_runs(self, rows: np.ndarray, steps: int) -> LoopRuns:
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of runs, and of samples of each."""
+        n_runs, n = self.rows["r"].shape
+        return n_runs, n
+
+    def select_runs(self, chosen: np.ndarray, steps: int) -> LoopRuns:
         """Return some of the runs, with other steps."""
-        return replace(
-            self,
-            steps=steps,
-            A=select_rows(self.A, rows),
-            B=select_rows(self.B, rows),
-            C=select_rows(self.C, rows),
-            D=select_rows(self.D, rows),
-            r=select_rows(self.r, rows),
-            disturbance=select_rows(self.disturbance, rows),
-            noise=select_rows(self.noise, rows),
-            delays=select_rows(self.delays, rows),
-            initial=select_rows(self.initial, rows),
-        )
+        return replace(self, steps=steps, rows={name: select_rows(part, chosen) for name, part in self.rows.items()})
 
     def __reduce__(self) -> tuple[Callable[..., LoopRuns], tuple[object, ...]]:
         """Pickle rows that all runs share once."""
-        held = {field.name: getattr(self, field.name) for field in fields(self)}
-        once = [name for name, part in held.items() if isinstance(part, np.ndarray) and part.strides[0] == 0]
-        return rebuild_runs, (held | {name: held[name][:1] for name in once}, once, self.delays.size)
+        once = {name: part[:1] if part.strides[0] == 0 else part for name, part in self.rows.items()}
+        return rebuild_runs, (self.rig, self.fs, self.steps, once, self.shape[0])
 
 
 def select_rows(rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -344,17 +271,17 @@ def select_rows(rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     return np.broadcast_to(rows[:1], (chosen.size, *rows.shape[1:])) if rows.strides[0] == 0 else rows[chosen]
 
 
-def rebuild_runs(held: dict[str, Any], once: list[str], n: int) -> LoopRuns:
-    """Return the runs from their pickled parts, of which `once` were a single row."""
-    every = {name: np.broadcast_to(held[name], (n, *held[name].shape[1:])) for name in once}
-    return LoopRuns(**(held | every))
+def rebuild_runs(rig: Rig, fs: float, steps: int, once: dict[str, np.ndarray], n: int) -> LoopRuns:
+    """Return the runs from their pickled parts, of which some are a single row."""
+    rows = {name: np.broadcast_to(part, (n, *part.shape[1:])) for name, part in once.items()}
+    return LoopRuns(rig=rig, fs=fs, steps=steps, rows=rows)
 
 
 class RunBatches(Sequence[LoopRuns]):
     """Runs in batches of at most `most`, each made when it is indexed."""
 
     def __init__(self, runs: LoopRuns, most: int) -> None:
-        n = runs.delays.size
+        n = runs.shape[0]
         self.runs, self.rows = runs, np.array_split(np.arange(n), -(-n // most))
 
     def __len__(self) -> int:
@@ -371,7 +298,7 @@ def simulate_runs(runs: LoopRuns) -> dict[str, np.ndarray]:
     """
     found = attempt(runs)
     for halving in range(1, MAX_HALVINGS + 1):
-        short = np.flatnonzero(found["lengths"] < runs.r.shape[1])
+        short = np.flatnonzero(found["lengths"] < runs.shape[1])
         if not short.size:
             break
         again = attempt(runs.select_runs(short, runs.steps * 2**halving))
@@ -382,32 +309,29 @@ def simulate_runs(runs: LoopRuns) -> dict[str, np.ndarray]:
 
 def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     """One call of the compiled code for all runs."""
-    n_runs, n = runs.r.shape
+    n_runs, n = runs.shape
     law, grid = pack_law(runs.rig.friction)
     body = packing.Body(False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping))
     memory = packing.initial_memory(law.curve, grid)
     states = np.tile(memory.state, (n_runs, 1))
     stacks = np.tile(memory.stack, (n_runs, 1, 1))
-    states[:, packing.X], states[:, packing.V] = runs.initial.T
+    # copies: the code was compiled for arrays that can be written
+    given = {name: np.array(part, order="C") for name, part in runs.rows.items()}
+    initial = given.pop("initial")
+    states[:, packing.X], states[:, packing.V] = initial.T
     if law.form == packing.COULOMB:
-        states[:, packing.DIRECTION] = np.sign(runs.initial[:, 1])
-    run_loops = loops_kernel(law)
+        states[:, packing.DIRECTION] = np.sign(initial[:, 1])
     if isinstance(law, UserLawData):
         stacks[:, 0, : law.functions.rest.size] = law.functions.rest
     rows, lengths = np.zeros((n_runs, n, 5)), np.zeros(n_runs, dtype=np.int64)
-    # copies: the code was compiled for arrays that can be written
-    controllers = [np.array(part, order="C") for part in (runs.A, runs.B, runs.C, runs.D)]
-    signals = [np.array(part, order="C") for part in (runs.r, runs.disturbance, runs.noise)]
-    numbers = float(runs.fs), float(runs.saturation), float(runs.resolution)
-    places = np.array(grid), states, stacks
-    run_loops(
+    loops_kernel(law)(
         body,
         packing.Law(*law),
-        *places,
-        *controllers,
-        *signals,
-        *numbers,
-        np.array(runs.delays, order="C"),
+        np.array(grid),
+        states,
+        stacks,
+        *given.values(),
+        float(runs.fs),
         int(runs.steps),
         rows,
         lengths,
@@ -430,7 +354,7 @@ def loops_kernel(law: packing.Law) -> Callable[..., None]:
 class ReducedRuns:
     """A task that simulates loops and returns `of(response)` of each, so that little travels between processes."""
 
-    of: Callable[[LoopResponse], object]
+    of: Callable[[Trajectory], object]
 
     def __call__(self, runs: LoopRuns) -> Arrays:
         out = simulate_runs(runs)
@@ -448,28 +372,27 @@ def object_array(items: list[object]) -> np.ndarray:
     return held
 
 
-def collect_results(runs: LoopRuns, out: Arrays, of: Callable[[LoopResponse], object] | None) -> list[Any]:
-    """Return the responses of computed runs, or `of(response)` of each."""
+def collect_results(runs: LoopRuns, out: Arrays, of: Callable[[Trajectory], object] | None) -> list[Any]:
+    """Return the trajectories of computed runs, or `of(response)` of each."""
     if "refused" in out:
         raise out["refused"][0]
     if "found" in out:
         return list(out["found"])
-    responses = to_responses(runs, out)
-    return responses if of is None else [of(response) for response in responses]
+    found = to_trajectories(runs, out)
+    return found if of is None else [of(one) for one in found]
 
 
-def to_responses(runs: LoopRuns, out: Arrays) -> list[LoopResponse]:
-    """Return the output of the compiled code as responses; arrays end where a loop diverged."""
-    found = []
-    for r, rows, n in zip(runs.r, out["rows"], out["lengths"], strict=True):
-        x, v, y, u, friction = rows[:n].T
-        ran_away = bool(n < r.size)
-        t = np.arange(n) / runs.fs
-        found.append(LoopResponse(t=t, r=r[:n], u=u, x=x, v=v, y=y, friction=friction, diverged=ran_away))
+def to_trajectories(runs: LoopRuns, out: Arrays) -> list[Trajectory]:
+    """Return the output of the compiled code as trajectories; arrays end where a loop diverged."""
+    found, t = [], np.arange(runs.shape[1]) / runs.fs
+    for r, rows, n in zip(runs.rows["r"], out["rows"], out["lengths"], strict=True):
+        x, v, y, u, friction = rows[:n].T.copy()
+        signals = {"r": r[:n], "u": u, "x": x, "v": v, "y": y, "friction": friction}
+        found.append(Trajectory(t=t[:n], signals=signals, units=UNITS, diverged=bool(n < r.size)))
     return found
 
 
-def can_pickle(of: Callable[[LoopResponse], object]) -> bool:
+def can_pickle(of: Callable[[Trajectory], object]) -> bool:
     """Return whether a function can be pickled to another process: not a lambda, nor a function of a notebook."""
     try:
         sent = pickle.dumps(of)
@@ -478,125 +401,33 @@ def can_pickle(of: Callable[[LoopResponse], object]) -> bool:
     return b"__main__" not in sent or hasattr(sys.modules["__main__"], "__file__")
 
 
-MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
-MAX_BATCH_SAMPLES = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
-
-
-def simulate_loop(
+def run_one_loop(
     rig: Rig,
-    K: object,
+    controller: Controller,
     r: ArrayLike,
     *,
-    fs: float,
-    saturation: ArrayLike = np.inf,
-    resolution: ArrayLike = 0.0,
-    delay: float = 0.0,
-    disturbance: ArrayLike | None = None,
-    noise: ArrayLike | None = None,
-    initial: ArrayLike = (0.0, 0.0),
-    oversampling: int = 4,
-) -> LoopResponse:
-    """Simulate a sampled controller around the rig, u = K (r - y), with a zero-order hold, following a reference.
-
-    Around a rig of matrices it is a controller matrix, full or one loop an axis; signals have a channel axis in front.
-
-    Parameters
-    ----------
-    rig : Rig
-        The machine.
-    K : state space
-        Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs. Sampled, dt = 1/fs.
-    r : (n,) or (n_y, n) ndarray
-        Reference of the measured positions [m], one value per sample.
-    fs : float
-        Sampling frequency of the controller [Hz].
-    saturation : float or (n_u,) ndarray
-        Largest force the actuators give, either way [N].
-    resolution : float or (n_y,) ndarray
-        Step of the position sensors [m]; zero for none.
-    delay : float
-        From sampling to the force changing [s]; any part of a sample, or several.
-    disturbance : (n,) or (n_u, n) ndarray, optional
-        Force added to the controller's [N], held over each sample.
-    noise : (n,) or (n_y, n) ndarray, optional
-        Added to the measured position [m], before it is quantised.
-    initial : (2,) or (2, axes) ndarray
-        Position [m] and velocity [m/s] that the rig begins with, its friction relaxed.
-    oversampling : int
-        Integration steps per sample at least; more are taken where the rig needs them.
-
-    Returns
-    -------
-    LoopResponse
-        A loop that runs away is a result, not an error: `diverged` says so.
-
-    Raises
-    ------
-    ValueError
-        A controller that is continuous, of another sampling time, or of other inputs and outputs than the rig; arrays
-        that do not fit; a rig that is far too fast for fs.
-
-    References
-    ----------
-    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay).
-
-    Examples
-    --------
-    An integrator brings the position to the reference; friction makes it take its time over the last of it.
-
-    >>> from types import SimpleNamespace
-    >>> from nlfrf.rig.bench.rig import paper_rig
-    >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
-    >>> response = simulate_loop(paper_rig(), K, np.full(3000, 1e-3), fs=1000)
-    >>> bool(abs(response.e[-1]) < 1e-5)
-    True
-    """
-    require_kind("rig", rig, Rig)
-    if rig.several:
-        fs = require_positive("fs", fs)
-        steps = steps_per_sample(rig, fs, oversampling)
-        return simulate_axes_loop(
-            rig,
-            K,
-            r=r,
-            fs=fs,
-            saturation=saturation,
-            resolution=resolution,
-            delay=delay,
-            disturbance=disturbance,
-            noise=noise,
-            initial=initial,
-            steps=steps,
-        )
-    r = require_samples("r", r)
-    runs = stack_runs(
-        rig,
-        [K],
-        r=r[None],
-        fs=fs,
-        saturation=saturation,
-        resolution=resolution,
-        delay=delay,
-        initial=np.atleast_2d(initial),
-        oversampling=oversampling,
-        disturbance=samples_or_zeros("disturbance", disturbance, r.size)[None],
-        noise=samples_or_zeros("noise", noise, r.size)[None],
-    )
+    signals: dict[str, ArrayLike | None],
+    initial: ArrayLike,
+    steps: int,
+) -> Trajectory:
+    """Simulate a sampled controller around a rig of one axis; arguments as of `run`."""
+    r = require_samples("signal", r)
+    rows = {name: samples_or_zeros(name, signal, r.size)[None] for name, signal in signals.items()}
+    begin = np.atleast_2d(initial)
+    if begin.shape != (1, 2):
+        raise ValueError(f"initial must hold a position and a velocity, got shape {begin.shape}")
+    runs = stack_runs(rig, [controller], {"r": r[None], **rows, "initial": begin}, steps=steps)
     out = simulate_runs(runs)
     warn_of_forgotten_loops(float(out["lost"].max()))
-    return to_responses(runs, out)[0]
+    return to_trajectories(runs, out)[0]
 
 
 @overload
-def simulate_loops(
+def run_loops(
     rig: Rig,
-    controllers: object,
     r: ArrayLike,
+    controllers: object,
     *,
-    fs: float,
-    saturation: float = ...,
-    resolution: float = ...,
-    delay: ArrayLike = ...,
     disturbance: ArrayLike | None = ...,
     noise: ArrayLike | None = ...,
     initial: ArrayLike = ...,
@@ -604,20 +435,16 @@ def simulate_loops(
     executor: Executor | None = ...,
     progress: Progress | None = ...,
     resume: str | os.PathLike[str] | None = ...,
-    of: None = ...,
-) -> list[LoopResponse]: ...
+) -> list[Trajectory]: ...
 
 
 @overload
-def simulate_loops(
+def run_loops(
     rig: Rig,
-    controllers: object,
     r: ArrayLike,
+    controllers: object,
     *,
-    fs: float,
-    saturation: float = ...,
-    resolution: float = ...,
-    delay: ArrayLike = ...,
+    of: Callable[[Trajectory], Result],
     disturbance: ArrayLike | None = ...,
     noise: ArrayLike | None = ...,
     initial: ArrayLike = ...,
@@ -625,44 +452,42 @@ def simulate_loops(
     executor: Executor | None = ...,
     progress: Progress | None = ...,
     resume: str | os.PathLike[str] | None = ...,
-    of: Callable[[LoopResponse], Result],
 ) -> list[Result]: ...
 
 
-def simulate_loops(
+def run_loops(
     rig: Rig,
-    controllers: object,
     r: ArrayLike,
+    controllers: object,
     *,
-    fs: float,
-    saturation: float = np.inf,
-    resolution: float = 0.0,
-    delay: ArrayLike = 0.0,
+    of: Callable[[Trajectory], Result] | None = None,
     disturbance: ArrayLike | None = None,
     noise: ArrayLike | None = None,
     initial: ArrayLike = (0.0, 0.0),
-    oversampling: int = 4,
+    oversampling: int = OVERSAMPLING,
     executor: Executor | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
-    of: Callable[[LoopResponse], Result] | None = None,
-) -> list[LoopResponse] | list[Result]:
-    """Simulate many loops around one rig in compiled code: controllers, disturbances and initial states, one a run.
+) -> list[Trajectory] | list[Result]:
+    """Run many loops around one rig in compiled code: controllers, disturbances and initial states, one a run.
 
     Parameters
     ----------
     rig : Rig
-        The machine.
-    controllers : sequence of state spaces
-        One a run, as in `simulate_loop`; a single one serves all runs.
+        The machine, of one axis.
     r, disturbance, noise : (n,) or (R, n) ndarray
-        As in `simulate_loop`, for all runs or one a run.
-    fs, saturation, resolution, oversampling
-        As in `simulate_loop`.
-    delay : float or (R,) ndarray
-        From sampling to the force changing [s].
+        As in `run`, for all runs or one a run.
+    controllers : sequence of Controller or state space
+        One a run, all of one sampling time; a single one serves all runs.
+    of : callable, optional
+        What is wanted of each run, ``lambda response: response.outcome(0.2)`` say. The trajectories themselves are
+        let go, so that thousands of runs take no memory. With an executor, a function that pickles (of a module, or a
+        `functools.partial` of one) is called where the run is computed, and only what it gives comes back; a lambda
+        is called here, and so is any function with `resume`, whose folder keeps the runs themselves.
     initial : (2,) or (R, 2) ndarray
         Position [m] and velocity [m/s] at the begin.
+    oversampling : int
+        As in `run`.
     executor : concurrent.futures.Executor, optional
         Where the runs are computed; one thread per core when not given.
     progress : callable, optional
@@ -670,21 +495,16 @@ def simulate_loops(
     resume : path, optional
         Folder that keeps every finished part, 40 bytes a sample. Run again after an interruption, with the same
         arguments, only the others are computed.
-    of : callable, optional
-        What is wanted of each response, ``lambda response: response.outcome(0.2)`` say. The responses themselves are
-        let go, so that thousands of runs take no memory. With an executor, a function that pickles (of a module, or a
-        `functools.partial` of one) is called where the run is computed, and only what it gives comes back; a lambda
-        is called here, and so is any function with `resume`, whose folder keeps the runs themselves.
 
     Returns
     -------
-    list of LoopResponse, or of what `of` gives
+    list of Trajectory, or of what `of` gives
         In the order of the runs.
 
     Raises
     ------
     ValueError
-        As `simulate_loop`; numbers of runs that do not agree.
+        As `run`; numbers of runs that do not agree.
 
     References
     ----------
@@ -695,101 +515,79 @@ def simulate_loops(
     >>> from types import SimpleNamespace
     >>> from nlfrf.rig.bench.rig import paper_rig
     >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
-    >>> kicks = [[0.0, 0.0], [0.0, 0.05]]
-    >>> rest, kicked = simulate_loops(paper_rig(), [K], np.zeros(400), fs=1000, initial=kicks)
+    >>> rest, kicked = run_loops(paper_rig(), np.zeros(400), [K], initial=[[0.0, 0.0], [0.0, 0.05]])
     >>> bool(abs(rest.x).max() == 0), bool(abs(kicked.x).max() > 1e-5)
     (True, True)
     """
     require_kind("rig", rig, Rig)
     require_one_axis(rig, "in a stack of loops")
-    controllers = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
-    given = {"r": r, "initial": initial, "disturbance": disturbance, "noise": noise}
-    counts = {name: len(rows) for name, part in given.items() if (rows := np.asarray(part)).ndim == 2}
-    counts |= {"controllers": len(controllers), "delay": np.size(delay)}
-    n_runs = max(counts.values())
-    for name, count in counts.items():
-        if count not in (1, n_runs):
-            raise ValueError(f"{name} must be given once or for each of the {n_runs} runs, got {count}")
-    r = require_real_array("r", np.atleast_2d(r), ndim=2)
-    if r.size == 0:
+    listed = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
+    reference = require_real_array("r", np.atleast_2d(r), ndim=2)
+    if reference.size == 0:
         raise ValueError("r must hold at least one sample, got none")
-    parts = {name: signals_per_run(name, given[name], r.shape[1]) for name in ("disturbance", "noise")}
+    n = reference.shape[1]
     runs = stack_runs(
         rig,
-        controllers,
-        r=r,
-        fs=fs,
-        saturation=saturation,
-        resolution=resolution,
-        delay=delay,
-        initial=np.atleast_2d(initial),
-        oversampling=oversampling,
-        **parts,
-        n=n_runs,
+        [as_controller(K) for K in listed],
+        {
+            "r": reference.copy(),
+            "disturbance": signals_per_run("disturbance", disturbance, n),
+            "noise": signals_per_run("noise", noise, n),
+            "initial": np.atleast_2d(initial),
+        },
+        steps=oversampling,
     )
-    parts_of_runs = RunBatches(runs, max(1, MAX_BATCH_SAMPLES // r.shape[1]))
+    batches = RunBatches(runs, max(1, MAX_BATCH_SAMPLES // n))
     # what a folder keeps are the runs themselves, whatever is wanted of them
     there = of is not None and executor is not None and resume is None and can_pickle(of)
     task = ReducedRuns(of) if of is not None and there else simulate_runs
     found: dict[int, list[Any]] = {}
-    for i, out in run_each(task, parts_of_runs, executor=executor, progress=progress, resume=resume):
+    for i, out in run_each(task, batches, executor=executor, progress=progress, resume=resume):
         warn_of_forgotten_loops(float(out["lost"].max()))
-        found[i] = collect_results(parts_of_runs[i], out, of)
-    return [one for i in range(len(parts_of_runs)) for one in found[i]]
+        found[i] = collect_results(batches[i], out, of)
+    return [one for i in range(len(batches)) for one in found[i]]
 
 
-def stack_runs(
-    rig: Rig,
-    controllers: list[object],
-    *,
-    r: np.ndarray,
-    fs: float,
-    saturation: ArrayLike,
-    resolution: ArrayLike,
-    delay: ArrayLike,
-    initial: np.ndarray,
-    oversampling: int,
-    disturbance: np.ndarray,
-    noise: np.ndarray,
-    n: int = 1,
-) -> LoopRuns:
-    """Check the arguments and stack them with one row a run; controllers of fewer states are padded by zeros."""
-    fs = require_positive("fs", fs)
-    given = [controller_matrices(K, fs) for K in controllers]
-    saturation = require_real_or_infinite("saturation", saturation)
-    if not np.isposinf(saturation):
-        require_positive("saturation", saturation)
-    resolution = require_nonnegative("resolution", resolution)
-    delays = np.array([require_nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
-    steps = steps_per_sample(rig, fs, oversampling)
-    initial = require_real_array("initial", initial, ndim=2)
-    if initial.shape not in ((1, 2), (n, 2)):
+def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int) -> LoopRuns:
+    """Check the arguments and stack them with one row a run; controllers of fewer states are padded by zeros.
+
+    given holds rows of r, disturbance, noise and initial, each once or one a run.
+    """
+    counts = {name: len(part) for name, part in given.items()} | {"controllers": len(controllers)}
+    n_runs, fs = max(counts.values()), controllers[0].fs
+    for name, count in counts.items():
+        if count not in (1, n_runs):
+            raise ValueError(f"{name} must be given once or for each of the {n_runs} runs, got {count}")
+    for one in controllers:
+        if abs(one.fs / fs - 1) > 1e-6:
+            raise ValueError(f"controllers must have one sampling time, got {1 / fs:g} s and {1 / one.fs:g} s")
+    initial = require_real_array("initial", given["initial"], ndim=2)
+    if initial.shape[1] != 2:
         raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
-    size = max(A.shape[0] for A, _, _, _ in given)
+    A, B, C, D = zip(*(one.matrices() for one in controllers), strict=True)
+    size = max(len(one) for one in A)
+    limits = np.array([one.limits() for one in controllers])[:, :, 0]
+    rows = {
+        "A": stack_padded(A, (size, size)),
+        "B": stack_padded([one[:, 0] for one in B], (size,)),
+        "C": stack_padded([one[0] for one in C], (size,)),
+        "D": np.array([one[0, 0] for one in D]),
+        "r": given["r"],
+        "disturbance": given["disturbance"],
+        "noise": given["noise"],
+        "delay": np.minimum([one.delay * fs for one in controllers], given["r"].shape[1]),  # all later is after the end
+        "saturation": limits[:, 0],
+        "resolution": limits[:, 1],
+        "initial": initial,
+    }
+    # views: what all runs share is not copied for each
+    shared = {
+        name: np.broadcast_to(np.asarray(part, dtype=float), (n_runs, *part.shape[1:])) for name, part in rows.items()
+    }
+    return LoopRuns(rig=rig, fs=fs, steps=steps_per_sample(rig, fs, steps), rows=shared)
 
-    def each(rows: ArrayLike) -> np.ndarray:
-        rows = np.asarray(rows, dtype=float)
-        return np.broadcast_to(rows, (n, *rows.shape[1:]))  # a view: what all runs share is not copied for each
 
-    return LoopRuns(
-        rig=rig,
-        fs=fs,
-        saturation=saturation,
-        resolution=resolution,
-        steps=steps,
-        A=each(stack_padded([A for A, _, _, _ in given], (size, size))),
-        B=each(stack_padded([B[:, 0] for _, B, _, _ in given], (size,))),
-        C=each(stack_padded([C[0] for _, _, C, _ in given], (size,))),
-        D=each([D[0, 0] for _, _, _, D in given]),
-        r=each(r),
-        disturbance=each(disturbance),
-        noise=each(noise),
-        delays=np.minimum(each(delays) * fs, r.shape[1]),  # all later is after the end
-        initial=each(initial),
-    )
-
-
-def stack_padded(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+def stack_padded(parts: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     """Stack arrays to (n, *shape), smaller ones padded by zeros at their ends."""
     rows = np.zeros((len(parts), *shape))
     for row, part in zip(rows, parts, strict=True):
@@ -826,8 +624,3 @@ def samples_or_zeros(name: str, signal: ArrayLike | None, n: int) -> np.ndarray:
     if signal.size != n:
         raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.size}")
     return signal
-
-
-def require_real_or_infinite(name: str, number: ArrayLike) -> float:
-    """Return a real number that may be infinite."""
-    return np.inf if isinstance(number, (float, np.floating)) and np.isposinf(number) else require_real(name, number)

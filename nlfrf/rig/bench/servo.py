@@ -13,6 +13,7 @@ is a motor inertia of J / r^2 kg, its torque constant a force constant of Kt / r
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property
@@ -33,10 +34,11 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from nlfrf.records.record import Record, SignalLabels
 from nlfrf.rig.bench import machine as axes
-from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, samples_or_zeros, steps_per_sample
+from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, memory_at, samples_or_zeros, steps_per_sample
 from nlfrf.rig.bench.drive import Drive
-from nlfrf.rig.bench.rig import Rig, initial_memory
+from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
+from nlfrf.rig.bench.trajectory import Trajectory
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.laws import Friction, VaryingSliders, pack_law
@@ -183,130 +185,21 @@ class ServoAxis:
         )
 
 
-@value(copy=False)
-class ServoTrace:
-    """What a drive traces, sample by sample, and what it does not see.
-
-    Fields
-    ------
-    t : (n,) ndarray
-        Time [s].
-    position_set, position : (n,) ndarray
-        Set point and encoder reading, quantised [m] or [rad].
-    velocity_set, velocity : (n,) ndarray
-        Set point and difference of encoder readings [m/s] or [rad/s].
-    current_set, current : (n,) ndarray
-        Set point behind the limit, and current of the motor when it is computed [A]; a force where that is what the
-        velocity loop puts out.
-    limited : (n,) ndarray of bool
-        Whether the current limit was at work.
-    x, v, friction : (axes, n) ndarray
-        True position [m], velocity [m/s] and friction force [N] of motor and load; in rad and Nm of a rotary axis.
-    force_constant : float
-        [N/A] or [Nm/A].
-    diverged : bool
-        Whether the axis ran away; the arrays end there.
-
-    Examples
-    --------
-    >>> trace = run_servo(servo_axis("belt"), position=np.zeros(8))
-    >>> trace.t.size, bool(trace.limited.any()), trace.diverged
-    (8, False, False)
-    """
-
-    t: np.ndarray
-    position_set: np.ndarray
-    position: np.ndarray
-    velocity_set: np.ndarray
-    velocity: np.ndarray
-    current_set: np.ndarray
-    current: np.ndarray
-    limited: np.ndarray
-    x: np.ndarray
-    v: np.ndarray
-    friction: np.ndarray
-    force_constant: float
-    diverged: bool
-
-    @property
-    def force_set(self) -> np.ndarray:
-        """(n,) force that the drive asks for [N] or [Nm]."""
-        return np.asarray(self.force_constant * self.current_set)
-
-    @property
-    def force(self) -> np.ndarray:
-        """(n,) force of the motor [N] or [Nm]."""
-        return np.asarray(self.force_constant * self.current)
-
-
-def run_servo(
+def run_axis(
     axis: ServoAxis,
+    set_points: Mapping[str, ArrayLike | None],
     *,
-    position: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    force: ArrayLike | None = None,
-    closed: bool = True,
-    noise: ArrayLike | None = None,
-    initial: ArrayLike = (0.0, 0.0),
-    oversampling: int = 1,
-) -> ServoTrace:
-    """Run an axis under its drive, from a given state, through set points and excitations of any form.
-
-    Parameters
-    ----------
-    axis : ServoAxis
-        Machine and drive.
-    position : (n,) ndarray, optional
-        Position set point [m] or [rad], one value a period of the drive.
-    velocity : (n,) ndarray, optional
-        Added to the velocity set point [m/s] or [rad/s].
-    force : (n,) ndarray, optional
-        Added to what the velocity loop asks for, in front of the current limit [N] or [Nm].
-    closed : bool
-        False: position and velocity loop are open, and `force` alone drives the motor (torque mode).
-    noise : (n,) ndarray, optional
-        Added to the position before it is quantised [m] or [rad].
-    initial : (2,) or (2, axes) ndarray
-        Position and velocity of the masses at the begin, their friction relaxed.
-    oversampling : int
-        Integration steps a period at least; more are taken where the machine needs them.
-
-    Returns
-    -------
-    ServoTrace
-        An axis that runs away is a result, not an error: `diverged` says so.
-
-    Raises
-    ------
-    ValueError
-        No signal, or signals of different lengths; a set point of an open loop; a machine far too fast for the drive.
-
-    Warns
-    -----
-    DataWarning
-        Where the memory of turning points of a friction law was too short.
-
-    References
-    ----------
-    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 3.5 (anti-windup) and 8.5 (PI control).
-
-    Examples
-    --------
-    The belt axis goes a millimetre.
-
-    >>> trace = run_servo(servo_axis("belt"), position=np.full(4000, 1e-3))
-    >>> bool(abs(trace.position[-1] - 1e-3) < 2e-5)
-    True
-    """
-    require_kind("axis", axis, ServoAxis)
-    given = {"position": position, "velocity": velocity, "force": force}
+    closed: bool,
+    noise: ArrayLike | None,
+    initial: ArrayLike,
+    oversampling: int,
+) -> Trajectory:
+    """Run an axis under its drive from a given state; with open loops `force` alone drives it. Arguments of `run`."""
+    given = {name: set_points.get(name) for name in PORTS}
     sizes = [np.size(signal) for signal in given.values() if signal is not None]
     if not sizes or 0 in sizes:
         raise ValueError("position, velocity or force must be given, with at least one sample, got none")
-    if not closed and (position is not None or velocity is not None):
-        raise ValueError("position and velocity must be left out of an open loop, got a set point: give force")
-    n = sizes[0]
-    signals = {name: samples_or_zeros(name, signal, n) for name, signal in (given | {"noise": noise}).items()}
+    signals = {name: samples_or_zeros(name, signal, sizes[0]) for name, signal in (given | {"noise": noise}).items()}
     begin = initial_axes(initial, axis.rig.n_axes)
     steps = steps_per_sample(axis.rig, axis.drive.fs, oversampling)
     for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
@@ -319,16 +212,13 @@ def run_servo(
 
 def attempt(
     axis: ServoAxis, signals: dict[str, np.ndarray], *, closed: bool, begin: np.ndarray, steps: int
-) -> tuple[ServoTrace, float]:
+) -> tuple[Trajectory, float]:
     """Call the compiled code once; the trace as far as it went, and how many hysteresis loops were forgotten."""
     from nlfrf.rig.kernels.servo import GAINS, SIGNALS, step_servo
 
     rig, drive, n = axis.rig, axis.drive, signals["force"].size
-    memory = initial_memory(rig)
-    memory.state[:, packing.X], memory.state[:, packing.V] = begin
     laws, grids = axes.pack_laws(rig.friction)
-    dry = laws[:, 0] == packing.COULOMB
-    memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
+    memory = memory_at(rig, laws, begin)
     Ts = 1 / drive.fs
     gains = {
         "kv": drive.kv,
@@ -367,17 +257,23 @@ def attempt(
     )
     rows, columns = rows[:length], dict(zip(SIGNALS, written[:length].T, strict=True))
     unlimited = columns.pop("unlimited")
-    trace = ServoTrace(
-        t=np.arange(length) * Ts,
-        position_set=signals["position"][:length],
-        limited=unlimited != columns["current_set"],
-        x=rows[:, 0].T,
-        v=rows[:, 1].T,
-        friction=rows[:, 3].T,
-        force_constant=axis.force_constant,
-        diverged=length < n,
-        **columns,
-    )
+    m, N = axis.units
+    columns |= {
+        "position_set": signals["position"][:length].copy(),
+        "limited": unlimited != columns["current_set"],
+        "force_set": axis.force_constant * columns["current_set"],
+        "force": axis.force_constant * columns["current"],
+        "x": rows[:, 0].T,
+        "v": rows[:, 1].T,
+        "friction": rows[:, 3].T,
+    }
+    units = dict.fromkeys(("position", "position_set", "x"), m) | dict.fromkeys(("force", "force_set", "friction"), N)
+    units |= dict.fromkeys(("velocity", "velocity_set", "v"), f"{m}/s") | {
+        "current": axis.drive.output_unit,
+        "current_set": axis.drive.output_unit,
+        "limited": "",
+    }
+    trace = Trajectory(t=np.arange(length) * Ts, signals=columns, units=units, diverged=length < n)
     return trace, float(memory.state[:, packing.LOST].sum())
 
 
@@ -516,7 +412,9 @@ def run_experiment(experiment: ServoExperiment) -> Arrays:
     signals = {name: np.zeros(base.size) for name in PORTS} | {"position": base}
     signals[experiment.port] = signals[experiment.port] + played
     given = signals if experiment.closed else {"force": signals["force"]}
-    trace = run_servo(axis, closed=experiment.closed, oversampling=experiment.oversampling, **given)
+    trace = run_axis(
+        axis, given, closed=experiment.closed, noise=None, initial=(0.0, 0.0), oversampling=experiment.oversampling
+    )
     if trace.diverged:
         raise ValueError(
             f"axis must be stable under its drive, got one that ran away after {trace.t.size / axis.drive.fs:.3g} s: "

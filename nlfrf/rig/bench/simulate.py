@@ -195,8 +195,8 @@ def hash_value(digest: Hash, value: object) -> None:
     elif isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode())
         digest.update(np.ascontiguousarray(value).tobytes())
-    elif isinstance(value, (tuple, list)):
-        for one in value:
+    elif isinstance(value, (tuple, list, dict)):
+        for one in value.items() if isinstance(value, dict) else value:
             hash_value(digest, one)
     elif isinstance(value, (str, int, float, type(None))):
         digest.update(repr(value).encode())

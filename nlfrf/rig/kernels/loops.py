@@ -80,10 +80,10 @@ def build_loops_kernel(stamp: str) -> Callable[..., None]:
         r: Array,
         disturbance: Array,
         noise: Array,
-        fs: float,
-        saturation: float,
-        resolution: float,
         delays: Array,
+        saturations: Array,
+        resolutions: Array,
+        fs: float,
         steps: int,
         rows: Array,
         lengths: Array,
@@ -96,6 +96,7 @@ def build_loops_kernel(stamp: str) -> Callable[..., None]:
             xc, new = np.zeros(A.shape[1]), np.zeros(A.shape[1])
             whole = int(delays[i])
             part = delays[i] - whole
+            saturation, resolution = saturations[i], resolutions[i]
             commanded = np.zeros(samples + whole + 1)
             lengths[i] = samples
             state, stack = states[i], stacks[i]

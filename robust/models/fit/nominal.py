@@ -198,7 +198,7 @@ def fit_matrix(
         omega=omega,
         response=response,
         residual=residual,
-        std=np.concatenate([np.sqrt(one.entries(one.cov_bound)) for one in frms], axis=2),
+        std=np.concatenate([np.sqrt(one.entries(one.cov.bound)) for one in frms], axis=2),
         cost=float(np.sum(np.abs(weighted) ** 2)),
         expected_cost=float(expected * (1 - n_parameters / (2 * measured.size))),
         n_parameters=n_parameters,

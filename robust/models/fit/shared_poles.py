@@ -90,8 +90,8 @@ def whitening_roots(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
     Directions in which hardly anything scatters are held to a thirtieth of the largest scatter, and to a millionth of
     |G|: below it a variance is rounding, or one nonlinearity alone, and would be all that counts.
     """
-    gamma = np.moveaxis(frm.gamma, 2, 0)
-    size = np.einsum("jik->k", np.abs(frm.G) ** 2) / np.einsum("iik->k", frm.gamma).real
+    gamma = np.moveaxis(frm.cov.gamma, 2, 0)
+    size = np.einsum("jik->k", np.abs(frm.G) ** 2) / np.einsum("iik->k", frm.cov.gamma).real
     rounding = (1e-6) ** 2 * size + np.finfo(float).tiny
 
     def inverse_root(X: np.ndarray, least: np.ndarray | float) -> np.ndarray:
@@ -100,7 +100,7 @@ def whitening_roots(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
         values = np.maximum(values, np.maximum(MIN_EIGENVALUE_RATIO * values[:, -1:], least))
         return (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
 
-    return inverse_root(np.moveaxis(frm.cov_bound, 2, 0), rounding[:, None]), inverse_root(gamma, 0.0)
+    return inverse_root(np.moveaxis(frm.cov.bound, 2, 0), rounding[:, None]), inverse_root(gamma, 0.0)
 
 
 class FitOptions(TypedDict):

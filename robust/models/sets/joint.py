@@ -23,7 +23,7 @@ import numpy as np
 from nlfrf import Bla
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import entry_misfits, nominal_response
-from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, RecordSummary, summarize_record
+from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, JointProbability, RecordSummary, summarize_record
 
 N_DRAWS, N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
 MIN_DRAWS = 400
@@ -38,7 +38,7 @@ def attach_records(model: UncertaintyModel, blas: list[Bla], recorded: list[Bla]
     records = tuple(map(summarize_record, blas, recorded or blas))
     missed = [entry_misfits(bla, nominal_response(model.nominal, bla.omega)) for bla in blas]
     joint, joint_bla = np.min(list(map(partial(joint_probability, model), blas, records, missed)), axis=0)
-    return replace(model, records=records, joint=float(joint), joint_bla=float(joint_bla))
+    return replace(model, records=records, joint=JointProbability(frf=float(joint), bla=float(joint_bla)))
 
 
 def joint_probability(
@@ -82,15 +82,15 @@ def probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray)
     G0 = model.at(frm.omega)
     entries = [summarize_record(frm.entry(j, i)) for j, i in np.ndindex(n_y, n_u)]
     v = np.array([one.variance for one in entries]).reshape(n_y, n_u, F)
-    share = np.mean(v / np.maximum(frm.entries(frm.cov_bound), np.finfo(float).tiny), axis=(0, 1))  # of the level
+    share = np.mean(v / np.maximum(frm.entries(frm.cov.bound), np.finfo(float).tiny), axis=(0, 1))  # of the level
     r = frm.G - G0
     shrunk, follows = shrunk_residual(r, v, missed)
     n = int(np.clip(N_NUMBERS // frm.G.size, MIN_DRAWS, N_DRAWS))
     rng = np.random.default_rng(0)
     g, common, z = (*draw_level_errors(n, F, rng), draw_complex_normals((n, F, n_y, n_u), rng))
-    bound, gamma = (hermitian_roots(np.moveaxis(C, 2, 0)) for C in (frm.cov_bound, frm.gamma))
+    bound, gamma = (hermitian_roots(np.moveaxis(C, 2, 0)) for C in (frm.cov.bound, frm.cov.gamma))
     # as a set scatters most likely, not as far as the peaks of its inputs allow it
-    extra = hermitian_roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0) / frm.typical)
+    extra = hermitian_roots(np.moveaxis(frm.covariance_of("realization") - frm.cov.bound, 2, 0) / frm.typical)
     center, kept, nominal = (np.moveaxis(x, 2, 0) for x in (r * shrunk, np.sqrt(shrunk + follows), G0))
     size = np.sqrt(share / g)[..., None, None]
 

@@ -348,12 +348,12 @@ def block_radii_of_record(
     W_l W_l^H >= (1 + 1/t) x_p C + (1 + t) B with the misfit m and B = n_y diag_j sum_i m_ji^2 / gamma_ii, t to make its
     trace least; a Hermitian X lies under the diagonal lambda_max(corr X) X_jj.
     """
-    gamma = np.moveaxis(frm.gamma, 2, 0)
+    gamma = np.moveaxis(frm.cov.gamma, 2, 0)
     x = root_quantiles(frm, spec)
     C = frm.covariance_of("realization")
     if spec.even:
-        C = C + frm.n_realizations * np.nan_to_num(frm.cov_even)
-    own = np.einsum("iif->if", frm.gamma).real
+        C = C + frm.experiment.n_realizations * np.nan_to_num(frm.cov.even)
+    own = np.einsum("iif->if", frm.cov.gamma).real
     C = x[:, None, None] * smooth_covariance(np.moveaxis(C, 2, 0), model, own)
     n_y = frm.n_outputs
     B = n_y * np.einsum("jif,if->fj", missed**2, 1 / own)
@@ -370,7 +370,7 @@ def root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
     """Return (F,) the quantile of Roy's root: the block of a `Bla` over its root of the covariance."""
     left, _ = frm.block(spec.p, simultaneous=spec.simultaneous)
     size = np.einsum("jkf,jkf->f", left, left.conj()).real
-    return size / np.einsum("jjf->f", frm.cov_bound).real
+    return size / np.einsum("jjf->f", frm.cov.bound).real
 
 
 def smooth_covariance(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.ndarray:

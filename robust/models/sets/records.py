@@ -88,13 +88,62 @@ class RecordSummary:
         return replace(self, omega=omega, G=G, variance=variance, gamma=gamma, dof=dof, scatter=scatter)
 
 
+@value
+class Origin:
+    """Where a set of plants comes from: its records, and what was assumed where nothing was measured.
+
+    Fields
+    ------
+    source : str
+        In words, what was measured.
+    extrapolation : str
+        In words, what was assumed outside the measured band.
+    delay : float
+        The part of the nominal that is a delay [s], for information; it is inside the nominal already.
+    hold : str
+        Hold of the inputs of the record, as `Bla.hold`.
+    fs : float
+        Sampling frequency of the record [Hz]; nan where there is none.
+    unit : str
+        Unit of y over u, of one channel.
+
+    Examples
+    --------
+    >>> Origin(source="a drawing", unit="m/N").extrapolation
+    'not stated'
+    """
+
+    source: str = "not stated"
+    extrapolation: str = "not stated"
+    delay: float = 0.0
+    hold: str = "unknown"
+    fs: float = float("nan")
+    unit: str = ""
+
+
+@value
+class JointProbability:
+    """Estimated probability that a whole FRF lies in a set, all its lines together; nan where it is not known.
+
+    Fields
+    ------
+    frf : float
+        Of the FRF of another realisation (with several channels: of another set of experiments).
+    bla : float
+        Of the best linear approximation.
+    """
+
+    frf: float = float("nan")
+    bla: float = float("nan")
+
+
 def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
     """Return what a set remembers of a record.
 
     recorded : the same before a hold was put into G, from which the level of the input is computed; bla when not given.
     """
     if not bla.is_single:
-        G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov_bound, bla.gamma))
+        G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov.bound, bla.cov.gamma))
         return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, MAX_DOF))
     # relative to |G|, as a level follows it across a resonance; but not where G itself is below its scatter
     size = np.maximum(np.abs(bla.G) ** 2 + bla.var_bound, np.finfo(float).tiny ** 0.5)
@@ -107,7 +156,7 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
         omega=bla.omega,
         G=bla.G,
         variance=variance,
-        scatter=bla.n_realizations * bla.distorted_share() * variance,
+        scatter=bla.experiment.n_realizations * bla.distorted_share() * variance,
         confirmed=float(np.median(share)),
         rms_u=rms_u,
         rms_y=rms_y,
@@ -125,7 +174,7 @@ def rms_levels(bla: Bla) -> tuple[float, float]:
         return float("nan"), float("nan")
     power_y = np.mean(np.abs(Y) ** 2, axis=0) / 2
     linear = np.where(np.isfinite(bla.coherence), bla.coherence, 1.0)
-    gain = np.abs(bla.G) ** 2 + (bla.n_realizations - 1) * bla.var_total
+    gain = np.abs(bla.G) ** 2 + (bla.experiment.n_realizations - 1) * bla.var_total
     # a line without any response does not tell its input
     power_u = np.divide(power_y * linear, gain, out=np.zeros(gain.size), where=gain > 0)
     return float(np.sqrt(power_u.sum())), float(np.sqrt(power_y.sum()))

@@ -9,7 +9,7 @@ import nlfrf
 from nlfrf import identify, multisine, servo_axis
 from nlfrf.axis import AxisLimits, design_experiment, design_ramp, load_trace, play_experiment
 from nlfrf.axis.loop import closed_loop_poles, crossover_frequency, plant_frf
-from nlfrf.rig import run_servo
+from nlfrf.rig import run
 
 N = 2000
 BAND = {"fs": 4000, "n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}
@@ -34,7 +34,7 @@ def spectrum(signal, begin, lines):
 def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
     axis = free(name)
     experiment = design_experiment(axis, multisine(**BAND, amplitude=lambda f: 1 / f), rms=20, port=port, n_discard=10)
-    trace = run_servo(axis, **experiment.set_points(0), oversampling=4)
+    trace = run(axis, experiment.set_points(0), oversampling=4)
     lines, begin = experiment.ms.lines.excited, experiment.n_discard * N
     U, Y = (spectrum(one, begin, lines) for one in (trace.force_set, trace.position))
     asked = 1 / experiment.ms.f
@@ -60,7 +60,7 @@ def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
 def test_every_part_of_the_drive_is_in_the_transfer(drive):
     axis = free("belt", **drive)
     experiment = design_experiment(axis, MS, rms=20, n_discard=12)
-    trace = run_servo(axis, **experiment.set_points(0), oversampling=4)
+    trace = run(axis, experiment.set_points(0), oversampling=4)
     U = spectrum(trace.force_set, experiment.n_discard * N, experiment.ms.lines.excited)
     assert np.allclose(np.abs(U), experiment.force_amplitude, rtol=1e-4)
 
@@ -68,7 +68,7 @@ def test_every_part_of_the_drive_is_in_the_transfer(drive):
 def test_a_slower_position_loop_is_taken_as_its_mean():
     axis = free("belt", position_every=4)
     experiment = design_experiment(axis, MS, rms=20, n_discard=12)
-    trace = run_servo(axis, **experiment.set_points(0))
+    trace = run(axis, experiment.set_points(0))
     U = spectrum(trace.force_set, experiment.n_discard * N, experiment.ms.lines.excited)
     assert np.allclose(np.abs(U), experiment.force_amplitude, rtol=0.03)
 
@@ -97,7 +97,7 @@ def test_without_a_level_the_limit_is_reached_and_not_passed(limits, which):
 def test_in_motion_the_multisine_never_turns_the_axis_back():
     axis = servo_axis("belt")
     experiment = design_experiment(axis, MS, base_velocity=0.1, strokes=1, limits=AxisLimits(velocity=1))
-    trace = run_servo(axis, **experiment.set_points(0))
+    trace = run(axis, experiment.set_points(0))
     forward = slice(experiment.n_discard * N, experiment.block)
     assert trace.v[0, forward].min() > -1e-3
     assert np.isclose(np.ptp(experiment.base), 0.1 * experiment.block / 4000, rtol=0.05)
@@ -118,12 +118,12 @@ def test_the_base_motion_begins_and_ends_at_rest_without_a_jump():
 def test_a_measured_loop_gives_the_spectrum_too():
     axis = free("belt")
     first = design_experiment(replace(axis, motor_inertia=12.0), MS, rms=2, n_discard=10)
-    trace = run_servo(axis, **first.set_points(0), oversampling=4)
+    trace = run(axis, first.set_points(0), oversampling=4)
     kept = slice(10 * N, 12 * N)
     u, y = (one[kept].reshape(1, 2, N) for one in (trace.force_set, trace.position))
     record = nlfrf.Record(u=u, y=y, r=np.tile(first.ms.u[:, None], (1, 2, 1)), fs=4000, lines=first.ms.lines)
     second = design_experiment(record, multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20, n_discard=10)
-    trace = run_servo(axis, **second.set_points(0), oversampling=4)
+    trace = run(axis, second.set_points(0), oversampling=4)
     U = spectrum(trace.force_set, 10 * N, second.ms.lines.excited)
     assert np.allclose(np.abs(U), second.force_amplitude, rtol=1e-3)
     f = first.ms.f
@@ -309,7 +309,7 @@ def test_a_kick_decays_or_grows_as_the_poles_of_the_loop_say(name, drive):
     axis = free(name, limit=np.inf, **drive)
     force = np.zeros(7000)
     force[0] = 1.0
-    x = np.abs(run_servo(axis, force=force, oversampling=4).position)
+    x = np.abs(run(axis, {"force": force}, oversampling=4).position)
     rate = (x[6000:].max() / x[5000:6000].max()) ** (1 / 1000)
     largest = np.abs(closed_loop_poles(axis)).max() ** (1 / axis.drive.position_every)
     assert np.isclose(rate, largest, rtol=0, atol=1e-4)

@@ -10,7 +10,7 @@ import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
 from nlfrf.axis import FrictionRegime, design_experiment, design_ramp, find_levels, load_trace, play_experiment
-from nlfrf.rig import run_servo
+from nlfrf.rig import run
 from tests.support.backlash import play_backlash
 
 N = 1000
@@ -47,7 +47,7 @@ def test_the_levels_are_those_at_which_the_axis_sticks_bends_and_slides(tmp_path
     found, narrow = [], nlfrf.multisine(fs=4000, n_samples=N, f_min=8, f_max=90, rng=2)
     for rms, record in zip(levels.rms, levels.records, strict=True):
         experiment = design_experiment(record, narrow, rms=rms, n_discard=4)
-        trace = run_servo(axis, **experiment.set_points(0))
+        trace = run(axis, experiment.set_points(0))
         found.append(slipping(axis, trace.x[:, 4 * N : 6 * N]))
     sticks, bends, slides = found
     assert 0.15 < sticks.max() < 1.17

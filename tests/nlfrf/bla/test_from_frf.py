@@ -103,7 +103,12 @@ def test_it_is_stored_drawn_and_told(ending, tmp_path, ax):
     nlfrf.save(bla, tmp_path / f"bla.{ending}")
     loaded = nlfrf.load(tmp_path / f"bla.{ending}")
     assert np.array_equal(loaded.bound(), bla.bound())
-    assert (loaded.u_name, loaded.y_name, loaded.grid, loaded.level_source) == ("force", "way", "given", "coherence")
+    assert (loaded.u_name, loaded.y_name, loaded.experiment.grid, loaded.level_source) == (
+        "force",
+        "way",
+        "given",
+        "coherence",
+    )
     assert np.isnan(loaded.fs)
     assert "level from coherence, 0.99 in the median" in unwrapped(bla)
     nlfrf.export_csv(bla, tmp_path / "bla.csv")

@@ -262,7 +262,7 @@ def test_local_rational_fit_takes_the_transient_off():
     record, G = resonant(0.002, 50.3, 2)
     assert frf_error(identify(record, transient="none"), G) > 0.05
     bla = identify(record)
-    assert bla.transient == "local"
+    assert bla.experiment.transient == "local"
     assert frf_error(bla, G) < 1e-6
     # at detection lines too: there leakage would read as distortion
     assert level(bla.levels.odd) < 1e-5 * level(bla.levels.excited)
@@ -272,8 +272,8 @@ def test_local_rational_fit_takes_the_transient_off():
 def test_a_transient_that_dies_within_a_period_is_discarded():
     record, G = resonant(0.08, 50.3, 4, noise=1e-4)
     bla = identify(record)
-    assert bla.transient == "discard"
-    assert bla.n_periods == 3
+    assert bla.experiment.transient == "discard"
+    assert bla.experiment.n_periods == 3
     assert frf_error(bla, G) < 5e-3
     assert frf_error(identify(record, transient="none"), G) > 2e-2
 
@@ -307,15 +307,15 @@ def test_a_drift_is_seen_though_its_periods_agree_and_is_taken_off(noise):
     drifting = Record(u=record.u, y=record.y + ramp, fs=FS, lines=record.lines)
     assert np.abs(identify(drifting, transient="none").G - 2).max() > 5
     bla = identify(drifting)
-    assert bla.transient == "local"
+    assert bla.experiment.transient == "local"
     assert np.abs(bla.G - 2).max() < 1e-6 + 2 * noise
     shifted = Record(u=record.u, y=record.y + 1e6, fs=FS, lines=record.lines)
-    assert identify(shifted).transient == "none"
+    assert identify(shifted).experiment.transient == "none"
 
 
 def test_steady_records_are_left_alone():
     for seed in range(20):
-        assert identify(record_of(lambda u: u, n_periods=2, noise=0.01, seed=seed)).transient == "none"
+        assert identify(record_of(lambda u: u, n_periods=2, noise=0.01, seed=seed)).experiment.transient == "none"
 
 
 # Grids without usable detection lines
@@ -326,7 +326,7 @@ def test_any_grid_yields_a_labelled_bound(kind):
     record = record_of(lambda u: u + 0.05 * u**3, kind)
     with pytest.warns(DataWarning, match="roughness"):
         bla = identify(record)
-    assert bla.grid == kind
+    assert bla.experiment.grid == kind
     assert bla.level_source == "roughness"
     assert np.all(np.isfinite(bla.bound()))
     with warnings.catch_warnings():
@@ -519,7 +519,7 @@ def test_noise_and_multisine_of_one_spectrum_give_the_same_bla(method):
     assert abs(np.mean(bla.G) - 0.6057055096) < 4 * np.sqrt(np.mean(bla.var_total) / bla.f.size)
     assert 0.90 < np.mean(np.abs(bla.G - 0.6057055096) < bla.bound()) < 0.99
     assert np.isnan(bla.var_noise).all()
-    assert bla.grid == "noise"
+    assert bla.experiment.grid == "noise"
 
 
 def test_uniform_noise_gives_another_bla():

@@ -32,7 +32,7 @@ def test_the_second_half_of_the_mirrors_sets_lies_in_the_bound_of_the_first(meas
     entries, matrices = held(first, second)
     assert 0.93 < entries < 0.98
     assert 0.92 < matrices < 0.99
-    noise, distortion = (np.median(np.einsum("jjk->k", c).real) for c in (first.cov_noise, first.cov_distortion))
+    noise, distortion = (np.median(np.einsum("jjk->k", c).real) for c in (first.cov.noise, first.cov.distortion))
     assert (distortion / noise > 50) == (level == "300mV")
 
 

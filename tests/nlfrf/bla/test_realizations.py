@@ -39,7 +39,7 @@ def test_a_file_that_is_played_again_is_no_new_realisation(kind, n_log, noise_u)
     record = played([0, 1, 0, 1, 2], [0, 0, 3.3, 500.7, 0], kind=kind, n_log=n_log, noise=0.01, noise_u=noise_u)
     with pytest.warns(DataWarning, match=r"same phases \(0, 2; 1, 3\): .* leaves M = 3 of 5"):
         bla = identify(record, level_from="roughness")
-    assert bla.n_realizations == 3
+    assert bla.experiment.n_realizations == 3
     assert bla.levels.excited.shape[0] == 3
     assert np.all(np.isfinite(bla.var_noise))  # what the repeats differ by
 
@@ -62,7 +62,7 @@ def test_repeats_are_the_same_as_periods():
     periods = identify(
         Record(u=record.u.reshape(shape), y=record.y.reshape(shape), fs=FS, lines=record.lines), transient="none"
     )
-    assert (bla.n_realizations, bla.n_periods) == (1, 6)
+    assert (bla.experiment.n_realizations, bla.experiment.n_periods) == (1, 6)
     for field in ("G", "var_noise", "var_total", "var_bound"):
         np.testing.assert_allclose(getattr(bla, field), getattr(periods, field), rtol=1e-9)
 
@@ -96,7 +96,7 @@ def test_independent_phases_are_not_taken_for_repeats(kind, f_max):
 def test_realisations_of_their_own_give_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert identify(played(list(range(7)), [0] * 7, noise=0.02, noise_u=0.1)).n_realizations == 7
+        assert identify(played(list(range(7)), [0] * 7, noise=0.02, noise_u=0.1)).experiment.n_realizations == 7
 
 
 # Phases that were chosen

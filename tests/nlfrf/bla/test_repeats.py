@@ -51,7 +51,8 @@ def test_a_set_played_again_is_covered_as_one(copies, reference):
     frms = [
         nlfrf.identify(record([0, 1] * copies, seed=seed, reference=reference), transient="none") for seed in range(12)
     ]
-    assert {(frm.n_realizations, frm.n_experiments, frm.n_periods) for frm in frms} == {(1, 2, 2 * copies)}
+    made = [frm.experiment for frm in frms]
+    assert {(one.n_realizations, one.n_experiments, one.n_periods) for one in made} == {(1, 2, 2 * copies)}
     assert 0.92 < np.mean([covered(frm) for frm in frms]) < 0.99
 
 
@@ -67,7 +68,7 @@ def test_a_set_played_again_is_covered_as_one(copies, reference):
 def test_repeats_are_told_whatever_order_and_trigger(order, delays, told):
     with pytest.warns(nlfrf.DataWarning, match=rf"u holds experiments with the same phases {told}"):
         frm = nlfrf.identify(record(order, delays=delays), transient="none")
-    assert frm.n_realizations == (max(order) + 1) // 2
+    assert frm.experiment.n_realizations == (max(order) + 1) // 2
     once = nlfrf.identify(record(sorted(set(order)), noise=0), transient="none")
     assert np.abs(frm.G - once.G).max() < 5e-3
     assert np.median(frm.var_noise[0, 0]) == pytest.approx(4e-6 / N * frm.f.size / 2 / (2 * len(order)), rel=0.4)
@@ -87,13 +88,13 @@ def test_a_zippered_experiment_played_again_is_one():
     with pytest.warns(nlfrf.DataWarning) as told:
         frm = nlfrf.identify(record([0, 0, 0], design="zippered", delays=[0, 9.5, 40]), transient="none")
     assert any("with the same phases (1, 2, 3)" in str(one.message) for one in told)
-    assert (frm.n_realizations, frm.n_periods) == (1, 6)
+    assert (frm.experiment.n_realizations, frm.experiment.n_periods) == (1, 6)
 
 
 @pytest.mark.parametrize("rms", [1.0, (10.0, 0.1)])
 def test_the_experiments_of_a_set_are_no_repeats(rms):
     """Orthogonal sets of the same phases differ by constants, the louder input not at all."""
-    assert nlfrf.identify(record([0, 1, 2, 3], rms=rms), transient="none").n_experiments == 4
+    assert nlfrf.identify(record([0, 1, 2, 3], rms=rms), transient="none").experiment.n_experiments == 4
     rng = np.random.default_rng(3)
     ms = nlfrf.multisine("random-odd", fs=FS, n_samples=N, f_min=1, f_max=200, n_realizations=2, rng=rng)
     first, second = np.reshape(rms * np.ones(2), (2, 1)) * ms.u
@@ -102,13 +103,13 @@ def test_the_experiments_of_a_set_are_no_repeats(rms):
     y = np.einsum("ji,impn->jmpn", MIX, u) + 1e-4 * rng.standard_normal(u.shape)
     with pytest.warns(nlfrf.DataWarning, match=r"experiments have the same phases \(psi\)"):
         frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
-    assert frm.n_experiments == 2
+    assert frm.experiment.n_experiments == 2
 
 
 def test_half_a_repeat_is_left_as_it_is():
     """Three of four experiments would be left: no whole sets."""
     with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly"):
-        assert nlfrf.identify(record([0, 1, 0, 3]), transient="none").n_experiments == 4
+        assert nlfrf.identify(record([0, 1, 0, 3]), transient="none").experiment.n_experiments == 4
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
@@ -150,7 +151,7 @@ def test_low_peaks_of_several_inputs_are_warned_of():
         ms = nlfrf.multisine("random-odd", **band, **more, rng=rng)
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
         y = u + 1e-3 * rng.standard_normal(u.shape)
-        assert nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none").n_periods == 2
+        assert nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none").experiment.n_periods == 2
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")

@@ -30,7 +30,7 @@ def test_a_linear_system_without_noise_is_exact(n_inputs, R):
         record = linear(ms)
     frm = nlfrf.identify(record)
     assert np.abs(frm.G - G0[:, :n_inputs, None]).max() < 1e-12
-    assert (frm.n_realizations, frm.n_experiments) == (R, R * n_inputs)
+    assert (frm.experiment.n_realizations, frm.experiment.n_experiments) == (R, R * n_inputs)
 
 
 def test_turned_and_permuted_experiments_and_mixed_inputs_say_the_same():
@@ -112,7 +112,7 @@ def test_a_loop_by_reference_has_a_full_gamma_and_no_bias():
     frm = nlfrf.identify(nlfrf.Record(u=u, y=y, r=r, fs=512, lines=ms.lines), transient="none")
     inside = np.abs(frm.G - G[:, :, None]) < frm.bound()
     assert inside.mean() > 0.92
-    off = np.abs(frm.gamma[0, 1]) / np.sqrt(frm.gamma[0, 0].real * frm.gamma[1, 1].real)
+    off = np.abs(frm.cov.gamma[0, 1]) / np.sqrt(frm.cov.gamma[0, 0].real * frm.cov.gamma[1, 1].real)
     assert np.median(off) > 0.1
     # noise that is fed back correlates u with n: without the reference G is off by many sigmas
     biased = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
@@ -200,7 +200,7 @@ def test_the_bounds_of_a_matrix_and_its_entries():
     frm = nlfrf.identify(linear(ms, noise=0.05))
     assert frm.covariance().shape == (4, 4, frm.f.size)
     np.testing.assert_allclose(
-        np.einsum("aak->ak", frm.covariance()).real.reshape(2, 2, -1).transpose(1, 0, 2), frm.entries(frm.cov_bound)
+        np.einsum("aak->ak", frm.covariance()).real.reshape(2, 2, -1).transpose(1, 0, 2), frm.entries(frm.cov.bound)
     )
     left, right = frm.block()
     box = np.sqrt(np.einsum("jak,jak->jk", left, left.conj()).real)[:, None] * np.sqrt(
@@ -226,7 +226,7 @@ def test_every_so_many_th_line_is_as_it_was():
     ratio = some.bound(of="realization") / frm.bound(of="realization")[:, :, ::3]
     assert 0.9 < np.median(ratio) < 1.1
     np.testing.assert_array_equal(some.entry(1, 0).levels.excited, frm.levels[1].excited[:, ::3])
-    np.testing.assert_array_equal(some.lines.excited * frm.fs / frm.n_samples, some.f)
+    np.testing.assert_array_equal(some.lines.excited * frm.fs / frm.experiment.n_samples, some.f)
     with pytest.raises(ValueError, match="step must be"):
         frm.every(0)
 
@@ -237,7 +237,7 @@ def test_a_zippered_record_gives_the_matrix_from_one_experiment():
     inside = []
     with pytest.warns(nlfrf.DataWarning, match=r"each line drives one input \(zippered\)"):
         clean = nlfrf.identify(linear(ms), transient="none")
-    assert (clean.design, clean.n_experiments) == ("zippered", 1)
+    assert (clean.experiment.design, clean.experiment.n_experiments) == ("zippered", 1)
     assert np.abs(clean.G - G0[:, :2, None]).max() < 1e-12
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
@@ -250,7 +250,7 @@ def test_a_zippered_record_gives_the_matrix_from_one_experiment():
             nlfrf.identify(nlfrf.Record(u=loop.u, y=loop.y, r=loop.u, fs=512, lines=ms.lines))
     inside = [np.abs(frm.G - G0[:, :2, None]) < frm.bound() for frm in frms]
     assert 0.93 < np.mean(inside) < 0.998
-    assert many.n_realizations == 3
+    assert many.experiment.n_realizations == 3
     assert 2 < np.median(many.dof / clean.dof) < 4
 
 

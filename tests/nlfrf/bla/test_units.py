@@ -77,5 +77,5 @@ def test_what_repeats_is_known_whatever_the_units():
     for unit in (1.0, 1e7):
         scaled = u * np.reshape([1.0, unit], (2, 1, 1, 1))
         frms.append(nlfrf.identify(nlfrf.Record(u=scaled, y=y, fs=FS, lines=ms.lines)))
-    assert [frm.n_experiments for frm in frms] == [2, 2]
+    assert [frm.experiment.n_experiments for frm in frms] == [2, 2]
     np.testing.assert_allclose(frms[0].bound()[0, 1] * 1e-7, frms[1].bound()[0, 1], rtol=1e-9)

@@ -29,7 +29,7 @@ tracemalloc.start()
 record = nlfrf.load_record(sys.argv[1])
 loaded = tracemalloc.get_traced_memory()[1]
 bla = nlfrf.identify(record)
-print(loaded, tracemalloc.get_traced_memory()[1], record.n_samples, bla.n_periods)
+print(loaded, tracemalloc.get_traced_memory()[1], record.n_samples, bla.experiment.n_periods)
 """
 
 

@@ -43,7 +43,7 @@ def test_the_command_that_inspect_prints_keeps_what_is_good(command, tmp_path):
     assert "time jumps by two samples at 6.507 s: one sample lost; periods 1 and 3 are whole, and kept" in err
     whole = nlfrf.identify(nlfrf.load_record(write_log(tmp_path / "whole.csv"), **BELT))
     bla = nlfrf.load(tmp_path / "belt-bla.npz")
-    assert (bla.n_periods, whole.n_periods) == (2, 3)
+    assert (bla.experiment.n_periods, whole.experiment.n_periods) == (2, 3)
     np.testing.assert_array_equal(bla.f, whole.f)
     assert np.median(np.abs(bla.G / whole.G - 1)) < 1e-3
     assert np.median(bla.bound() / whole.bound()) < 1.1

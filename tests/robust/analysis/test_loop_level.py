@@ -354,7 +354,7 @@ def test_the_built_in_rig_moves_as_predicted_inside_its_level():
     plant, fs = robust.sampled(model.nominal, 1e-3), 1000
     K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * 20)).K
     force = 0.5 * np.random.default_rng(0).standard_normal(30 * fs)
-    motion = nlfrf.simulate_loop(nlfrf.paper_rig(), K, np.zeros(force.size), fs=fs, disturbance=force)
+    motion = nlfrf.rig.run(nlfrf.paper_rig(), np.zeros(force.size), K, disturbance=force)
     level = level_of(model, K, disturbance=NoiseSignal(0.5))
     assert level.inside
     assert np.std(motion.u + force) == pytest.approx(level.u, rel=0.1)

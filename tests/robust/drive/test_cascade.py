@@ -34,7 +34,7 @@ def test_the_loop_is_that_of_the_simulated_axis_without_friction(preset, more):
     axis = frictionless(preset, filters=np.array([slot.section(FS) for slot in slots]), **more)
     settings = settings_of(axis, filters=slots)
     force = 10 * np.random.default_rng(3).standard_normal(3000)
-    trace = nlfrf.rig.run_servo(axis, position=np.zeros(3000), force=force, oversampling=4)
+    trace = nlfrf.rig.run(axis, {"position": np.zeros(3000), "force": force}, oversampling=4)
     G = robust.sampled(linear_plant(axis), settings.dt, settings.delay)
     y = control.forced_response(control.feedback(G, cascade(settings, output_unit=axis.units[1])), inputs=force)
     assert np.abs(y.outputs - trace.position).max() < 5e-6 * np.abs(trace.position).max()  # the steps of the integrator
@@ -46,7 +46,7 @@ def test_load_encoder_and_set_point():
     axis = replace(axis, drive=replace(axis.drive, velocity_feedforward=0.6))
     r = np.cumsum(np.random.default_rng(1).standard_normal(2000)) * 1e-5
     r[0] = 0.0
-    trace = nlfrf.rig.run_servo(axis, position=r, oversampling=4)
+    trace = nlfrf.rig.run(axis, r, oversampling=4)
     G = robust.sampled(linear_plant(axis), settings.dt, settings.delay)
     drive, y, x = with_set_point(settings, output_unit="N"), [], np.zeros(G.nstates)
     xd = np.zeros(drive.nstates)
@@ -109,7 +109,7 @@ def test_the_mean_is_the_response_of_the_simulated_drive_averaged_over_its_phase
     G = robust.sampled(linear_plant(axis), settings.dt, settings.delay)
     hit = np.zeros((4, 800))
     hit[np.arange(4), np.arange(4)] = 100.0
-    runs = [nlfrf.rig.run_servo(axis, position=np.zeros(800), force=force).position for force in hit]
+    runs = [nlfrf.rig.run(axis, {"position": np.zeros(800), "force": force}).position for force in hit]
     mean = np.mean([run[k : 700 + k] for k, run in enumerate(runs)], axis=0)
     y = control.forced_response(control.feedback(G, K), inputs=hit[0]).outputs[:700]
     # an approximation: of second order in the change of K over its phase
@@ -185,7 +185,7 @@ def test_a_loop_of_two_encoders_is_checked():
     K = cascade(settings, output_unit="N")
     G = robust.sampled(linear_plant(axis, sensors=("motor", "load")), settings.dt, settings.delay)
     poles = control.feedback(G, K).poles()
-    moving = nlfrf.rig.run_servo(frictionless("belt"), position=np.zeros(3000), initial=(0.0, 0.01))
+    moving = nlfrf.rig.run(frictionless("belt"), np.zeros(3000), initial=(0.0, 0.01))
     assert np.abs(poles).max() < 1
     assert not moving.diverged
 

@@ -350,7 +350,7 @@ def test_margins_and_step_are_those_of_the_axis(actual):
     assert ("assumed: delay 0.25 ms and lag 0.3 ms" in str(found)) is actual
     r = np.full(1200, 1e-3)
     r[0] = 0.0
-    moved = nlfrf.rig.run_servo(axis, position=r).position[1:] / 1e-3
+    moved = nlfrf.rig.run(axis, r).position[1:] / 1e-3
     if not actual:
         assert found.step.y == pytest.approx(moved[: found.step.y.size], abs=2e-3)
         assert found.step.y.size > 100

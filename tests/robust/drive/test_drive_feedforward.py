@@ -89,7 +89,7 @@ def test_the_simulated_axis_follows():
     mass_only = feedforward(mass=axis.motor_inertia, viscous=axis.motor_damping)
     moving = slice(200, 1400)  # between the rise and the end, where it sticks
     errors = [
-        np.abs((nlfrf.rig.run_servo(axis, position=r, force=force).position - r)[moving]).max()
+        np.abs((nlfrf.rig.run(axis, {"position": r, "force": force}).position - r)[moving]).max()
         for force in (np.zeros_like(r), mass_only.force(v, a), gains.force(v, a, j))
     ]
     assert errors[0] > 4 * errors[1] > 20 * errors[2]

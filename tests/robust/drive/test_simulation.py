@@ -128,10 +128,8 @@ def test_one_run_alone_is_no_hunting():
 
 
 def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
-    run = nlfrf.rig.run_servo
-    monkeypatch.setattr(
-        nlfrf.rig, "run_servo", lambda axis, **_: replace(run(axis, position=np.zeros(8)), diverged=True)
-    )
+    run = nlfrf.rig.run
+    monkeypatch.setattr(nlfrf.rig, "run", lambda axis, *_, **__: replace(run(axis, np.zeros(8)), diverged=True))
     found = simulate_rest(force(3.0), SETTINGS)
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
     margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)

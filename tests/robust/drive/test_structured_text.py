@@ -96,7 +96,7 @@ def test_it_is_the_simulated_drive_with_its_limit_and_its_slow_position_loop():
     axis = frictionless("belt", position_every=4)
     axis = replace(axis, drive=replace(axis.drive, limit=2.0, velocity_feedforward=0.7))
     r = np.cumsum(np.random.default_rng(5).standard_normal(1500)) * 2e-4
-    trace = nlfrf.rig.run_servo(axis, position=r, force=np.full(1500, 40.0))
+    trace = nlfrf.rig.run(axis, {"position": r, "force": np.full(1500, 40.0)})
     settings = settings_of(axis, limit=2.0)
     u = run(settings, position=trace.position, position_set=r, added=np.full(1500, 40.0 / axis.force_constant))
     assert 0.05 < trace.limited.mean() < 0.95

@@ -10,6 +10,7 @@ import nlfrf
 import robust
 from robust.analysis.text import format_margin_factor
 from robust.reports import parts as report_parts
+from robust.reports.data import describe_directions
 from tests.robust.io.test_report_page import Reader
 
 T = 1 / 256
@@ -49,7 +50,7 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "worst", "settings"]
     text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
-    rows = [FRM, nlfrf.bla.singular_values(FRM), FIT, MODEL, again, *([again.channels] if again.channels else [])]
+    rows = [FRM, describe_directions(FRM), FIT, MODEL, again, *([again.channels] if again.channels else [])]
     said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
     said += [
         again.reason,
@@ -57,8 +58,8 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
         again.not_proved,
         "; ".join(again.confidence),
         *again.conditions,
-        MODEL.source,
-        MODEL.extrapolation,
+        MODEL.origin.source,
+        MODEL.origin.extrapolation,
     ]
     seen = robust.validate(MODEL, FRM)
     said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")

@@ -1,14 +1,16 @@
 """Files as instruments, spreadsheets and logging programs write them load as a test engineer expects."""
 
+import base64
 import datetime
 
+import h5py
 import numpy as np
 import pytest
 
 import nlfrf
 from nlfrf.io.channels import read_channels
 from tests.support import measurement_files as files
-from tests.support.measurement_files import FS, MS, WRITERS, N, P, T, U, Y, fuzz, lvm, time_series
+from tests.support.measurement_files import FS, MS, WRITERS, N, P, T, U, Y, fuzz, lvm
 
 
 def rows(*columns, sep=",", decimal=".", form="{:.6f}"):
@@ -258,29 +260,33 @@ def test_dspace_units(tmp_path):
     assert (record.u_unit, record.y_unit) == ("N", "mm")
 
 
-@pytest.mark.filterwarnings("ignore")  # of mat-io, on a pandas newer than it
-@pytest.mark.parametrize("version", ["v7", "v7.3"])
-def test_matlab_objects(version, tmp_path):
-    import matio
-    import pandas as pd
-    from matio.utils.matclass import MatlabOpaque
+#: A file of version 7 with the time series x and nothing else.
+TIME_SERIES = base64.b64decode(
+    "TUFUTEFCIDUuMCBNQVQtZmlsZSBQbGF0Zm9ybS4gQ3JlYXRlZCBvbjogMjAyNi0xMS0yNyAxNToyNTo1NSBVVEMgYnkgbWF0aW8gd2l0aCBzY2lw"
+    "eSAgICAgICAgICAgICAgICAgICAgICAgICAgICAgICDWAAAAAAAAAAABSU0PAAAATgAAAHic42NgYOgAYjYg5gBiQQYIYATCCjDNwuDr7B/MCGRz"
+    "AXFJZm5qcWpRZmoxRB0fEHsg6eeF6meF8tnAZkAwA5QvAWHeZUKSg2EA3VoIMw8AAAD/AAAAeJzjY2Bg0GBhYGAD0hxAzMkAAaxQPiMQ/2CG0CDA"
+    "BOUzMHr6gvh8QPyCGaGfCYt+GIaIs4DlGKFqfJ39g2HmLEAyRxCqnhFOs4DVgvi8QOyWmZMaXpRYUJBaFB8P1Z+ApB9hH4TPjuYOPqjhuPx9AU09"
+    "E1QMGFQMIO87gOyD4glAvAOIT0AxSJ1fYm4qg0tiSWI8Q0lmbmpxalFmajEDdsCMQxwZMGLhI4sxYXEvuhpsgA+JNmBAhAcLVBxXPAoAWaVQfR5I"
+    "+tjQ9DGj6QOFswTc9g/26DTIvBUMuOMR3V8g9RYM+NMfAwNq+qOlfl4C7oWpY0DSP5T8CwAxICRM"
+)
 
-    u, y = time_series()
-    matio.save_to_mat(str(tmp_path / "ts.mat"), {"first": u, "second": y}, version=version)
-    record = nlfrf.load_record(tmp_path / "ts.mat")
-    agrees(record)
-    assert (record.u_unit, record.y_unit) == ("N", "mm")
-    if version == "v7.3":  # the rest is the same walk
-        return
-    cells = np.empty((1, 2), dtype=object)
-    cells[0, 0], cells[0, 1] = time_series(implicit=False)
-    storage = MatlabOpaque(properties={"Elements": cells}, classname="Simulink.Ram", type_system="MCOS")
-    logs = MatlabOpaque(properties={"Storage_": storage}, classname="Simulink.Dataset", type_system="MCOS")
-    frame = pd.DataFrame({"u": U, "y": Y}, index=pd.to_timedelta(np.arange(U.size), unit="ms"))
-    matio.save_to_mat(str(tmp_path / "log.mat"), {"logsout": logs}, version=version)
-    agrees(nlfrf.load_record(tmp_path / "log.mat"))
-    matio.save_to_mat(str(tmp_path / "tt.mat"), {"run": frame}, version=version)
-    agrees(nlfrf.load_record(tmp_path / "tt.mat"))
+
+def test_matlab_objects_are_named_and_not_read(tmp_path):
+    (tmp_path / "ts.mat").write_bytes(TIME_SERIES)
+    with pytest.raises(ValueError, match=r"with none: .*timeseries, timetable.* save it as a matrix, x = \[ts.Time"):
+        nlfrf.load_record(tmp_path / "ts.mat")
+    with h5py.File(tmp_path / "ts73.mat", "w") as file:  # as MATLAB writes it: references, marked as an object
+        file.attrs["H5PATH"] = "/"
+        file["#subsystem#/MCOS"] = np.zeros((1, 7))
+        file["x"] = np.arange(6, dtype=np.uint32)[None]
+        file["x"].attrs["MATLAB_object_decode"] = np.int32(3)
+        file["u"], file["y"], file["fs"] = U, Y, float(FS)
+    agrees(nlfrf.load_record(tmp_path / "ts73.mat"))
+    assert "x: is a MATLAB object and not read: save it as a matrix" in str(nlfrf.inspect_file(tmp_path / "ts73.mat"))
+    with pytest.raises(
+        ValueError, match=r"y must name a signal .*one of u, y; got 'x'; 'x' is a MATLAB object and not"
+    ):
+        nlfrf.load_record(tmp_path / "ts73.mat", y="x")
 
 
 # HDF5

@@ -254,7 +254,7 @@ def test_multisines_that_do_not_fit_the_rig_are_refused():
         simulate(two_axis_stage(), multisine(n_inputs=3, **options))
     with pytest.raises(ValueError, match="ms must drive 1 inputs, as the rig has, got 2"):
         simulate(paper_rig(), multisine(n_inputs=2, **options))
-    with pytest.raises(ValueError, match="force must have 2 channels, as the rig has, got 3"):
+    with pytest.raises(ValueError, match="signal must have 2 channels, as the rig has, got 3"):
         run(two_axis_stage(), np.zeros((3, 10)), fs=FS)
     with pytest.raises(ValueError, match="oversampling must be at least 2 for a stable integration step"):
         run(two_axis_stage(), np.zeros((2, 10)), fs=100.0)

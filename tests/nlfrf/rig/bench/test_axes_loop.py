@@ -6,9 +6,9 @@ import control
 import numpy as np
 import pytest
 
-from nlfrf import paper_rig, simulate_loop
+from nlfrf import paper_rig
 from nlfrf.friction import Coulomb, LuGre
-from nlfrf.rig import LoopResponse, Rig, simulate_loops, two_axis_stage
+from nlfrf.rig import Controller, Rig, Trajectory, run, run_loops, two_axis_stage
 from robust.shaping import pid
 
 FS, N = 1024.0, 400
@@ -28,7 +28,7 @@ def test_a_linear_stage_in_a_loop_is_the_closed_loop(K):
     stage, rng = two_axis_stage("none"), np.random.default_rng(1)
     r, noise = 1e-3 * rng.standard_normal((2, N)), 1e-5 * rng.standard_normal((2, N))
     disturbance = rng.standard_normal((2, N))
-    response = simulate_loop(stage, K, r, fs=FS, disturbance=disturbance, noise=noise, oversampling=16)
+    response = run(stage, r, K, disturbance=disturbance, noise=noise, oversampling=16)
     zero, mass = np.zeros((2, 2)), stage.mass
     plant = control.ss(
         np.block([[zero, np.eye(2)], [-np.linalg.solve(mass, stage.stiffness), -np.linalg.solve(mass, stage.damping)]]),
@@ -52,11 +52,11 @@ PI = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[200.0]], D=[[3e3]], dt=1 / 2000)
 @pytest.mark.parametrize("delay", [0.0, 0.25e-3, 1.1e-3])
 def test_loops_around_axes_that_do_not_meet_are_loops_of_one_axis(law, delay):
     r = 2e-4 * np.sin(2 * np.pi * 20 * np.arange(600) / 2000)
-    options = {"fs": 2000.0, "delay": delay, "resolution": 1e-7, "saturation": 20.0}
-    single = simulate_loop(Rig(1.0, 80e3, law, 0.4), PI, r, initial=(1e-5, 0.02), **options)
+    options = {"delay": delay, "resolution": 1e-7, "saturation": 20.0}
+    single = run(Rig(1.0, 80e3, law, 0.4), r, Controller(PI, **options), initial=(1e-5, 0.02))
     rig = Rig(np.diag([1.0, 2.0]), np.diag([80e3, 90e3]), [law, None], np.diag([0.4, 5.0]))
     both = control.append(control.ss(PI.A, PI.B, PI.C, PI.D, PI.dt), control.ss([], [], [], [[50.0]], PI.dt))
-    response = simulate_loop(rig, both, np.stack([r, 0 * r]), initial=[[1e-5, 1e-6], [0.02, 0.0]], **options)
+    response = run(rig, np.stack([r, 0 * r]), Controller(both, **options), initial=[[1e-5, 1e-6], [0.02, 0.0]])
     assert np.abs(response.x[0] - single.x).max() < 1e-6 * np.abs(single.x).max()
     assert np.abs(response.u[0] - single.u).max() < 1e-3  # one step of the sensor now and then
     assert np.abs(response.friction[0] - single.friction).max() < 0.02
@@ -66,7 +66,7 @@ def test_loops_around_axes_that_do_not_meet_are_loops_of_one_axis(law, delay):
 
 def test_limits_act_channel_by_channel():
     r = np.outer([1e-4, 2e-4], np.ones(300))
-    response = simulate_loop(two_axis_stage(), FULL, r, fs=FS, saturation=[0.15, np.inf], resolution=[1e-6, 0.0])
+    response = run(two_axis_stage(), r, Controller(FULL, saturation=[0.15, np.inf], resolution=[1e-6, 0.0]))
     assert np.abs(response.u[0]).max() == 0.15
     assert np.abs(response.u[1]).max() > 0.5
     assert np.allclose(response.y[0] / 1e-6, np.round(response.y[0] / 1e-6), atol=1e-9)
@@ -76,7 +76,7 @@ def test_limits_act_channel_by_channel():
 def test_friction_stops_what_a_proportional_loop_would_finish():
     r = np.outer([50e-6, 0.0], np.ones(1500))
     K = control.append(pid(2e3, 0.0, dt=1 / FS), pid(2e3, 0.0, dt=1 / FS))
-    rest, free = (simulate_loop(two_axis_stage(kind), K, r, fs=FS) for kind in ("friction", "none"))
+    rest, free = (run(two_axis_stage(kind), r, K) for kind in ("friction", "none"))
     assert rest.outcome(0.2) == "settled"
     stiff = 1 / (two_axis_stage().stiffness[0, 0] / 2e3 + 1)
     assert free.x[0, -1] == pytest.approx(50e-6 * stiff, rel=0.1)
@@ -86,7 +86,7 @@ def test_friction_stops_what_a_proportional_loop_would_finish():
 
 def test_a_stage_that_runs_away_is_a_result():
     K = control.ss([], [], [], -3e5 * np.eye(2), 1 / FS)
-    response = simulate_loop(two_axis_stage(), K, 1e-3 * np.ones((2, 2000)), fs=FS)
+    response = run(two_axis_stage(), 1e-3 * np.ones((2, 2000)), K)
     assert response.diverged
     assert 5 < response.x.shape[1] < 2000
     assert np.isfinite(response.x).all()
@@ -97,7 +97,7 @@ def test_a_small_axis_that_goes_on_is_seen_beside_a_large_one_that_settles():
     t = np.arange(4000) / 1000
     large = 1e-3 * np.where(t < 1, np.sin(9 * t), np.exp(-2.2 * (t - 1)) * np.sin(50 * t))
     channels, rows = np.stack([large, 1e-6 * np.sin(60 * t)]), np.zeros((2, 4000))
-    told = LoopResponse(t=t, r=channels, u=rows, x=rows, v=rows, y=rows, friction=rows, diverged=False)
+    told = Trajectory(t=t, signals={"r": channels, "x": rows, "friction": rows}, units={})
     assert told.outcome(1.0) == "limit cycle"
     assert told.residual(1.0) == pytest.approx(1.0, rel=1e-3)
 
@@ -106,9 +106,16 @@ def test_outcome_is_that_of_the_channel_that_swings_most():
     t = np.arange(4000) / 2000
     channels = np.where(t < 0.5, np.sin(300 * t), np.stack([0.1 * np.sin(300 * t), np.zeros(t.size)]))
     rows = np.zeros((2, 4000))
-    told = LoopResponse(t=t, r=channels, u=rows, x=rows, v=rows, y=rows, friction=rows, diverged=False)
+    told = Trajectory(t=t, signals={"r": channels, "x": rows, "friction": rows}, units={})
     assert told.outcome(0.5) == "limit cycle"
     assert told.residual(0.5) == pytest.approx(0.1, rel=0.01)
+
+
+def limited(K, options):
+    """The controller with its limits, which are taken out of the options."""
+    return Controller(
+        K, **{name: options.pop(name) for name in ("delay", "saturation", "resolution") if name in options}
+    )
 
 
 @pytest.mark.parametrize(
@@ -116,7 +123,6 @@ def test_outcome_is_that_of_the_channel_that_swings_most():
     [
         (pid(1.0, 0.0, dt=1 / FS), {}, "K must have 2 inputs and 2 outputs, got 1 and 1"),
         (control.ss([], [], [], np.ones((3, 2)), 1 / FS), {}, "K must have 2 inputs and 2 outputs, got 2 and 3"),
-        (FULL, {"fs": 1000.0}, "K must be sampled with dt = 1/fs = 0.001 s, got dt = 0.000976562 s"),
         (FULL, {"saturation": [1.0, 2.0, 3.0]}, r"saturation must be one number or 2, one a channel, got shape \(3,\)"),
         (FULL, {"saturation": [1.0, -2.0]}, "saturation must be positive, got -2"),
         (FULL, {"resolution": -1.0}, "resolution must be zero or positive, got -1"),
@@ -128,16 +134,16 @@ def test_outcome_is_that_of_the_channel_that_swings_most():
 )
 def test_refusals_name_the_parameter(K, options, message):
     with pytest.raises(ValueError, match=message):
-        simulate_loop(two_axis_stage(), K, np.zeros((2, 10)), **{"fs": FS, **options})
+        run(two_axis_stage(), np.zeros((2, 10)), limited(K, options), **options)
 
 
 def test_references_and_stacks_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match=r"r must have 2 axes, got shape \(10,\)"):
-        simulate_loop(two_axis_stage(), FULL, np.zeros(10), fs=FS)
-    with pytest.raises(ValueError, match="r must have 2 channels, as the rig has, got 3"):
-        simulate_loop(two_axis_stage(), FULL, np.zeros((3, 10)), fs=FS)
+    with pytest.raises(ValueError, match=r"signal must have 2 axes, got shape \(10,\)"):
+        run(two_axis_stage(), np.zeros(10), FULL)
+    with pytest.raises(ValueError, match="signal must have 2 channels, as the rig has, got 3"):
+        run(two_axis_stage(), np.zeros((3, 10)), FULL)
     with pytest.raises(ValueError, match="rig must have one axis in a stack of loops, got one of matrices with 2"):
-        simulate_loops(two_axis_stage(), [FULL], np.zeros((2, 10)), fs=FS)
+        run_loops(two_axis_stage(), np.zeros((2, 10)), [FULL])
 
 
 def test_bristles_of_one_axis_are_a_spring_to_small_motion():
@@ -153,5 +159,5 @@ def test_bristles_of_one_axis_are_a_spring_to_small_motion():
     )
     bristled = Rig(stiffness=stage.stiffness, damping=stage.damping, friction=[law, None], **parts)
     r = 1e-10 * np.ones((2, 300))
-    small, linear = (simulate_loop(rig, FULL, r, fs=FS, oversampling=8) for rig in (bristled, stuck))
+    small, linear = (run(rig, r, FULL, oversampling=8) for rig in (bristled, stuck))
     assert np.abs(small.x - linear.x).max() < 1e-5 * np.abs(linear.x).max()

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, LuGre, VaryingSliders
-from nlfrf.rig.bench.closed_loop import LoopResponse, simulate_loop, simulate_loops
+from nlfrf.rig import Controller, Trajectory, run, run_loops
 from nlfrf.rig.bench.rig import Rig, paper_rig
 
 FS = 2000.0
@@ -48,7 +48,7 @@ def linear_loop(K, r, *, delay, disturbance=None):
 def test_small_motion_is_that_of_the_linear_loop(delay):
     rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
     r = 1e-10 * np.ones(600)  # so small that friction is a spring and a damper
-    response = simulate_loop(rig, PI, r, fs=FS, delay=delay, oversampling=8)
+    response = run(rig, r, Controller(PI, delay=delay), oversampling=8)
     exact = linear_loop(PI, r, delay=delay)
     assert np.abs(response.x - exact).max() < 1e-5 * np.abs(exact).max()
     assert not response.diverged
@@ -57,7 +57,7 @@ def test_small_motion_is_that_of_the_linear_loop(delay):
 def test_disturbance_enters_at_the_input_of_the_rig():
     rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
     disturbance = 1e-6 * np.ones(600)
-    response = simulate_loop(rig, PI, np.zeros(600), fs=FS, disturbance=disturbance, oversampling=8)
+    response = run(rig, np.zeros(600), PI, disturbance=disturbance, oversampling=8)
     exact = linear_loop(PI, np.zeros(600), delay=0.0, disturbance=disturbance)
     assert np.abs(response.x - exact).max() < 1e-5 * np.abs(exact).max()
 
@@ -67,7 +67,7 @@ def hunting(Fs):
     fs = 500.0
     rig = Rig(1.0, 0.0, LuGre(sigma0=1e5, sigma1=np.sqrt(1e5), sigma2=0.4, Fc=1.0, Fs=Fs, vs=1e-3))
     PID = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[4 / fs, -6 * fs]], [[6 * fs + 3 + 4 / fs]], dt=1 / fs)
-    response = simulate_loop(rig, PID, np.minimum(np.arange(20_000) / fs / 2, 1.0), fs=fs)
+    response = run(rig, np.minimum(np.arange(20_000) / fs / 2, 1.0), PID)
     assert not response.diverged
     return response.e
 
@@ -88,19 +88,19 @@ def test_hunting_dies_out_where_static_friction_is_no_larger():
 def test_saturation_quantisation_and_noise_act_where_they_stand():
     rng = np.random.default_rng(1)
     r = np.full(400, 1e-4)
-    response = simulate_loop(paper_rig(), PI, r, fs=FS, saturation=1.5, resolution=1e-6)
+    response = run(paper_rig(), r, Controller(PI, saturation=1.5, resolution=1e-6))
     assert np.abs(response.u).max() == 1.5
     assert np.allclose(response.y / 1e-6, np.round(response.y / 1e-6), atol=1e-9)
     assert np.abs(response.y - response.x).max() <= 0.5e-6 * (1 + 1e-9)
     noise = 1e-6 * rng.standard_normal(400)
-    noisy = simulate_loop(paper_rig(), PI, r, fs=FS, noise=noise)
+    noisy = run(paper_rig(), r, PI, noise=noise)
     assert np.allclose(noisy.y - noisy.x, noise, atol=1e-18)
     assert np.allclose(noisy.e, noisy.r - noisy.x)
 
 
 def test_loop_that_runs_away_is_a_result():
     unstable = controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-2e5]])
-    response = simulate_loop(paper_rig(), unstable, np.full(2000, 1e-3), fs=FS)
+    response = run(paper_rig(), np.full(2000, 1e-3), unstable)
     assert response.diverged
     assert 5 < response.x.size < 2000
     assert np.isfinite(response.x).all()
@@ -109,8 +109,15 @@ def test_loop_that_runs_away_is_a_result():
 
 def test_refinement_changes_little():
     r = 2e-4 * np.sin(2 * np.pi * 20 * np.arange(1000) / FS)
-    x = [simulate_loop(paper_rig(), PI, r, fs=FS, oversampling=n).x for n in (4, 32)]
+    x = [run(paper_rig(), r, PI, oversampling=n).x for n in (4, 32)]
     assert np.sqrt(np.mean((x[0] - x[1]) ** 2)) < 1e-5 * x[1].std()
+
+
+def limited(K, options):
+    """The controller with its limits, which are taken out of the options."""
+    return Controller(
+        K, **{name: options.pop(name) for name in ("delay", "saturation", "resolution") if name in options}
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,9 +126,8 @@ def test_refinement_changes_little():
         (
             controller([[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=0),
             {},
-            r"K must be sampled with dt = 1/fs = 0\.0005 s, got dt = 0",
+            r"K must be sampled with a time dt in seconds, got dt = 0",
         ),
-        (controller([[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=1e-3), {}, r"K must be sampled .* got dt = 0\.001 s"),
         (
             controller([[1.0]], [[1.0, 1.0]], [[1.0]], [[1.0, 1.0]]),
             {},
@@ -145,7 +151,7 @@ def test_refinement_changes_little():
 )
 def test_refusals_name_the_parameter(K, options, message):
     with pytest.raises(ValueError, match=message):
-        simulate_loop(paper_rig(), K, np.zeros(10), fs=FS, **options)
+        run(paper_rig(), np.zeros(10), limited(K, options), **options)
 
 
 def test_a_rig_far_too_fast_for_the_clock_is_refused():
@@ -153,23 +159,22 @@ def test_a_rig_far_too_fast_for_the_clock_is_refused():
     with pytest.raises(
         ValueError, match=r"fs must leave the rig at most 10000 integration steps a sample, got 2000 Hz"
     ):
-        simulate_loop(light, PI, np.zeros(10), fs=FS)
+        run(light, np.zeros(10), PI)
 
 
 def test_delay_beyond_the_end_leaves_the_rig_at_rest():
-    response = simulate_loop(paper_rig(), PI, np.full(10, 1e-3), fs=FS, delay=1e300)
+    response = run(paper_rig(), np.full(10, 1e-3), Controller(PI, delay=1e300))
     assert not response.x.any()
-    with pytest.raises(ValueError, match="r must hold at least one sample, got none"):
-        simulate_loop(paper_rig(), PI, [], fs=FS)
+    with pytest.raises(ValueError, match="signal must hold at least one sample, got none"):
+        run(paper_rig(), [], PI)
 
 
 def left_alone(error, diverged=False):
     """A response with a given error, a burst before 0.5 s."""
     n = error.size
     nothing = np.zeros(n)
-    return LoopResponse(
-        t=np.arange(n) / FS, r=error, u=nothing, x=nothing, v=nothing, y=nothing, friction=nothing, diverged=diverged
-    )
+    signals = {"r": error, "x": nothing, "friction": nothing}
+    return Trajectory(t=np.arange(n) / FS, signals=signals, units={}, diverged=diverged)
 
 
 T_AFTER = np.arange(4000) / FS
@@ -212,7 +217,7 @@ def test_the_rig_settles_under_little_gain_and_cycles_under_too_much():
     force[:500] = np.random.default_rng(0).standard_normal(500)
     for gain, outcome in ((1.0, "settled"), (1e3, "limit cycle")):
         K = controller([[1.0]], [[gain]], [[200.0]], [[3.0 * gain]])
-        response = simulate_loop(paper_rig(), K, np.zeros(2000), fs=FS, disturbance=force, saturation=5.0)
+        response = run(paper_rig(), np.zeros(2000), Controller(K, saturation=5.0), disturbance=force)
         assert response.outcome(0.25) == outcome
 
 
@@ -224,7 +229,7 @@ def test_a_machine_that_sticks_while_its_integrator_winds_up_has_not_settled():
     seen = {}
     for n in (1500, 12000):
         disturbance = np.append(force, np.zeros(n - 300))
-        seen[n] = simulate_loop(rig, K, np.zeros(n), fs=1000, disturbance=disturbance)
+        seen[n] = run(rig, np.zeros(n), K, disturbance=disturbance)
     assert seen[1500].residual(0.3) == 0
     assert np.ptp(seen[12000].x[1500:]) > 1e-6  # it did slip again
     assert seen[1500].outcome(0.3) == "stable"
@@ -234,7 +239,7 @@ def test_a_loop_without_integral_action_rests_beside_its_reference():
     K = controller([[0.0]], [[1.0]], [[-60e3]], [[80e3]], dt=1e-3)
     for rms in (0.5, 20.0):
         force = np.append(rms * np.random.default_rng(0).standard_normal(300), np.zeros(1200))
-        response = simulate_loop(paper_rig(), K, np.full(1500, 1e-5), fs=1000, disturbance=force)
+        response = run(paper_rig(), np.full(1500, 1e-5), K, disturbance=force)
         assert abs(response.e[-1]) > 5e-6
         assert response.outcome(0.3) == "settled"
 
@@ -255,18 +260,16 @@ def test_a_stack_is_its_runs(law):
     Ks, delays = [PI, PID, PI], [0.0, 0.7e-3, 1.2e-3]
     bursts, begins = rng.standard_normal((3, 300)), np.array([[0.0, 0.0], [1e-5, 0.02], [0.0, -0.01]])
     done = []
-    together = simulate_loops(
+    together = run_loops(
         rig,
-        Ks,
         np.zeros(300),
-        fs=FS,
+        [Controller(K, delay=delay) for K, delay in zip(Ks, delays, strict=True)],
         disturbance=bursts,
-        delay=delays,
         initial=begins,
         progress=lambda number, total: done.append((number, total)),
     )
     for K, delay, burst, begin, response in zip(Ks, delays, bursts, begins, together, strict=True):
-        alone = simulate_loop(rig, K, np.zeros(300), fs=FS, delay=delay, disturbance=burst, initial=begin)
+        alone = run(rig, np.zeros(300), Controller(K, delay=delay), disturbance=burst, initial=begin)
         for name in ("x", "v", "u", "friction"):
             assert np.array_equal(getattr(alone, name), getattr(response, name)), name
         assert (alone.x[0], alone.v[0]) == tuple(begin)
@@ -278,15 +281,19 @@ def test_a_stack_is_its_runs(law):
     [
         ({"initial": np.zeros((2, 3))}, r"initial must hold a position and a velocity, got shape \(2, 3\)"),
         (
-            {"delay": [0.0, 0.0], "initial": np.zeros((3, 2))},
-            "delay must be given once or for each of the 3 runs, got 2",
+            {"controllers": [PI, PI], "initial": np.zeros((3, 2))},
+            "controllers must be given once or for each of the 3 runs, got 2",
+        ),
+        (
+            {"controllers": [PI, controller([[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=1e-3)]},
+            r"controllers must have one sampling time, got 0\.0005 s and 0\.001 s",
         ),
         ({"disturbance": np.zeros((1, 4))}, "disturbance must have one value for each of the 10 samples of r, got 4"),
     ],
 )
 def test_stacks_that_do_not_agree_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        simulate_loops(paper_rig(), [PI], np.zeros(10), fs=FS, **options)
+        run_loops(paper_rig(), np.zeros(10), **{"controllers": PI, **options})
 
 
 VARIED = {"stiction": 1.5, "vs": 1e-3, "dwell": 0.01, "wavelength": 3e-5, "asymmetry": 0.5, "seed": 7}
@@ -298,7 +305,7 @@ def test_sliders_slip_between_their_limits_and_never_give_energy_back(options):
     law = VaryingSliders(stiffness=[k], strength=[W], **options)
     rig, t = Rig(1.0, 1e6, law, 500.0), np.arange(8000) / fs
     nothing = controller([[0.0]], [[0.0]], [[0.0]], [[0.0]])
-    motion = simulate_loop(rig, nothing, 0 * t, fs=fs, disturbance=120 * np.sin(2 * np.pi * t), oversampling=8)
+    motion = run(rig, 0 * t, nothing, disturbance=120 * np.sin(2 * np.pi * t), oversampling=8)
     assert np.abs(motion.friction).max() <= W * (1 + 1e-9)
     slip = np.diff(motion.x - motion.friction / k)  # what the spring does not take
     before, after = motion.friction[:-1], motion.friction[1:]

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from nlfrf import paper_rig
-from nlfrf.rig import simulate_loops
+from nlfrf.rig import run_loops
 from nlfrf.rig.bench import closed_loop as loop_results
 from nlfrf.rig.bench import simulate as runs
-from nlfrf.rig.bench.closed_loop import simulate_runs, stack_runs
+from nlfrf.rig.bench.closed_loop import Controller, simulate_runs, stack_runs
 from robust.shaping import pid
 
 FS, N = 1000, 300
@@ -28,14 +28,13 @@ def arguments(n=1000):
         "rig": paper_rig(),
         "controllers": [pid(kp, ki, dt=1 / FS) for kp, ki in gains],
         "r": np.full(N, 1e-3),
-        "fs": FS,
         "initial": np.column_stack([np.zeros(n), rng.uniform(-0.02, 0.02, n)]),
     }
 
 
 @pytest.fixture(scope="module")
 def here():
-    return simulate_loops(**arguments())
+    return run_loops(**arguments())
 
 
 def same(these, those):
@@ -46,7 +45,7 @@ def same(these, those):
 
 def test_processes_give_the_same_as_threads(here):
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
-        assert same(simulate_loops(**arguments(), executor=executor), here)
+        assert same(run_loops(**arguments(), executor=executor), here)
 
 
 def test_a_cluster_of_dask_gives_the_same(here):
@@ -55,11 +54,11 @@ def test_a_cluster_of_dask_gives_the_same(here):
         distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
-        assert same(simulate_loops(**arguments(), executor=client.get_executor()), here)
+        assert same(run_loops(**arguments(), executor=client.get_executor()), here)
 
 
 def test_what_is_wanted_of_a_run_is_all_that_is_kept(here):
-    last = simulate_loops(**arguments(), of=lambda response: float(response.x[-1]))
+    last = run_loops(**arguments(), of=lambda response: float(response.x[-1]))
     assert last == [response.x[-1] for response in here]
 
 
@@ -79,22 +78,22 @@ def refusing(response):
 
 
 def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
-    monkeypatch.setattr(loop_results, "to_responses", None)  # here, not there
+    monkeypatch.setattr(loop_results, "to_trajectories", None)  # here, not there
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
-        assert simulate_loops(**arguments(), executor=executor, of=last) == [last(response) for response in here]
+        assert run_loops(**arguments(), executor=executor, of=last) == [last(response) for response in here]
         with pytest.raises(Small, match="nothing"):
-            simulate_loops(**arguments(5), executor=executor, of=refusing)
+            run_loops(**arguments(5), executor=executor, of=refusing)
 
 
 def test_a_lambda_and_what_a_folder_keeps_are_looked_at_here(here, tmp_path):
     wanted = [last(response) for response in here]
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
-        assert simulate_loops(**arguments(), executor=executor, of=lambda response: float(response.x[-1])) == wanted
-        assert simulate_loops(**arguments(), executor=executor, of=last, resume=tmp_path) == wanted
+        assert run_loops(**arguments(), executor=executor, of=lambda response: float(response.x[-1])) == wanted
+        assert run_loops(**arguments(), executor=executor, of=last, resume=tmp_path) == wanted
     assert not loop_results.can_pickle(lambda response: response.x)
     assert loop_results.can_pickle(last)
     kept = []  # whatever is wanted of them, the runs are there
-    assert same(simulate_loops(**arguments(), resume=tmp_path, progress=lambda *done: kept.append(done)), here)
+    assert same(run_loops(**arguments(), resume=tmp_path, progress=lambda *done: kept.append(done)), here)
     assert kept == [(2, 2)]
 
 
@@ -112,8 +111,8 @@ def test_what_a_notebook_defines_is_looked_at_here(monkeypatch):
 
 
 def test_what_all_runs_share_travels_once():
-    shared = stack_runs(**stacked(r=np.ones((1, 1000))))
-    each = stack_runs(**stacked(r=np.ones((50, 1000))))
+    shared = stack_runs(*stacked(np.ones((1, 1000))), steps=4)
+    each = stack_runs(*stacked(np.ones((50, 1000))), steps=4)
     sent, more = pickle.dumps(shared), pickle.dumps(each)
     assert len(sent) < len(more) - 49 * 8000
     back = simulate_runs(pickle.loads(sent))
@@ -121,19 +120,18 @@ def test_what_all_runs_share_travels_once():
 
 
 def stacked(r):
-    """Fifty runs as `simulate_loops` stacks them."""
-    zero, controllers = np.zeros((1, r.shape[1])), arguments(50)["controllers"]
-    limits = {"fs": FS, "saturation": np.inf, "resolution": 0.0, "delay": 0.0, "oversampling": 4}
-    signals = {"r": r, "disturbance": zero, "noise": zero, "initial": np.zeros((1, 2))}
-    return {"rig": paper_rig(), "controllers": controllers, **limits, **signals, "n": 50}
+    """Fifty runs as `run_loops` stacks them."""
+    zero = np.zeros((1, r.shape[1]))
+    given = {"r": r, "disturbance": zero, "noise": zero, "initial": np.zeros((1, 2))}
+    return paper_rig(), [Controller(K) for K in arguments(50)["controllers"]], given
 
 
 KILLED = """
 import os, signal, sys
 from tests.nlfrf.rig.bench.test_many_loops import arguments
-from nlfrf.rig import simulate_loops
+from nlfrf.rig import run_loops
 
-simulate_loops(**arguments(), resume=sys.argv[1], progress=lambda done, total: os.kill(os.getpid(), signal.SIGKILL))
+run_loops(**arguments(), resume=sys.argv[1], progress=lambda done, total: os.kill(os.getpid(), signal.SIGKILL))
 """
 
 
@@ -142,7 +140,7 @@ def test_a_killed_run_is_resumed_without_loss(here, tmp_path):
     assert killed.returncode == -9
     assert len(list(tmp_path.glob("*.npz"))) >= 1
     done = []
-    resumed = simulate_loops(**arguments(), resume=tmp_path, progress=lambda *counts: done.append(counts))
+    resumed = run_loops(**arguments(), resume=tmp_path, progress=lambda *counts: done.append(counts))
     assert done[0] == (1, 2)
     assert done[-1] == (2, 2)
     assert same(resumed, here)
@@ -150,11 +148,11 @@ def test_a_killed_run_is_resumed_without_loss(here, tmp_path):
 
 def test_results_of_another_integrator_are_not_taken(tmp_path, monkeypatch, here):
     kept = []
-    simulate_loops(**arguments(5), resume=tmp_path)
-    simulate_loops(**arguments(5), resume=tmp_path, progress=lambda *counts: kept.append(counts))
+    run_loops(**arguments(5), resume=tmp_path)
+    run_loops(**arguments(5), resume=tmp_path, progress=lambda *counts: kept.append(counts))
     assert kept == [(1, 1)]
     monkeypatch.setattr(runs, "hash_integrator", lambda: b"a later version")
-    simulate_loops(**arguments(5), resume=tmp_path)
+    run_loops(**arguments(5), resume=tmp_path)
     assert len(list(tmp_path.glob("*.npz"))) == 2
 
 

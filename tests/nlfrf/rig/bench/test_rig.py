@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from nlfrf._base.arguments import DataWarning
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh, fit_maxwell_slip
-from nlfrf.rig.bench.motion import run
+from nlfrf.rig import run
 from nlfrf.rig.bench.rig import Rig, paper_rig
 
 LUGRE = {"sigma1": 13.0, "sigma2": 0.4, "Fc": 0.7, "Fs": 1.0, "vs": 0.01}
@@ -217,11 +217,11 @@ def test_rigs_that_make_no_sense_are_refused(arguments, message):
 
 
 def test_run_refuses_bad_arguments():
-    with pytest.raises(ValueError, match="force must be finite"):
+    with pytest.raises(ValueError, match="signal must be finite"):
         run(paper_rig(), [0.0, np.nan], fs=1e4)
     with pytest.raises(ValueError, match="hold must be one of 'linear', 'zoh'"):
         run(paper_rig(), [0.0, 1.0], fs=1e4, hold="cubic")
     with pytest.raises(ValueError, match="fs must be positive"):
         run(paper_rig(), [0.0, 1.0], fs=0)
-    with pytest.raises(ValueError, match="force must hold at least one sample, got none"):
+    with pytest.raises(ValueError, match="signal must hold at least one sample, got none"):
         run(paper_rig(), [], fs=1e4)

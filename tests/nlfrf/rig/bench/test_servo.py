@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from nlfrf import DataWarning, identify, multisine, servo_axis, simulate_loop
+from nlfrf import DataWarning, identify, multisine, servo_axis
 from nlfrf.axis import Drive
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
-from nlfrf.rig import Rig, ServoAxis, run_servo, simulate_servo
+from nlfrf.rig import Controller, Rig, ServoAxis, run, simulate_servo
 
 FS = 4000.0
 TS = 1 / FS
@@ -35,14 +35,14 @@ def frictionless(axis):
 @pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 2.6])
 def test_a_free_mass_follows_the_parabola_of_its_delayed_force(delay):
     axis = replace(MASS, drive=replace(DRIVE, lag=0.0, delay_periods=delay))
-    trace = run_servo(axis, force=np.full(200, 6.0), closed=False)
+    trace = run(axis, {"torque": np.full(200, 6.0)})
     since = np.maximum(trace.t - delay * TS, 0.0)
     assert np.allclose(trace.x[0], 6.0 / 12.0 * since**2 / 2, rtol=1e-12, atol=1e-18)
     assert np.allclose(trace.v[0], 6.0 / 12.0 * since, rtol=1e-12, atol=1e-15)
 
 
 def test_the_lag_of_the_current_is_an_exponential():
-    trace = run_servo(MASS, force=np.full(100, 6.0), closed=False)
+    trace = run(MASS, {"torque": np.full(100, 6.0)})
     since = np.maximum(trace.t - TS, 0.0)
     settled = since - 0.4e-3 * (1 - np.exp(-since / 0.4e-3))
     assert np.allclose(trace.force, 6.0 * (1 - np.exp(-since / 0.4e-3)), atol=1e-12)
@@ -58,7 +58,7 @@ UNDAMPED = replace(
 def test_motor_and_load_swing_against_each_other_at_the_resonance():
     assert np.isclose(UNDAMPED.resonance, np.sqrt(1.3e6 * (1 / 7 + 1 / 15)) / 2 / np.pi)
     w = 2 * np.pi * UNDAMPED.resonance
-    trace = run_servo(UNDAMPED, force=np.zeros(400), closed=False, initial=[[0.0, 0.0], [1.0, -7 / 15]], oversampling=4)
+    trace = run(UNDAMPED, {"torque": np.zeros(400)}, initial=[[0.0, 0.0], [1.0, -7 / 15]], oversampling=4)
     assert np.allclose(trace.x, np.outer([1.0, -7 / 15], np.sin(w * trace.t) / w), atol=1e-5 / w)
 
 
@@ -67,14 +67,14 @@ def test_at_the_antiresonance_the_load_holds_the_motor_still():
     w = 2 * np.pi * UNDAMPED.antiresonance
     force = 10 * np.sin(w * (np.arange(400) + 0.5) * TS)  # held: half a period late
     begin = [[0.0, 0.0], [0.0, -10 / 1.3e6 * w]]
-    trace = run_servo(UNDAMPED, force=force, closed=False, initial=begin, oversampling=4)
+    trace = run(UNDAMPED, {"torque": force}, initial=begin, oversampling=4)
     assert np.allclose(trace.x[1], -10 / 1.3e6 * np.sin(w * trace.t), atol=1e-2 * 10 / 1.3e6)
     assert np.abs(trace.x[0]).max() < 1e-2 * np.abs(trace.x[1]).max()
 
 
 def test_the_spring_to_ground_holds_a_sprung_axis():
     axis = replace(TWO, spring=4e5)
-    trace = run_servo(axis, force=np.full(40000, 8.0), closed=False)
+    trace = run(axis, {"torque": np.full(40000, 8.0)})
     assert np.isclose(trace.x[1, -1], 8.0 / 4e5, rtol=1e-6)
     assert np.isclose(trace.x[0, -1] - trace.x[1, -1], 8.0 / 1.3e6, rtol=1e-6)
 
@@ -84,7 +84,7 @@ def test_break_away_is_where_the_force_passes_stiction():
         MASS, motor_friction=Coulomb(Fc=9.0, Fs=13.0, vs=0.01), drive=replace(DRIVE, lag=0.0, delay_periods=0.0)
     )
     force = np.linspace(0.0, 20.0, 2000)
-    trace = run_servo(axis, force=force, closed=False)
+    trace = run(axis, {"torque": force})
     moves = int(np.argmax(trace.x[0] > 0))
     assert force[moves - 2] <= 13.0 < force[moves]
     assert np.allclose(trace.friction[0, : moves - 1], force[: moves - 1])
@@ -100,7 +100,7 @@ def dragged(friction, v, damping=0.0, n=40000):
         load_damping=damping,
         stiffness=5000.0,
     )
-    return run_servo(axis, force=np.zeros(n), closed=False, initial=[[0.0, 0.0], [v, 0.0]], oversampling=2)
+    return run(axis, {"torque": np.zeros(n)}, initial=[[0.0, 0.0], [v, 0.0]], oversampling=2)
 
 
 @pytest.mark.parametrize("v", [0.002, 0.01, 0.03])
@@ -141,7 +141,7 @@ def test_what_the_motor_gives_is_held_or_lost(name):
     strength = axis.motor_friction.strength.sum()
     force = 6 * strength * signal.lfilter(*signal.butter(2, 20, fs=FS), rng.standard_normal(n) * 6)
     axis = replace(axis, drive=replace(axis.drive, lag=0.0, delay_periods=0.0, limit=np.inf))
-    trace = run_servo(axis, force=force, closed=False, oversampling=8)
+    trace = run(axis, {"torque": force}, oversampling=8)
     # the force is held over each period: its work is the force times the way
     given = np.sum(force[:-1] * np.diff(trace.x[0]))
     x, v = trace.x[:, -1], trace.v[:, -1]
@@ -176,7 +176,7 @@ def test_the_linear_axis_is_the_closed_loop_of_linear_theory(axis, feedforward):
     rng, n = np.random.default_rng(5), 1200
     r = np.where(np.arange(n) > 10, 1e-3, 0.0)
     speed, force = 1e-3 * rng.standard_normal(n), rng.standard_normal(n)
-    trace = run_servo(axis, position=r, velocity=speed, force=force, oversampling=8)
+    trace = run(axis, {"position": r, "velocity": speed, "force": force}, oversampling=8)
     P = in_state_space(axis)
     pi = drive.kp * (1 + TS / drive.tn * control.tf([1], [1, -1], TS))
     difference = control.tf([1, -1], [1, 0], TS) / TS
@@ -195,14 +195,14 @@ def test_filters_are_those_of_scipy():
     sections = np.vstack([notch, low])
     held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, filters=sections, tn=np.inf))
     speed = np.random.default_rng(1).standard_normal(400) * 1e-2
-    trace = run_servo(held, velocity=speed)
+    trace = run(held, {"velocity": speed})
     assert np.allclose(trace.current_set, signal.sosfilt(sections, DRIVE.kp * speed), atol=1e-14)
 
 
 def test_a_slower_position_loop_holds_the_velocity_set_point():
     held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, position_every=4, velocity_feedforward=0))
     r = np.random.default_rng(2).standard_normal(40)
-    trace = run_servo(held, position=r)
+    trace = run(held, r)
     assert np.allclose(trace.velocity_set, DRIVE.kv * np.repeat(r[::4], 4))
 
 
@@ -223,14 +223,14 @@ def test_one_mass_under_its_drive_is_the_rig_in_a_sampled_loop(law):
     r = 1e-3 * np.minimum(np.arange(n) / 500, 1.0)
     drive = replace(DRIVE, lag=0.0, kp=25)
     axis = replace(MASS, motor_friction=law, motor_damping=20.0, drive=drive, resolution=1e-6)
-    trace = run_servo(axis, position=r, oversampling=4)
+    trace = run(axis, r, oversampling=4)
     # u = kp (1 + Ts/Tn/(z-1)) (kv + (1 - 1/z)/Ts) (r - y)
     z = control.tf([1, 0], [1], TS)
     K = 50.0 * drive.kp * (1 + TS / drive.tn / (z - 1)) * (drive.kv + (1 - 1 / z) / TS)
     K = control.ss(control.minreal(K, verbose=False))
     K = SimpleNamespace(A=K.A, B=K.B, C=K.C, D=K.D, dt=TS)
     rig = Rig([[12.0]], [[0.0]], [law], [[20.0]])
-    response = simulate_loop(rig, K, r[None], fs=FS, delay=TS, resolution=1e-6)
+    response = run(rig, r[None], Controller(K, delay=TS, resolution=1e-6))
     assert np.abs(trace.position - response.y[0]).max() <= 2.1e-6  # one step of the encoder now and then
     assert np.abs(trace.x[0] - response.x[0]).max() < 2e-3 * np.abs(response.x).max()
 
@@ -240,7 +240,7 @@ def test_one_mass_under_its_drive_is_the_rig_in_a_sampled_loop(law):
 
 def test_the_drive_sees_whole_steps_of_the_encoder():
     axis = replace(servo_axis("belt"), resolution=1e-6)
-    trace = run_servo(axis, position=1e-3 * np.sin(np.arange(2000) / 300))
+    trace = run(axis, 1e-3 * np.sin(np.arange(2000) / 300))
     for seen, step in ((trace.position, 1e-6), (trace.velocity, 1e-6 * FS)):
         assert np.allclose(seen / step, np.round(seen / step), atol=1e-6)
     assert 0 < np.abs(trace.position - trace.x[0]).max() <= 0.5e-6 * (1 + 1e-9)
@@ -250,7 +250,7 @@ def test_the_current_keeps_its_limit_and_the_integrator_does_not_wind_up():
     """A held motor: 2 A of the proportional part and 4 A a second of the integral part reach 3 A after 1000 periods."""
     held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, limit=3.0))
     speed = np.where(np.arange(8000) < 6000, 0.1, -0.1)
-    trace = run_servo(held, velocity=speed)
+    trace = run(held, {"velocity": speed})
     asked = 2.0 + 4.0 * trace.t
     assert np.allclose(trace.current_set[:6000], np.minimum(asked[:6000], 3.0), atol=2e-3)
     assert np.array_equal(np.flatnonzero(np.diff(trace.limited)), [999, 5999])
@@ -265,8 +265,8 @@ def test_a_finer_step_changes_less_and_less():
     axis = frictionless(servo_axis("ball screw"))
     r = 1e-3 * np.minimum(np.arange(1200) / 400, 1.0)
     axis = replace(axis, resolution=0.0, drive=replace(axis.drive, lag=0.0))
-    exact = run_servo(axis, position=r, oversampling=64).x
-    errors = [np.abs(run_servo(axis, position=r, oversampling=n).x - exact).max() for n in (1, 2, 4, 8)]
+    exact = run(axis, r, oversampling=64).x
+    errors = [np.abs(run(axis, r, oversampling=n).x - exact).max() for n in (1, 2, 4, 8)]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(orders > 3.7), orders
 
@@ -275,7 +275,7 @@ def test_a_finer_step_changes_less_and_less():
 def test_the_step_of_a_preset_is_fine_enough(name):
     axis = replace(servo_axis(name), resolution=0.0)
     r = (1e-3 if axis.motion == "linear" else 2e-2) * np.sin(2 * np.pi * np.arange(4000) / 2000)
-    coarse, fine = (run_servo(axis, position=r, oversampling=n) for n in (1, 16))
+    coarse, fine = (run(axis, r, oversampling=n) for n in (1, 16))
     assert np.abs(coarse.x - fine.x).max() < 2e-3 * np.abs(fine.x).max()
 
 
@@ -321,7 +321,7 @@ def test_a_random_axis_gives_numbers_or_says_that_it_ran_away(seed):
     rng = np.random.default_rng(seed)
     axis = some_axis(rng)
     r = 10 ** rng.uniform(-5, -1) * rng.standard_normal(300).cumsum()
-    trace = run_servo(axis, position=r)
+    trace = run(axis, r)
     for name in ("position", "velocity", "current_set", "current", "x", "v", "friction"):
         assert np.isfinite(getattr(trace, name)).all()
     assert trace.diverged == (trace.t.size < 300)
@@ -335,7 +335,7 @@ def test_a_random_axis_left_alone_gains_no_energy(seed):
     axis = some_axis(rng)
     axis = replace(axis, drive=replace(axis.drive, fs=8000.0, lag=0.0))
     force = np.where(np.arange(800) < 200, 30 * rng.standard_normal(800), 0.0)
-    trace = run_servo(axis, force=force, closed=False, oversampling=16)
+    trace = run(axis, {"torque": force}, oversampling=16)
     rig, alone = axis.rig, slice(204, None)
     energy = np.einsum("in,ij,jn->n", trace.v, rig.mass, trace.v) / 2
     energy += np.einsum("in,ij,jn->n", trace.x, rig.stiffness, trace.x) / 2
@@ -412,7 +412,7 @@ def test_a_preset_comes_to_its_set_point(name):
     axis = servo_axis(name)
     way = 1e-2 if axis.motion == "linear" else 0.1
     r = way * np.minimum(np.arange(8000) / 2000, 1.0)
-    trace = run_servo(axis, position=r)
+    trace = run(axis, r)
     assert not trace.limited.any()
     assert np.abs(trace.position[-1] - way) < 3e-3 * way
     assert np.abs(trace.velocity[-400:]).mean() < 1e-3 * way
@@ -463,11 +463,13 @@ def test_signals_that_make_no_run_are_refused():
     ms = multisine(fs=1000, n_samples=1000, f_min=8, f_max=200, rng=1)
     own = replace(ms, fs=FS)
     with pytest.raises(ValueError, match="position, velocity or force must be given, with at least one sample"):
-        run_servo(MASS)
-    with pytest.raises(ValueError, match="must be left out of an open loop, got a set point: give force"):
-        run_servo(MASS, position=np.zeros(5), closed=False)
-    with pytest.raises(ValueError, match="velocity must have one value for each of the 5 samples"):
-        run_servo(MASS, position=np.zeros(5), velocity=np.zeros(4))
+        run(MASS, {})
+    with pytest.raises(ValueError, match="signal must have no entry 'position'"):
+        run(MASS, {"torque": np.zeros(5), "position": np.zeros(5)})
+    with pytest.raises(ValueError, match="fs must be left out for a servo axis, got 4000"):
+        run(MASS, np.zeros(5), fs=4000)
+    with pytest.raises(ValueError, match="position must have one value for each of the 4 samples"):
+        run(MASS, {"position": np.zeros(5), "velocity": np.zeros(4)})
     with pytest.raises(ValueError, match="ms must be sampled as the drive is, at 4000 Hz, got 1000 Hz"):
         simulate_servo(MASS, ms)
     with pytest.raises(ValueError, match='port must be "force" and base_velocity 0 in an open loop'):

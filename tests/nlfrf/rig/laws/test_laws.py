@@ -5,7 +5,7 @@ import pytest
 
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, stribeck
 from nlfrf.hysteresis import ElasticPlastic, Exponential, MaxwellSlip, Tanh, hysteresis_force
-from nlfrf.rig.bench.motion import drive, run
+from nlfrf.rig import run
 from nlfrf.rig.bench.rig import Rig
 
 SLIDING = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01, "sigma2": 0.4}
@@ -34,7 +34,7 @@ def test_stribeck_curve_is_odd_and_falls_from_static_to_coulomb():
 @pytest.mark.parametrize("v", [3e-4, 3e-3, -0.01, 0.03, 0.2])
 def test_stribeck_curve_is_recovered_from_constant_velocities(law, v):
     fs = 20 * abs(v) / 5e-5
-    friction = drive(law, np.full(2000, v), fs=fs, oversampling=int(np.ceil(2e4 / fs))).friction  # 5 mm of travel
+    friction = run(law, np.full(2000, v), fs=fs, oversampling=int(np.ceil(2e4 / fs))).friction  # 5 mm of travel
     assert friction[-1] == pytest.approx(float(stribeck(law, v)) + 0.4 * v, rel=0.01)
 
 
@@ -55,7 +55,7 @@ def test_friction_lag_opens_with_frequency():
     areas = []
     for f in (1.0, 10.0, 50.0):
         t = np.arange(3 * 2000) / (2000 * f)
-        motion = drive(Leuven(), 0.008 + 0.006 * np.sin(2 * np.pi * f * t), fs=2000 * f, oversampling=4)
+        motion = run(Leuven(), 0.008 + 0.006 * np.sin(2 * np.pi * f * t), fs=2000 * f, oversampling=4)
         last = slice(2 * 2000, None)
         areas.append(abs(np.trapezoid(motion.friction[last], motion.v[last])))
     assert areas[1] > 5 * areas[0]
@@ -67,7 +67,7 @@ def test_presliding_is_hysteresis_with_non_local_memory():
     z = np.array([0.0, 8e-6, -4e-6, 4e-6, 0.0, 4e-6, 8e-6])
     speed, fs = 1e-5, 1e4
     v = np.concatenate([np.sign(step) * np.full(round(abs(step) / speed * fs), speed) for step in np.diff(z)])
-    motion = drive(Leuven(sigma1=0.0, sigma2=0.0, n=8.0), v, fs=fs)
+    motion = run(Leuven(sigma1=0.0, sigma2=0.0, n=8.0), v, fs=fs)
     exact = hysteresis_force(Tanh(64e3, 1.0), motion.z)
     assert np.abs(motion.friction - exact).max() < 1e-5  # the motion turns between two samples
     turns = np.cumsum([round(abs(step) / speed * fs) for step in np.diff(z)])
@@ -93,7 +93,7 @@ def closing_step(form, fs):
     speed = 1e-2
     t = np.arange(0, 5e-5 * 5 / speed * 0.2, 1 / fs)
     v = np.where((t > 1e-5 / speed) & (t < 1.5e-5 / speed), -speed, speed)
-    motion = drive(Leuven(form=form), v, fs=fs)
+    motion = run(Leuven(form=form), v, fs=fs)
     after = np.flatnonzero((t > 1.55e-5 / speed) & (t < 2.5e-5 / speed))
     return np.abs(np.diff(motion.friction[after])).max()
 
@@ -111,7 +111,7 @@ def test_elements_of_gms_hold_the_hysteresis_of_maxwell_slip_in_presliding():
     law = GeneralizedMaxwellSlip(**GMS, **SLIDING)
     rng = np.random.default_rng(7)
     v = np.repeat(rng.uniform(-1e-5, 1e-5, 60), 200)
-    motion = drive(law, v, fs=1000.0)
+    motion = run(law, v, fs=1000.0)
     elements = MaxwellSlip(GMS["stiffness"], GMS["alpha"])  # at rest s(v) = Fs = 1
     assert np.abs(motion.friction - 0.4 * motion.v - hysteresis_force(elements, motion.x)).max() < 3e-3
 
@@ -120,7 +120,7 @@ def test_gms_slips_with_the_lag_it_was_given():
     # at a jump of the velocity every slipping element relaxes with the rate C / |s(v)|
     law = GeneralizedMaxwellSlip(**GMS, **{**SLIDING, "sigma2": 0.0})
     v = np.where(np.arange(40_000) < 20_000, 2e-3, 0.1)
-    motion = drive(law, v, fs=2e4, oversampling=1)
+    motion = run(law, v, fs=2e4, oversampling=1)
     later = np.arange(20_010, 22_000)
     lag = (motion.friction[later] - 0.7) / (motion.friction[20_010] - 0.7)
     assert np.allclose(lag, np.exp(-20.0 / 0.7 * (later - 20_010) / 2e4), atol=1e-5)
@@ -191,9 +191,9 @@ def test_leuven_defaults_are_the_paper_s():
 
 
 def test_drive_refuses_bad_arguments():
-    with pytest.raises(ValueError, match="v must be finite"):
-        drive(Leuven(), [0.0, np.inf], fs=1e3)
-    with pytest.raises(ValueError, match="v must hold at least one sample, got none"):
-        drive(Leuven(), [], fs=1e3)
+    with pytest.raises(ValueError, match="signal must be finite"):
+        run(Leuven(), [0.0, np.inf], fs=1e3)
+    with pytest.raises(ValueError, match="signal must hold at least one sample, got none"):
+        run(Leuven(), [], fs=1e3)
     with pytest.raises(ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"):
-        drive(Leuven(), np.full(100, 5.0), fs=1e3)
+        run(Leuven(), np.full(100, 5.0), fs=1e3)

@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import nlfrf
-from nlfrf import simulate, simulate_loop
+from nlfrf import simulate
 from nlfrf.friction import LuGre, OwnFriction, stribeck
-from nlfrf.rig import Rig, drive, run
+from nlfrf.rig import Controller, Rig, run
 
 SIGMA0, SIGMA1, SIGMA2, FC, FS, VS = 64e3, 13.0, 0.4, 0.7, 1.0, 0.01
 BUILT_IN = LuGre(sigma0=SIGMA0, sigma1=SIGMA1, sigma2=SIGMA2, Fc=FC, Fs=FS, vs=VS)
@@ -48,7 +48,7 @@ def test_lugre_written_by_hand_is_lugre():
 
 
 def test_a_prescribed_motion_gives_its_force():
-    motion = drive(OWN, np.full(3000, 0.02), fs=20e3)
+    motion = run(OWN, np.full(3000, 0.02), fs=20e3)
     assert motion.friction[-1] == pytest.approx(level(0.02) + SIGMA2 * 0.02, rel=1e-6)
     assert motion.x[-1] == pytest.approx(0.02 * 2999 / 20e3, rel=1e-9)
 
@@ -113,7 +113,7 @@ def loop(law, **options):
 
     K = control.ss([[1.0]], [[1.0]], [[200.0]], [[3e3]], 1 / 2000)
     r = 2e-4 * np.sin(2 * np.pi * 20 * np.arange(300) / 2000)
-    return simulate_loop(Rig(1.0, 80e3, law), K, r, fs=2000, delay=0.7e-3, initial=(1e-5, 0.02), **options)
+    return run(Rig(1.0, 80e3, law), r, Controller(K, delay=0.7e-3), initial=(1e-5, 0.02), **options)
 
 
 def test_a_loop_around_it_is_the_loop_around_the_law_that_is_there():

@@ -103,8 +103,11 @@ def test_outcomes_are_those_of_the_bench(rms, least):
     controllers += [pid(2e4, g, 40.0) for g in np.geomspace(1e4, 3e7, 6)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        seen = nlfrf.rig.simulate_loops(
-            nlfrf.paper_rig(), controllers, np.zeros(force.size), fs=1 / T, disturbance=force, saturation=1e3
+        seen = nlfrf.rig.run_loops(
+            nlfrf.paper_rig(),
+            np.zeros(force.size),
+            [nlfrf.rig.Controller(K, saturation=1e3) for K in controllers],
+            disturbance=force,
         )
     moves = np.array([response.outcome(0.3) in ("limit cycle", "ran away") for response in seen])
     found = [quasi_linear(FRICTION, RIG, K, burst=burst, amplitudes=A) for K in controllers]

@@ -22,9 +22,15 @@ SLIP = any_maxwell_slip(64e3, 1.05)
 def played(law, K, delay, kick, c=0.4, force=0.0):
     """Largest force of the actuator, and swing of the last tenth over the largest, after a kick."""
     rig = nlfrf.rig.Rig(1.0, 80e3, law, c)
-    options = {"fs": 1 / T, "delay": delay, "initial": (0.0, kick), "oversampling": 16, "saturation": LIMIT}
     disturbance = np.where(np.arange(4000) < 40, force, 0.0)
-    response = nlfrf.simulate_loop(rig, K, np.zeros(4000), disturbance=disturbance, **options)
+    response = nlfrf.rig.run(
+        rig,
+        np.zeros(4000),
+        nlfrf.rig.Controller(K, delay=delay, saturation=LIMIT),
+        disturbance=disturbance,
+        initial=(0.0, kick),
+        oversampling=16,
+    )
     return np.abs(response.u).max(), np.ptp(response.x[-400:]) / np.ptp(response.x)
 
 

@@ -1,0 +1,134 @@
+"""`Trajectory`: what a simulated machine did, sample by sample, and what became of a loop that was left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from nlfrf._base.arguments import require_positive, require_real_array
+from nlfrf._base.values import value
+
+#: Of the peak-to-peak error while disturbed: below it a channel is at rest.
+MIN_SWING = 1e-6
+#: Of the peak-to-peak error, and of the usual friction, while disturbed: the most that a settled loop still has.
+MAX_SETTLED_SWING = 1e-2
+
+
+@value(copy=False)
+class Trajectory:
+    """What a simulated machine did, sample by sample: its signals by name, which are attributes too.
+
+    Fields
+    ------
+    t : (n,) ndarray
+        Time [s].
+    signals : dict of str to (n,) ndarray
+        Each (n,), or (channels, n) where there are several. Of every machine `x`, `v` and `friction`: position,
+        velocity and friction force of a rig or of a prescribed motion (which has the deflection `z` too), of the
+        sensors of a loop, of motor and load of a servo axis.
+
+        In an open loop `drive`: the force, or the prescribed velocity. In a loop `r`, `u`, `y`: the reference, the
+        force that the controller commands, limited, and the position as it reads it. Of a servo axis what its drive
+        traces: `position_set`, `position`, `velocity_set`, `velocity`, `current_set`, `current`, `force_set`, `force`,
+        and `limited`, whether the current limit was at work.
+    units : dict of str to str
+        Unit of each signal.
+    diverged : bool
+        Whether the loop ran away; the arrays end there.
+
+    Examples
+    --------
+    >>> import control
+    >>> from nlfrf import paper_rig
+    >>> from nlfrf.rig import run
+    >>> K = control.ss(control.tf([2e3, 0], [1, -1], 1e-3))                 # an integrator
+    >>> moved = run(paper_rig(), np.full(500, 1e-6), K)
+    >>> moved.diverged, bool(abs(moved.e[-1]) < 1e-7), moved.units["u"]
+    (False, True, 'N')
+    """
+
+    t: np.ndarray
+    signals: Mapping[str, np.ndarray]
+    units: Mapping[str, str]
+    diverged: bool = False
+
+    def __post_init__(self) -> None:
+        for signal in self.signals.values():
+            signal.setflags(write=False)
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        signals: Mapping[str, np.ndarray] = self.__dict__.get("signals", {})
+        if name not in signals:
+            raise AttributeError(f"a Trajectory has no signal {name!r}, this one has {', '.join(signals) or 'none'}")
+        return signals[name]
+
+    def __dir__(self) -> list[str]:
+        """Name what can be asked for, signals too."""
+        return sorted({*super().__dir__(), *self.signals})
+
+    @property
+    def e(self) -> np.ndarray:
+        """(n,) or (n_y, n) error r - x of a loop."""
+        return self.r - self.x
+
+    def residual(self, calm: float) -> float:
+        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf where it diverged.
+
+        For a loop that is disturbed until `calm` and undisturbed afterwards. A loop at rest has zero, wherever it
+        rests. With several channels the largest of these ratios counts.
+        """
+        before, after = self._split_error(calm)
+        if self.diverged:
+            return np.inf
+        return float(np.max(_peak_to_peak(after[..., -(after.shape[-1] // 4) :]) / _disturbed_swing(before)))
+
+    def outcome(self, calm: float) -> str:
+        """Classify a loop that is disturbed until `calm` [s] and undisturbed afterwards, by its peak-to-peak error.
+
+        "limit cycle": in some channel the peak-to-peak error of the last quarter is within 5 % of, or above, that of
+        the quarter before it, down to a millionth of the error while disturbed. "settled": below a hundredth of it in
+        every channel, and the friction no longer drifts: a mass that sticks while an integrator winds up is not at
+        rest. "stable": still decaying, creeping, or about to slip. "ran away": the simulation diverged.
+        """
+        if self.diverged:
+            return "ran away"
+        before, after = self._split_error(calm)
+        n = after.shape[-1] // 4
+        last, earlier = _peak_to_peak(after[..., -n:]), _peak_to_peak(after[..., -2 * n : -n])
+        if np.any(last > np.maximum(0.95 * earlier, MIN_SWING * _disturbed_swing(before))):
+            return "limit cycle"
+        held = self.friction[..., -2 * n :]
+        usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
+        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > MAX_SETTLED_SWING * usual)
+        return "settled" if self.residual(calm) < MAX_SETTLED_SWING and not waits else "stable"
+
+    def _split_error(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the error before and after `calm` [s]."""
+        require_positive("calm", calm)
+        before, after = self.e[..., self.t < calm], self.e[..., self.t >= calm]
+        if not self.diverged and after.shape[-1] < 8:
+            raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
+        return before, after
+
+
+def _peak_to_peak(x: np.ndarray) -> np.ndarray:
+    """Return the largest less the smallest value, () or (channels,)."""
+    return np.ptp(x, axis=-1) if x.size else np.zeros(x.shape[:-1])
+
+
+def _disturbed_swing(before: np.ndarray) -> np.ndarray:
+    """Return the peak-to-peak error of each channel while disturbed, floored at `MIN_SWING` of the largest one."""
+    found = _peak_to_peak(before)
+    return np.maximum(found, max(MIN_SWING * found.max(), np.finfo(float).tiny))
+
+
+def require_samples(name: str, signal: ArrayLike, *, channels: int | None = None) -> np.ndarray:
+    """Return the signal (n,), or (channels, n) where channels are given, as an array of at least one sample."""
+    samples = require_real_array(name, signal, ndim=1 if channels is None else 2)
+    if channels is not None and len(samples) != channels:
+        raise ValueError(f"{name} must have {channels} channels, as the rig has, got {len(samples)}")
+    if samples.size == 0:
+        raise ValueError(f"{name} must hold at least one sample, got none")
+    return samples
