@@ -12,7 +12,7 @@ from .loop_level import predict_level as predict_level
 from .performance import LoopGains as LoopGains
 from .performance import StepResponse as StepResponse
 from .performance import loop_gains as loop_gains
-from .structured import check_structure as check_structure
+from .robustness import check_structure as check_structure
 from .worst_plant import BreakingPerturbation as BreakingPerturbation
 from .worst_plant import WorstCase as WorstCase
 from .worst_plant import breaking_perturbation as breaking_perturbation

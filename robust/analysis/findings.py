@@ -1,13 +1,46 @@
-"""What is found of a loop and its set: curves, margins, proofs, and what they are about; small values, no words."""
+"""What a judge finds of a loop and its set: curves, margins, proofs, and the verdict that follows from them."""
 
 from __future__ import annotations
+
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from nlfrf._base.values import ArrayField, value
+from robust._base.states import Stability, Verdict
 from robust._base.types import SystemField
 from robust.models.sets.forms import FORMS, loop_discs
 from robust.proofs.search.certificate import Certificate
+
+#: How one loop is proved.
+ProofMethod: TypeAlias = Literal["exact", "lmi", "both"]
+METHODS = ("exact", "lmi", "both")
+
+
+@value
+class Effort:
+    """How much a judge does.
+
+    Fields
+    ------
+    certify : bool
+        Whether the result is to be proved at all frequencies.
+    proof : str
+        How one loop is proved: "exact", "lmi" or "both".
+    solver : str or None
+        Of cvxpy, for proofs by P and a scaling; None for the usual ones.
+    gap : float or None
+        Relative distance between proof and counter-example for which a box of real parameters is cut up; None to do so
+        only where the verdict is still open.
+    time_cap : float
+        Seconds, of bounds of mu.
+    """
+
+    certify: bool = True
+    proof: ProofMethod = "exact"
+    solver: str | None = None
+    gap: float | None = None
+    time_cap: float = 60.0
 
 
 @value
@@ -160,8 +193,6 @@ class Given:
     ------
     perturbation : str
         Class of the set: "LTI", "statistical" or "operator"; empty of an `UncertainSystem`, whose blocks have theirs.
-    form : str
-        Form of the uncertainty.
     demand : control.StateSpace or None
         The performance weight.
     delay : float
@@ -173,13 +204,52 @@ class Given:
 
     Examples
     --------
-    >>> Given(form="additive", delay=1e-3).delay
+    >>> Given(delay=1e-3).delay
     0.001
     """
 
     perturbation: str = ""
-    form: str = ""
     demand: SystemField = None
     delay: float = 0.0
     band: np.ndarray | None = None
     unit: str = ""
+
+
+@value
+class Findings:
+    """What a judge found of a loop, and its reasons in words: the fields that `RobustnessReport` begins with."""
+
+    verdict: Verdict
+    nominally_stable: bool
+    curves: ReportCurves
+    margins: Margins = Margins()
+    proofs: Proofs = Proofs()
+    form: str = ""
+    reason: str
+    advice: str = ""
+    proved: str
+    not_proved: str
+    context: str = ""
+    folding: str = ""
+
+    @property
+    def is_single(self) -> bool:
+        """Return whether it is of one loop with one uncertainty, by closed forms; else it is by mu."""
+        return self.curves.S is not None
+
+
+def decide_verdict(nominal: Stability, proofs: Proofs, *, statistical: bool) -> Verdict:
+    """Return the verdict: on the nominal loop, then by a plant of the set that breaks it, then by what was proved.
+
+    Of a set that holds the plant with a probability only, what is proved is robust at that probability.
+
+    >>> decide_verdict(Stability.STABLE, Proofs(robustly_stable=True), statistical=True)
+    'statistically robust'
+    >>> decide_verdict(Stability.UNDECIDED, Proofs(), statistical=False)
+    'not certified'
+    """
+    if nominal is Stability.UNSTABLE or proofs.violated:
+        return Verdict.NOT_ROBUST
+    if nominal is Stability.UNDECIDED or not proofs.robustly_stable:
+        return Verdict.NOT_CERTIFIED
+    return Verdict.STATISTICALLY_ROBUST if statistical else Verdict.ROBUST

@@ -19,13 +19,15 @@ from robust._base.states import Stability
 from robust._base.types import Controller, Weight
 from robust.analysis.aliases import AliasedLoop, Aliases, aliases_of_set, evaluate_aliases, fold_aliases
 from robust.analysis.curves import Curves, Peaks, loop_curves
+from robust.analysis.findings import Given
 from robust.lti.connections import closed_loop, in_series
 from robust.lti.grids import find_peak, loop_grid, refine_peaks
-from robust.lti.lti import sampling_times_differ, timebase
+from robust.lti.lti import is_constant, sampling_times_differ, timebase
 from robust.lti.realisation import stable_weight, state_space
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.lti.stability import StabilityResult, delay_pole_count, poles_with_rounding
 from robust.models.sets.forms import FORMS
+from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.closed_loops import poles_of_closed_loop
@@ -42,18 +44,18 @@ MAX_STATES = 600  # of a plant with its delay line
 
 @value
 class Loop:
-    """Hold the parts of a loop on one time base.
+    """A set and a controller of one channel, closed on one time base: what is asked of the loop is a property of it.
 
     Fields
     ------
+    model : UncertaintyModel
+        The set, with a parametric nominal.
+    controller : control.StateSpace
+        Controller as it was given.
     G, K : control.StateSpace
         Plant as the controller sees it (hold and delay inside) and controller, on the time base dt.
     dt : float
         Sampling time of the loop [s], 0 for continuous.
-    form : str
-        Form of the uncertainty.
-    weight : control.StateSpace
-        Its weight, on its own time base.
     w_P : control.StateSpace or None
         Performance weight, on its own time base.
     pade_delay : float
@@ -63,28 +65,53 @@ class Loop:
     short, shift : control.StateSpace, float
         G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
         curves and margins are those of the exact delay.
-    shaping : control.StateSpace
-        What the plant is scaled by where the form depends on its units; the gain one elsewhere.
     given, delay : control.StateSpace, float
         The plant before hold and delay, and that delay [s]: what exact arithmetic takes.
-    perturbation : str
-        Class of the set: "LTI", "statistical" or "operator".
     """
 
+    model: UncertaintyModel
+    controller: control.StateSpace
     G: control.StateSpace
     K: control.StateSpace
     dt: float
-    form: str
-    weight: control.StateSpace
     w_P: control.StateSpace | None
     pade_delay: float
     continuous_plant: control.StateSpace | None
     undelayed_plant: control.StateSpace
     plant_delay: float
-    shaping: control.StateSpace
     given_plant: control.StateSpace
     delay: float
-    perturbation: str
+
+    @property
+    def form(self) -> str:
+        """Return the form of the uncertainty."""
+        return self.model.form
+
+    @property
+    def weight(self) -> control.StateSpace:
+        """Return its weight, on its own time base."""
+        return self.model.weight
+
+    @property
+    def shaping(self) -> control.StateSpace:
+        """Return what the plant is scaled by where the form depends on its units; the gain one elsewhere."""
+        return self.model.shaping
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Return the first and the last measured frequency [rad/s]."""
+        return float(self.model.omega[0]), float(self.model.omega[-1])
+
+    @property
+    def given(self) -> Given:
+        """Return what is known of the loop beside what a judge finds."""
+        return Given(
+            perturbation=self.model.perturbation,
+            demand=self.w_P,
+            delay=float(self.delay),
+            band=self.model.omega[[0, -1]],
+            unit=self.model.unit,
+        )
 
     @property
     def omega_max(self) -> float:
@@ -166,7 +193,7 @@ class Loop:
             self.form,
             self.continuous_plant,
             weight=self.weight,
-            perturbation=self.perturbation,
+            perturbation=self.model.perturbation,
             dt=self.dt,
             delay=self.delay,
         )
@@ -175,6 +202,68 @@ class Loop:
         """Evaluate every alias at the frequencies of the curves."""
         assert self.aliases is not None
         return evaluate_aliases(self.aliases, curves.omega, S=curves.S, KS=curves.K_S, sampled=curves.G)
+
+    @property
+    def systems(self) -> dict[str, UncertainSystem]:
+        """Return `system` by the form of the set, of which one channel has one."""
+        return {self.form: self.system}
+
+    def sensitivity(self, form: str) -> UncertainSystem:
+        """Return `system` with S as its performance."""
+        one = control.StateSpace([], [], [], [[1.0]], self.dt)
+        return replace(self, w_P=one).systems[form]
+
+    def lines(self, form: str) -> np.ndarray:
+        """Return the frequencies (W,) [rad/s] of the set."""
+        return self.model.omega
+
+    def folding(self, form: str) -> str:
+        """Return what was made of the aliases in `systems`, which have none."""
+        return ""
+
+    @cached_property
+    def system(self) -> UncertainSystem:
+        """Return the loop with its perturbation pulled out, weights inside, as `judge_mu` takes it.
+
+        Raises
+        ------
+        ValueError
+            A loop that is no state space in one time base, for the reason that is named.
+        """
+        if reason := self.reason_against_system:
+            raise ValueError(f"loop must be a state space for bounds of mu, got one of which {reason}")
+        inputs, outputs = ((), ()) if self.w_P is None else (("r",), ("weighted e",))
+        block = Block("z", "d", perturbation=self.model.perturbation)
+        return UncertainSystem(N=self.perturbation_loop, blocks={self.form: block}, inputs=inputs, outputs=outputs)
+
+    @property
+    def reason_against_system(self) -> str:
+        """Return why the loop is no state space with a perturbation pulled out; empty where it is one."""
+        if FORMS[self.form].depends_on_units:
+            return f"an inequality is not set up for the {self.form} form; exact arithmetic proves it"
+        if self.continuous_plant is not None:
+            return "every alias of a continuous plant counts, which no inequality covers; exact arithmetic proves it"
+        if self.pade_delay:
+            return "the delay of a continuous loop is no state space; exact arithmetic proves it"
+        for name, weight in (("weight", self.weight), ("w_P", self.w_P)):
+            if weight is not None and not is_constant(weight) and timebase(weight) != self.dt:
+                return f"{name} is continuous over a sampled loop; exact arithmetic proves it"
+        return ""
+
+    @property
+    def perturbation_loop(self) -> control.StateSpace:
+        """Return the loop from (perturbation, r) to (what it reads, w_P e), weights inside; r and e with w_P only.
+
+        What the form weighs is b = w R S, so the factors of R name the channels.
+        """
+        factors = FORMS[self.form].rs_factors
+        outputs, inputs = ["u" if "K" in factors else "y"], ["p_in" if "G" in factors else "p_out"]
+        weights = [self.weight]
+        if self.w_P is not None:
+            outputs, inputs, weights = [*outputs, "e"], [*inputs, "r"], [*weights, self.w_P]
+        N = self.closed_loop(tuple(outputs), tuple(inputs))
+        joined = control.append(*(control.StateSpace(w.A, w.B, w.C, w.D, self.dt) for w in weights))
+        return in_series(N, joined, dt=self.dt)
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Return a frequency grid [rad/s]: the lines, a log grid, every resonance of the loop."""
@@ -225,24 +314,22 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
         dt, pade_delay = 0.0, delay
         short, shift = G, delay
         G = delayed(G, delay, order=DELAY_ORDER)
-    K = control.StateSpace(K.A, K.B, K.C, K.D, dt)
+    given, K = K, control.StateSpace(K.A, K.B, K.C, K.D, dt)
     if w_P is not None:
         w_P = stable_weight("w_P", w_P, dt=dt)
     loop = Loop(
+        model=model,
+        controller=given,
         G=G,
         K=K,
         dt=dt,
-        form=model.form,
-        weight=model.weight,
         w_P=w_P,
         pade_delay=pade_delay,
         continuous_plant=unsampled,
         undelayed_plant=short,
         plant_delay=float(shift),
-        shaping=model.shaping,
         given_plant=model.nominal,
         delay=delay,
-        perturbation=model.perturbation,
     )
     _ = loop.sensitivity_loop  # refuses a loop without a solution
     return loop

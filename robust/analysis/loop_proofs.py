@@ -56,11 +56,12 @@ def stability_claim(
 TIME_CAP_PER_CLAIM = 3.0  # seconds of the processor for each claim
 
 
-def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, certify: bool) -> Proofs:
+def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proofs:
     """Prove stability and performance of the set in exact arithmetic, where the largest rs found is `peak`.
 
     With aliases the condition is sufficient only: what fails is no disproof.
     """
+    claim = stability_claim(loop.model, loop.controller, w_P=loop.w_P, delay=loop.delay)
     aliased, operator = loop.aliases is not None, claim.perturbation == "operator"
     if peak >= 1 or not certify:
         return Proofs(certificates=(), violated=peak >= 1 and not aliased)

@@ -8,7 +8,7 @@ from nlfrf._base.arguments import format_paragraph
 from nlfrf._base.values import value
 from robust._base.states import Demand, Verdict
 from robust.analysis.disk import LoopMargins
-from robust.analysis.findings import Given, Margins, Proofs, ReportCurves
+from robust.analysis.findings import Findings, Given
 from robust.analysis.loop_level import LoopLevel
 from robust.analysis.performance import ClassicalMargins, classical_margins
 from robust.analysis.text import (
@@ -26,11 +26,12 @@ from robust.analysis.text import (
 
 
 @value
-class RobustnessReport:
+class RobustnessReport(Findings):
     """What was found about one controller on one model, and what was proved; for any number of channels.
 
     One loop with one uncertainty is judged by closed forms and exact arithmetic; several channels, and several
-    uncertainties of an `UncertainSystem`, by the structured singular value. Fields that only one of the two has say so.
+    uncertainties of an `UncertainSystem`, by the structured singular value. Fields that only one of the two has
+    say so.
 
     Fields
     ------
@@ -44,14 +45,8 @@ class RobustnessReport:
         `rs`, `rp`, `disk`, `S_worst`, each with its frequency, `omega_rs` and so on.
     proofs : Proofs
         `robustly_stable`, `robust_performance`, and the `certificates` behind them.
-    given : Given
-        What was checked: class and form of the set, the demand, delay, measured band and unit.
-    channels : LoopMargins or None
-        Of a set of several channels the disk margins of its nominal loop, one loop at a time and all at once.
-    level : LoopLevel or None
-        At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
-    peak : float
-        Largest |S| over the set that is not warned of; 2 when not given.
+    form : str
+        Form of the uncertainty, of several channels the one that says most; empty of an `UncertainSystem`.
     reason, advice : str
         Why, and what limits the margin and what to measure or change next.
     proved, not_proved : str
@@ -60,6 +55,14 @@ class RobustnessReport:
         The loop in one line.
     folding : str
         Of a set of continuous plants under a sampled controller: what rs is made of where it is largest.
+    given : Given
+        What was checked: class and form of the set, the demand, delay, measured band and unit.
+    channels : LoopMargins or None
+        Of a set of several channels the disk margins of its nominal loop, one loop at a time and all at once.
+    level : LoopLevel or None
+        At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
+    peak : float
+        Largest |S| over the set that is not warned of; 2 when not given.
     confidence : tuple of str
         With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
     warnings : tuple of str
@@ -90,33 +93,17 @@ class RobustnessReport:
     ('not robust', 0.667)
     """
 
-    verdict: Verdict
-    nominally_stable: bool
-    curves: ReportCurves
-    margins: Margins = Margins()
-    proofs: Proofs = Proofs()
     given: Given = Given()
     channels: LoopMargins | None = None
     level: LoopLevel | None = None
     peak: float = USUAL_PEAK
-    reason: str
-    advice: str = ""
-    proved: str
-    not_proved: str
-    context: str = ""
-    folding: str = ""
     confidence: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property
-    def is_single(self) -> bool:
-        """Return whether it is of one loop with one uncertainty, by closed forms; else it is by mu."""
-        return self.curves.S is not None
-
-    @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (W,) centre and (W,) radius of the disc that L fills over the set."""
-        return self.curves.discs(self.given.form, folded=bool(self.folding))
+        return self.curves.discs(self.form, folded=bool(self.folding))
 
     @property
     def classical(self) -> ClassicalMargins:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
-from robust._base.states import Demand, Verdict
+from nlfrf._base.values import value
+from robust._base.states import Demand, Stability, Verdict
 from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import Peaks
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
-from robust.lti.stability import StabilityResult
 from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.records import format_probability
+from robust.mu.parameters import ParameterMargin
 from robust.proofs.search.certificate import Certificate
 
 if TYPE_CHECKING:
@@ -95,8 +96,9 @@ def advise_on_margin(
     return " ".join(sentences)
 
 
-def advise_on_weight(model: UncertaintyModel, loop: Loop, peaks: Peaks) -> str:
+def advise_on_weight(loop: Loop, peaks: Peaks) -> str:
     """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
+    model = loop.model
     omega = model.omega[model.omega < loop.omega_max]
     if peaks.rs[0] < 1 or FORMS[model.form].depends_on_units or not omega.size:
         return ""
@@ -153,16 +155,16 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
     return (f"subject to the warnings, {text}" if model.warnings else text), *whole
 
 
-def proof_sentences(model: UncertaintyModel, loop: Loop, *, stable: bool, performance: bool) -> tuple[str, str]:
-    """Return what was proved and what was not, one sentence each."""
+def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
+    """Return what was proved of one loop and what was not, one sentence each."""
+    model, performance = loop.model, proofs.robust_performance
     where = "at all frequencies"
     if loop.dt:
         where += f" up to Nyquist ({0.5 / loop.dt:.4g} Hz), " + (
             "with everything that folds down from above" if loop.aliases is not None else "of the samples"
         )
-    if not stable:
-        proved = "Only that the nominal loop is stable."
-        return proved, "Anything about the set around it."
+    if not proofs.robustly_stable:
+        return "Only that the nominal loop is stable.", "Anything about the set around it."
     what = "stability and the performance demand" if performance else "stability"
     proved = f"{what.capitalize()} with {describe_set(model)}, {where}."
     missing = []
@@ -235,8 +237,9 @@ def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     return f"{text}. {helps}"
 
 
-def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
+def describe_loop(loop: Loop) -> str:
     """Describe the loop in one line."""
+    model = loop.model
     kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
     parts = ["zero-order hold"] * bool(loop.dt and not model.nominal.dt)
     parts += [f"a delay of {loop.delay:g} s"] * (loop.delay > 0)
@@ -248,112 +251,54 @@ def describe_loop(model: UncertaintyModel, loop: Loop) -> str:
     )
 
 
-class Words(TypedDict):
-    """What a report says, by the names of its fields."""
-
-    verdict: Verdict
-    reason: str
-    advice: str
-    proved: str
-    not_proved: str
-    context: str
-
-
-def texts_of_stable_loop(
-    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: Proofs, folding: RsBreakdown | None, certify: bool
-) -> Words:
-    """Return the text fields of the report on a loop whose nominal is stable."""
-    verdict, reason = decide_verdict(model, loop, peaks=peaks, proofs=proofs, folding=folding, certify=certify)
-    proved, not_proved = proof_sentences(
-        model, loop, stable=proofs.robustly_stable, performance=proofs.robust_performance
-    )
-    return {
-        "verdict": verdict,
-        "reason": reason,
-        "advice": advise_on_margin(model, peaks.rs[1], weight=loop.responders["w"], folding=folding)
-        + advise_on_weight(model, loop, peaks),
-        "proved": proved,
-        "not_proved": not_proved,
-        "context": describe_loop(model, loop),
-    }
+#: What is said of a loop whose nominal is not stable.
+UNSTABLE_ADVICE = "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before."
+NOTHING_PROVED = "Nothing."
+NO_MARGINS = "Everything: margins mean nothing for a loop that is not stable."
+ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias"
+NO_MU = "Everything: mu means nothing for a loop that is not stable."
+#: What is said of a plant that is known on its lines only.
+LINES_ADVICE = "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies."
+LINES_PROVED = "Nothing; computed on the measured lines only."
+LINES_NOT_PROVED = "Anything between and outside the measured lines."
 
 
-def nominal_verdict(nominal: StabilityResult) -> Verdict:
-    """Return the verdict on a loop whose nominal is unstable, or undecided."""
-    return Verdict.NOT_ROBUST if nominal.unstable else Verdict.NOT_CERTIFIED
+def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool) -> str:
+    """Return the reason of the verdict on a plant known on its lines only; peak is the largest rs."""
+    lines_only = "holds on the measured lines only"
+    if nominal is Stability.UNDECIDED:
+        return "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
+    if nominal is Stability.UNSTABLE:
+        return f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
+    if has_set and peak >= 1:
+        return f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
+    if has_set:
+        return f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
+    return f"the FRF comes without uncertainty, and all of this {lines_only}"
 
 
-def texts_of_unstable_loop(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> Words:
-    """Return the text fields of the report on a loop whose nominal is not stable: no margins."""
-    return {
-        "verdict": nominal_verdict(nominal),
-        "reason": f"{nominal}",
-        "advice": "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
-        "proved": "Nothing.",
-        "not_proved": "Everything: margins mean nothing for a loop that is not stable.",
-        "context": describe_loop(model, loop),
-    }
-
-
-def texts_of_frf(
-    omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
-) -> Words:
-    """Return the text fields of the report on a plant known on its lines only; peak is the largest rs."""
-    verdict, lines_only = Verdict.NOT_CERTIFIED, "holds on the measured lines only"
-    if not clear:
-        reason = "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
-    elif encirclements != wanted:
-        verdict = Verdict.NOT_ROBUST
-        reason = (
-            f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
-        )
-    elif has_set and peak >= 1:
-        verdict, reason = Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
-    elif has_set:
-        reason = f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
-    else:
-        reason = f"the FRF comes without uncertainty, and all of this {lines_only}"
-    return {
-        "verdict": verdict,
-        "reason": reason,
-        "advice": "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies.",
-        "proved": "Nothing; computed on the measured lines only.",
-        "not_proved": "Anything between and outside the measured lines.",
-        "context": f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}{loop}",
-    }
-
-
-def decide_verdict(
-    model: UncertaintyModel, loop: Loop, *, peaks: Peaks, proofs: Proofs, folding: RsBreakdown | None, certify: bool
-) -> tuple[Verdict, str]:
-    """Decide the verdict on stability and give its reason."""
+def explain_exact(loop: Loop, peaks: Peaks, proofs: Proofs, *, folding: RsBreakdown | None, certify: bool) -> str:
+    """Return the reason of the verdict on one loop whose nominal is stable."""
     if folding is not None and folding.total >= 1:
-        if folding.single_frequency >= 1:
-            return (
-                Verdict.NOT_ROBUST,
-                f"a plant of the set is unstable in this loop: rs = {folding.single_frequency:.4g} at "
-                f"{format_hertz(folding.omega)}",
-            )
-        return Verdict.NOT_CERTIFIED, advise_on_aliases(folding, model)
+        if folding.single_frequency < 1:
+            return advise_on_aliases(folding, loop.model)
+        size, where = folding.single_frequency, format_hertz(folding.omega)
+        return f"a plant of the set is unstable in this loop: rs = {size:.4g} at {where}"
     if proofs.violated:
         found = f"rs = {peaks.rs[0]:.4g} at {format_hertz(peaks.rs[1])}"
         how = proofs.certificates[0].reason if proofs.certificates else found
-        return Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: {how}"
+        return f"a plant of the set is unstable in this loop: {how}"
     if proofs.robustly_stable:
-        kind = {
-            "LTI": (Verdict.ROBUST, "every linear time-invariant perturbation of the set leaves the loop stable"),
-            "operator": (
-                Verdict.ROBUST,
-                "every perturbation of the set, nonlinear ones included, leaves the loop stable",
-            ),
-            "statistical": (Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"),
+        reason = {
+            "LTI": "every linear time-invariant perturbation of the set leaves the loop stable",
+            "operator": "every perturbation of the set, nonlinear ones included, leaves the loop stable",
+            "statistical": "the loop is stable with every linear plant of the set",
         }
-        verdict, reason = kind[model.perturbation]
-        return verdict, reason + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
+        return reason[loop.model.perturbation] + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
     below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
     if not certify:
-        return Verdict.NOT_CERTIFIED, f"{below}, and no proof was asked for (certify=False)"
-    return Verdict.NOT_CERTIFIED, f"{below}, but no proof was found: {proofs.certificates[0].reason}"
+        return f"{below}, and no proof was asked for (certify=False)"
+    return f"{below}, but no proof was found: {proofs.certificates[0].reason}"
 
 
 #: Every verdict, and what it means for the machine, in at most 20 words.
@@ -386,9 +331,41 @@ def format_stability_margin(measure: str, margin: float, omega: float) -> str:
     return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {format_margin_factor(margin)}"
 
 
-def structure_proof_sentences(system: UncertainSystem, stable: bool, performs: bool) -> tuple[str, str]:
+@value
+class MuPeak:
+    """The largest upper bound of mu for stability, where it is [rad/s], and whether the time cap ended the search."""
+
+    size: float
+    omega: float
+    late: bool
+
+
+def explain_mu(
+    system: UncertainSystem, peak: MuPeak, *, broken: float, proofs: Proofs, cut: ParameterMargin | None, certify: bool
+) -> str:
+    """Return the reason of the verdict by mu; `cut` is what came of the box of parameters, cut up."""
+    if broken <= 1:
+        return f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular"
+    if proofs.robustly_stable:
+        samples = SAMPLES_ONLY if system.N.dt else ""
+        linear = any(block.perturbation == "statistical" for block in system.blocks.values())
+        with_linear = "the loop is stable with every linear plant of the set"
+        return (with_linear if linear else "every perturbation of the set leaves the loop stable") + samples
+    if peak.size >= 1:
+        reached = f"the upper bound of mu reaches {peak.size:.4g} at {format_hertz(peak.omega)}"
+        late = " by the time cap" if peak.late else ""
+        parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
+        return f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
+    below = f"mu stays below {peak.size:.4g} on the grid"
+    if not certify:
+        return f"{below}, and no proof was asked for (certify=False)"
+    return f"{below}, but no proof was found: {proofs.certificates[0].reason}"
+
+
+def structure_proof_sentences(system: UncertainSystem, proofs: Proofs) -> tuple[str, str]:
     """Return what was proved of several uncertainties and what was not, one sentence each."""
-    if not stable:
+    performs = proofs.robust_performance
+    if not proofs.robustly_stable:
         return "Only that the nominal loop is stable.", "Anything about the set around it."
     words = {
         "real": "every constant value of {}",

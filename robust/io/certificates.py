@@ -21,7 +21,6 @@ from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.analysis.findings import Proofs
-from robust.analysis.lmi_proofs import perturbation_loop
 from robust.analysis.loop import assemble_loop
 from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
@@ -76,7 +75,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     warned = getattr(report, "warnings", ())
     if isinstance(report, RobustnessReport) and scaled and not found:
         given = report.given
-        write_claim(path, ScaledFile(claims=scaled, form=given.form, delay=given.delay), found=how, warnings=warned)
+        write_claim(path, ScaledFile(claims=scaled, form=report.form, delay=given.delay), found=how, warnings=warned)
         return
     if not found:
         raise ValueError(
@@ -211,7 +210,7 @@ def is_loop_of(given: ScaledFile, model: UncertaintyModel, K: Controller) -> boo
     if form is None:
         return False
     if form.is_single:
-        mine = perturbation_loop(assemble_loop(form, K, w_P=None, delay=given.delay))
+        mine = assemble_loop(form, K, w_P=None, delay=given.delay).perturbation_loop
     else:
         mine = set_on_controller_time_base(form, K, given.delay)[0].loop(K).loop
     omega = structure_grid(mine)

@@ -8,10 +8,10 @@ import numpy as np
 from robust._base.states import FrictionVerdict
 from robust._base.types import Weight
 from robust.analysis.disk import DiskMargin, LoopMargins, disk_margins
+from robust.analysis.judge_lines import assemble_on_lines
+from robust.analysis.judge_mu import stability_bound_at
 from robust.analysis.loop import assemble_loop
 from robust.analysis.report import RobustnessReport
-from robust.analysis.robustness import check_lines
-from robust.analysis.structured import stability_bound_at
 from robust.friction.prove import FrictionProof
 from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import multivariable, state_space
@@ -96,15 +96,15 @@ def is_of_loop(report: RobustnessReport, model: UncertaintyModel, K: control.Sta
     at = slice(None, None, max(1, report.curves.omega.size // 50))
     omega = report.curves.omega[at]
     if model.measured_only:
-        again = check_lines(model, K, w_P=None, delay=report.given.delay, n_unstable=0)
-        if not np.array_equal(again.curves.omega, report.curves.omega):
+        curves = assemble_on_lines(model, K, w_P=None, delay=report.given.delay, n_unstable=0).curves
+        if not np.array_equal(curves.omega, report.curves.omega):
             return False
-        now = again.curves.G[at], again.curves.K[at], again.curves.radius[at]
+        now = curves.G[at], curves.K[at], np.abs(curves.w)[at]
     else:
         curves = assemble_loop(model, K, w_P=None, delay=report.given.delay).curves(omega)
         now = curves.G, curves.K, np.abs(curves.w)
     known = report.curves.G[at], report.curves.K[at], report.curves.radius[at]
-    return model.form == report.given.form and all(map(is_equal, now, known))
+    return model.form == report.form and all(map(is_equal, now, known))
 
 
 def is_equal(one: np.ndarray, other: np.ndarray) -> bool:

@@ -48,6 +48,7 @@ from robust.proofs.exact.taylor_models import (
     MAX_INTERVALS,
     MIN_OMEGA_SHARE,
     MIN_RELATIVE_WIDTH,
+    NARROW,
     TaylorModel,
     compose_polynomial,
     linear_model,
@@ -448,7 +449,9 @@ def bisect_until_below_one(holds: Callable[[float, float], bool], top: float, de
         low, high = todo.pop()
         if holds(low, high):
             continue
-        if high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
+        middle = (low + high) / 2
+        open_at_point = high - low <= NARROW * high and not holds(middle, middle)  # then around it too
+        if open_at_point or high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals, as time was up")

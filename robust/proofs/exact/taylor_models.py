@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from math import inf, sqrt
+from functools import lru_cache
+from math import comb, inf, sqrt
 from typing import TypeAlias
 
-from flint import arb, arb_poly
+from flint import arb, arb_mat, arb_poly, ctx
 
 from robust.proofs.exact.conditions import Quantity, Terms
 from robust.proofs.exact.polynomials import Decision, Polynomial, proved, refuted, undecided
@@ -94,22 +95,24 @@ def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
     for c in reversed(coefficients[ORDER + 1 :]):
         left = left * reach + abs(c)
     left *= reach ** (ORDER + 1)
-    total = TaylorModel(arb_poly([0]))
-    moved = TaylorModel(away)
-    for c in reversed(coefficients[: ORDER + 1]):
-        total = total * moved + c
-    return total + arb(0, left.abs_upper())
+    return truncate(arb_poly(coefficients[: ORDER + 1])(away)) + arb(0, left.abs_upper())
+
+
+@lru_cache(maxsize=64)
+def bernstein_matrix(n: int, precision: int) -> arb_mat:
+    """Return what makes Bernstein coefficients of the coefficients of a polynomial of degree n on [0, 1]."""
+    with ctx.workprec(precision):
+        return arb_mat([[arb(comb(i, k)) / comb(n, k) for k in range(n + 1)] for i in range(n + 1)])
 
 
 def lower_bound(jet: TaylorModel) -> arb:
     """Return a number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
-    from math import comb
-
     n = max(jet.p.degree(), 0)
     unit = jet.p(arb_poly([-1, 2]))  # on [0, 1]
+    column = arb_mat(n + 1, 1, [unit[k] for k in range(n + 1)])
     least = arb.pos_inf()
-    for i in range(n + 1):
-        c = sum((unit[k] * arb(comb(i, k)) / comb(n, k) for k in range(i + 1)), arb(0)).lower()
+    for found in (bernstein_matrix(n, ctx.prec) * column).entries():
+        c = found.lower()
         if not c.is_finite():
             return arb.neg_inf()
         least = c if c < least else least
@@ -124,6 +127,7 @@ def lower_bound(jet: TaylorModel) -> arb:
 # decided at once, whatever the phase of the delay is there.
 
 MIN_RELATIVE_WIDTH = 1e-12
+NARROW = 1e-3  # of the frequency: intervals whose middle is looked at
 MAX_INTERVALS = 50_000
 MAX_OMEGA = 1e18  # [rad/s]
 MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
@@ -154,9 +158,12 @@ def positive_on_intervals(axis: Axis, found: Squares, *, inequalities: Inequalit
         middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
         if all(lower_bound(jet) > 0 for jet in inequalities(terms(middle, half))):
             continue
-        narrow = high - low <= 1e-3 * high
-        if narrow and any(jet.p[0] <= 0 for jet in inequalities(terms(middle, arb(0)))):
-            return refuted("negative there", (low + high) / 2)
+        if high - low <= NARROW * high:
+            at = [jet.p[0] for jet in inequalities(terms(middle, arb(0)))]
+            if any(x <= 0 for x in at):
+                return refuted("negative there", (low + high) / 2)
+            if not all(x > 0 for x in at):  # what a point leaves open no interval around it decides
+                return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if count % 64 == 63 and time.thread_time() > deadline:

@@ -9,7 +9,6 @@ import pytest
 from robust import UncertaintyModel, check, sampled, worst_case
 from robust.analysis import sample_loops
 from robust.analysis.aliases import aliases_of_set
-from robust.analysis.robustness import check_matrix
 from robust.analysis.sampled_set import sampled_set
 from robust.lti.lti import response, response_by_channel
 
@@ -112,34 +111,7 @@ def test_what_reaches_the_sampler_unfiltered_is_refused_with_a_cure():
         check(replace(INPUT, perturbation="operator"), K)
 
 
-@pytest.mark.parametrize("form", ["multiplicative", "additive"])
-@pytest.mark.parametrize(("of_plant", "of_controller"), [(0, 0), (0, T), (T, T)])
-def test_one_channel_ends_in_the_verdict_of_one_channel(form, of_plant, of_controller):
-    """The path of several channels, with a set of one: continuous, continuous under a sampled K, sampled."""
-    G = sampled(LAG, T) if of_plant else LAG
-    w = number(0.3) if form == "multiplicative" or of_plant else ROLL
-    w = control.StateSpace(w.A, w.B, w.C, w.D, of_plant)
-    one = UncertaintyModel(G, w, form, OMEGA, np.abs(response(w, OMEGA)), perturbation="LTI", hold="zoh", fs=5e3)
-    verdicts = set()
-    for gain in (0.3, 60.0):
-        K = control.StateSpace([], [], [], [[gain]], of_controller)
-        alone = check(one, K)
-        together = check_matrix(one, K, w_P=None, delay=0.0, certify=True, proof="exact", solver=None)
-        assert together.verdict == alone.verdict
-        np.testing.assert_equal(together.margins.rs, alone.margins.rs)  # nan where the loop itself is unstable
-        verdicts.add(str(together.verdict))
-    assert "robust" in verdicts
-    if of_controller and not of_plant:
-        with pytest.raises(ValueError, match="model must be of several channels to be folded into a sampled set"):
-            sampled_set(one, T)
-
-
-def test_one_loop_beside_a_copy_has_the_verdict_of_one():
-    """By the blocks, without aliases: what one loop and two copies of it say."""
-    w = number(0.3)
-    one = UncertaintyModel(LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), perturbation="LTI")
-    two = replace(made(TWICE, "input", (w, w), (number(1.0), number(1.0))), perturbation="LTI")
-    for gain in (0.3, 3.0):
-        alone, both = check(one, gain), check(two, gain * np.eye(2))
-        assert both.verdict == alone.verdict == "robust"
-        assert both.margins.rs == pytest.approx(alone.margins.rs, rel=0.01)
+def test_one_channel_is_folded_alias_by_alias():
+    one = UncertaintyModel(LAG, ROLL, "additive", OMEGA, np.abs(response(ROLL, OMEGA)), perturbation="LTI")
+    with pytest.raises(ValueError, match="model must be of several channels to be folded into a sampled set"):
+        sampled_set(one, T)

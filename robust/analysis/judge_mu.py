@@ -1,4 +1,4 @@
-"""Check of a loop with several uncertainties: nominal stability, bounds by mu, certificates (SP 8.9, 8.10).
+"""Judge a loop by the structured singular value: nominal stability, bounds of mu, certificates (SP 8.9, 8.10).
 
 The upper bound of mu over a grid decides what is worth proving, the lower bound gives a counter-example. Only
 `robust.mu.certify` and `certify_scaled`, which hold between the frequencies, make a proof.
@@ -12,16 +12,22 @@ from dataclasses import replace
 import control
 import numpy as np
 
-from nlfrf._base.arguments import format_hertz, require_positive, short_form
 from nlfrf._base.values import value
-from robust._base.states import Verdict
 from robust._base.types import Blocks
-from robust.analysis.findings import Margins, Proofs, ReportCurves
-from robust.analysis.report import RobustnessReport
-from robust.analysis.text import SAMPLES_ONLY, nominal_verdict, structure_proof_sentences
+from robust.analysis.findings import Effort, Findings, Margins, Proofs, ReportCurves, decide_verdict
+from robust.analysis.loop import Loop
+from robust.analysis.loop_of_channels import LoopOfChannels
+from robust.analysis.text import (
+    ALIASES_NOT_PROVED,
+    NO_MU,
+    NOTHING_PROVED,
+    MuPeak,
+    explain_mu,
+    structure_proof_sentences,
+)
+from robust.analysis.worst_plant import largest_gains
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
-from robust.lti.stability import StabilityResult
 from robust.models.sets.interconnection import UncertainSystem
 from robust.mu.blocks import block_structure, blocks_with_kinds
 from robust.mu.certification import certify
@@ -37,154 +43,90 @@ DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided v
 MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
 
 
-def check_structure(
-    system: UncertainSystem,
-    *,
-    certify: bool = True,
-    gap: float | None = None,
-    solver: str | None = None,
-    time_cap: float = 60.0,
-) -> RobustnessReport:
-    """Check a loop with several uncertainties by the structured singular value, and say what was proved.
+def judge_mu(loop: Loop | LoopOfChannels, effort: Effort) -> Findings:
+    """Return what is found of a loop by mu, in that form of its set that says most, with the largest |S| over it."""
+    found = {form: judge_system(system, effort) for form, system in loop.systems.items()}
+    form = best_form(found)
+    taken = replace(found[form], form=form)
+    if len(found) > 1:
+        taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)} the {form} one says most")
+    if taken.nominally_stable:
+        omega, S_worst = largest_gains(loop.sensitivity(form), loop.lines(form))
+        at = int(S_worst.argmax())
+        margins = replace(taken.margins, S_worst=float(S_worst[at]), omega_S_worst=float(omega[at]))
+        taken = replace(taken, margins=margins)
+    if not (folding := loop.folding(form)):
+        return taken
+    return replace(taken, folding=folding, not_proved=f"{ALIASES_NOT_PROVED}; {taken.not_proved}")
 
-    Parameters
-    ----------
-    system : UncertainSystem
-        From `interconnection`.
-    certify : bool
-        Prove the result at all frequencies; without it nothing better than "not certified" comes out.
-    gap : float, optional
-        With real parameters: relative distance between margin_rs and margin_broken, for which their box is cut up part
-        by part (`parameter_margin`). When not given it is cut up, to 5 %, only where the verdict is still open.
-    solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling; one after the other when not given.
-    time_cap : float
-        Seconds. Where they were too few the bounds found by then, larger ones, are what is judged, and the reason says
-        so.
 
-    Returns
-    -------
-    RobustnessReport
-        A bad loop is a result, not an error. With an "operator" block among others the scalings have to be the same at
-        every frequency (Shamma 1994), and only that is accepted as a proof.
+def best_form(found: dict[str, Findings]) -> str:
+    """Return the form of which most was proved, then that of the larger margin."""
 
-    Raises
-    ------
-    ValueError
-        Anything that is not an UncertainSystem.
+    def established(form: str) -> tuple[bool, bool, float]:
+        proofs, margin = found[form].proofs, float(np.nan_to_num(found[form].margins.rs, nan=-1.0))
+        return proofs.robust_performance, proofs.robustly_stable, margin
 
-    References
-    ----------
-    SP 8.9 (RS), 8.10 (RP); Packard & Doyle 1993.
+    return max(found, key=established)
 
-    Examples
-    --------
-    >>> from robust.models.sets.interconnection import Block, interconnection
-    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
-    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
-    >>> blocks = {"pole": Block("y", "pole", 2.5, kind="real"), "actuator": Block("u", "u", 0.5)}
-    >>> report = check_structure(interconnection([lag, K], blocks))      # s + 5 - 2.5 d1 + 2 d2: 4.5 of 5
-    >>> report.verdict, round(report.margins.rs, 3)
-    ('robust', 1.111)
-    """
-    if not isinstance(system, UncertainSystem):
-        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {short_form(system)}")
-    if not system.blocks:
-        raise ValueError("system must have at least one block to check, got none")
-    deadline = time.monotonic() + require_positive("time_cap", time_cap)
-    omega = structure_grid(system.N)
-    nominal = decide_stability(system.N)
+
+def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
+    """Return what is found of a loop whose perturbations are pulled out."""
+    statistical = any(block.perturbation == "statistical" for block in system.blocks.values())
+    deadline = time.monotonic() + effort.time_cap
+    omega, nominal = structure_grid(system.N), decide_stability(system.N)
     if not nominal.stable:
-        return report_on_unstable_loop(omega, nominal)
-    curves = bound_curves(system, omega, deadline - 0.5 * time_cap)
-    broken, worst = find_worst_perturbation(system, curves, deadline - 0.3 * time_cap)
-    certificates = (
-        prove_stability_and_performance(system, curves, solver, deadline)
-        if certify and curves.peak < 1 and not broken <= 1
-        else ()
-    )
-    still_open = certify and broken > 1 and not any(one.holds for one in certificates)
-    cut = (
-        subdivide_parameters(system, DEFAULT_GAP if gap is None else require_positive("gap", gap), deadline)
-        if still_open or gap
-        else None
-    )
+        nothing = np.full(omega.size, np.nan)
+        return Findings(
+            verdict=decide_verdict(nominal.state, Proofs(), statistical=statistical),
+            nominally_stable=False,
+            curves=ReportCurves(omega=omega, rs=nothing, np_=nothing, rp=nothing),
+            reason=f"the nominal loop is {nominal}",
+            proved=NOTHING_PROVED,
+            not_proved=NO_MU,
+        )
+    curves = bound_curves(system, omega, deadline - 0.5 * effort.time_cap)
+    broken, worst = find_worst_perturbation(system, curves, deadline - 0.3 * effort.time_cap)
+    certificates: tuple[Certificate, ...] = ()
+    if effort.certify and curves.peak < 1 and not broken <= 1:
+        certificates = prove_stability_and_performance(system, curves, effort.solver, deadline)
+    still_open, cut = effort.certify and broken > 1 and not any(one.holds for one in certificates), None
+    if still_open or effort.gap:
+        cut = subdivide_parameters(system, DEFAULT_GAP if effort.gap is None else effort.gap, deadline)
     if cut is not None:
         broken, worst, certificates = apply_parameter_margin(
             system, cut, broken=broken, worst=worst, certificates=certificates
         )
-    stable = bool(certificates and certificates[0].holds)
-    performs = len(certificates) == 2 and certificates[1].holds
-    verdict, reason = decide_structure_verdict(
-        system, curves, broken=broken, certify=certify, certificates=certificates, cut=cut
+    proofs = Proofs(
+        certificates=certificates,
+        robustly_stable=bool(certificates and certificates[0].holds),
+        robust_performance=len(certificates) == 2 and certificates[1].holds,
+        violated=broken <= 1,
     )
-    proved, not_proved = structure_proof_sentences(system, stable, performs)
-    return RobustnessReport(
-        verdict=verdict,
+    at, proved = float(curves.omega[curves.mu.argmax()]), structure_proof_sentences(system, proofs)
+    return Findings(
+        verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,
         curves=ReportCurves(omega=curves.omega, rs=curves.mu, rp=curves.mu_rp, np_=np.full(curves.omega.size, np.nan)),
         margins=Margins(
             rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
-            omega_rs=float(curves.omega[curves.mu.argmax()]),
+            omega_rs=at,
             rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
             omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
             broken=broken,
             worst=worst,
         ),
-        proofs=Proofs(certificates=certificates, robustly_stable=stable, robust_performance=performs),
-        reason=reason,
-        proved=proved,
-        not_proved=not_proved,
-    )
-
-
-def decide_structure_verdict(
-    system: UncertainSystem,
-    curves: MuCurves,
-    *,
-    broken: float,
-    certify: bool,
-    certificates: tuple[Certificate, ...],
-    cut: ParameterMargin | None,
-) -> tuple[Verdict, str]:
-    """Decide the verdict on a loop with several uncertainties and give its reason."""
-    if broken <= 1:
-        return (
-            Verdict.NOT_ROBUST,
-            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
-        )
-    peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
-    if certificates and certificates[0].holds:
-        samples = SAMPLES_ONLY if system.N.dt else ""
-        if any(block.perturbation == "statistical" for block in system.blocks.values()):
-            return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set" + samples
-        return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
-    if peak >= 1:
-        reached = f"the upper bound of mu reaches {peak:.4g} at {format_hertz(where)}"
-        late = " by the time cap" if curves.hit_time_cap else ""
-        parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
-        return Verdict.NOT_CERTIFIED, f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
-    if not certify:
-        return (
-            Verdict.NOT_CERTIFIED,
-            f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)",
-        )
-    return (
-        Verdict.NOT_CERTIFIED,
-        f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}",
-    )
-
-
-def report_on_unstable_loop(omega: np.ndarray, nominal: StabilityResult) -> RobustnessReport:
-    """Return the report on a loop whose nominal is not stable: no bounds."""
-    nothing = np.full(omega.size, np.nan)
-    return RobustnessReport(
-        curves=ReportCurves(omega=omega, rs=nothing, np_=nothing, rp=nothing),
-        nominally_stable=False,
-        verdict=nominal_verdict(nominal),
-        reason=f"the nominal loop is {nominal}",
-        proved="Nothing.",
-        not_proved="Everything: mu means nothing for a loop that is not stable.",
+        proofs=proofs,
+        reason=explain_mu(
+            system,
+            MuPeak(size=curves.peak, omega=at, late=curves.hit_time_cap),
+            broken=broken,
+            proofs=proofs,
+            cut=cut,
+            certify=effort.certify,
+        ),
+        proved=proved[0],
+        not_proved=proved[1],
     )
 
 

@@ -1,0 +1,74 @@
+"""Judge a loop of one channel: curves in closed form, every alias of a sampled loop, proofs in exact arithmetic."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robust.analysis.aliases import RsBreakdown, rs_breakdown
+from robust.analysis.curves import Peaks
+from robust.analysis.findings import Effort, Findings, Proofs, decide_verdict
+from robust.analysis.lmi_proofs import prove_set_by
+from robust.analysis.loop import Loop, decide_nominal_stability, find_curve_peaks
+from robust.analysis.text import (
+    NO_MARGINS,
+    NOTHING_PROVED,
+    UNSTABLE_ADVICE,
+    advise_on_margin,
+    advise_on_weight,
+    describe_aliases,
+    describe_loop,
+    explain_exact,
+    proof_sentences,
+)
+from robust.lti.grids import extend_grid
+
+
+def judge_exact(loop: Loop, effort: Effort) -> Findings:
+    """Return what is found of a loop of one channel, and proved of it at every frequency."""
+    statistical = loop.model.perturbation == "statistical"
+    nominal, omega = decide_nominal_stability(loop), loop.grid(loop.model.omega)
+    if not nominal.stable:
+        return Findings(
+            verdict=decide_verdict(nominal.state, Proofs(), statistical=statistical),
+            nominally_stable=False,
+            curves=loop.curves(omega).shown(stable=False),
+            form=loop.form,
+            reason=f"{nominal}",
+            advice=UNSTABLE_ADVICE,
+            proved=NOTHING_PROVED,
+            not_proved=NO_MARGINS,
+            context=describe_loop(loop),
+        )
+    curves = loop.curves(extend_grid(omega, loop.omega_max))
+    peaks = find_curve_peaks(loop, curves, loop.band)
+    places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1], peaks.S_worst[1]])
+    curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
+    proofs, folding = prove_set_by(loop, curves, peaks.rs[0], effort), rs_breakdown_at_peak(loop, peaks)
+    if folding is not None and folding.total >= 1:  # what the aliases add is a bound: it breaks nothing by itself
+        proofs = replace(proofs, violated=folding.single_frequency >= 1)
+    proved, not_proved = proof_sentences(loop, proofs)
+    advice = advise_on_margin(loop.model, peaks.rs[1], weight=loop.responders["w"], folding=folding)
+    return Findings(
+        verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
+        nominally_stable=True,
+        curves=curves.shown(stable=True),
+        margins=peaks.margins,
+        proofs=proofs,
+        form=loop.form,
+        reason=explain_exact(loop, peaks, proofs, folding=folding, certify=effort.certify),
+        advice=advice + advise_on_weight(loop, peaks),
+        proved=proved,
+        not_proved=not_proved,
+        context=describe_loop(loop),
+        folding="" if folding is None else describe_aliases(folding, loop.model),
+    )
+
+
+def rs_breakdown_at_peak(loop: Loop, peaks: Peaks) -> RsBreakdown | None:
+    """Split the largest rs of a set of continuous plants under a sampled controller; None for any other."""
+    if loop.aliases is None:
+        return None
+    total, omega = peaks.rs
+    return rs_breakdown(loop.with_aliases(loop.curves(omega)), loop.band, total)

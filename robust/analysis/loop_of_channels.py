@@ -1,0 +1,73 @@
+"""A set and a controller of several channels, its perturbations pulled out for each form of the set."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust._base.types import Weight
+from robust.analysis.disk import LoopMargins, disk_margins
+from robust.analysis.findings import Given
+from robust.analysis.sampled_set import set_on_controller_time_base
+from robust.analysis.worst_plant import performance_loop
+from robust.models.sets.interconnection import UncertainSystem
+from robust.models.sets.model import UncertaintyModel
+
+
+@value
+class LoopOfChannels:
+    """A set and a controller of several channels on one time base.
+
+    Fields
+    ------
+    model : UncertaintyModel
+        The set as it was given.
+    K : control.StateSpace
+        Controller.
+    w_P : control.StateSpace, number or None
+        Performance weight.
+    delay : float
+        Computation delay [s] on top of what the model contains.
+    """
+
+    model: UncertaintyModel
+    K: control.StateSpace
+    w_P: Weight | None
+    delay: float
+
+    @cached_property
+    def forms(self) -> dict[str, tuple[UncertaintyModel, str]]:
+        """Return the set in each form on the time base of the controller, and what was made of its aliases."""
+        forms = [one for one in (self.model, self.model.alternative_form) if one is not None]
+        return {one.form: set_on_controller_time_base(one, self.K, self.delay) for one in forms}
+
+    @property
+    def given(self) -> Given:
+        """Return what is known of the loop beside what a judge finds."""
+        band, perturbation = self.model.omega[[0, -1]], self.model.perturbation
+        return Given(perturbation=perturbation, demand=self.w_P, delay=float(self.delay), band=band)
+
+    @cached_property
+    def systems(self) -> dict[str, UncertainSystem]:
+        """Return the loop with its perturbations pulled out, for each form of the set."""
+        return {form: model.loop(self.K, w_P=self.w_P) for form, (model, _) in self.forms.items()}
+
+    @cached_property
+    def channels(self) -> LoopMargins:
+        """Return the disk margins of the nominal loop."""
+        return disk_margins(next(iter(self.forms.values()))[0], self.K)
+
+    def sensitivity(self, form: str) -> UncertainSystem:
+        """Return the loop with S as its performance."""
+        return performance_loop(self.forms[form][0], self.K, None)
+
+    def lines(self, form: str) -> np.ndarray:
+        """Return the frequencies (W,) [rad/s] of the set."""
+        return self.forms[form][0].omega
+
+    def folding(self, form: str) -> str:
+        """Return what was made of the aliases; empty where there are none."""
+        return self.forms[form][1]
