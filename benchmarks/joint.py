@@ -103,9 +103,9 @@ def measure(case, ms, y, n_records, rng):
         rows.append(
             (
                 held(model, bla.omega, fresh),
-                model.joint,
+                model.joint.frf,
                 held(model, bla.omega, truth),
-                model.joint_bla,
+                model.joint.bla,
                 held(wide, bla.omega, fresh),
                 float(np.median(wide.radius / model.radius)),
             )

@@ -43,7 +43,8 @@ for name, blas in cases.items():
     models[name] = model = robust.uncertainty(list(blas), fits[name], order=4)
     at = [int(np.argmin(np.abs(model.omega - 2 * np.pi * f))) for f in (10, 45, 59)]
     radius = ", ".join(f"{model.radius[k]:.2f}" for k in at)
-    share = ", ".join(f"{100 * model.radius_level[k] / model.radius[k]:.0f} %" for k in at)
+    part = model.budget["level"]
+    share = ", ".join(f"{100 * part[k] / model.radius[k]:.0f} %" for k in at)
     print(f"{name}: relative radius at 10, 45, 59 Hz {radius}\n  of it only because of the level {share}")
 
 # %%

@@ -39,7 +39,7 @@ print(nominal)
 # radius say what to do about it.
 model = robust.uncertainty(first, nominal, order=4)
 print(model)
-for name, part in model.budget().items():
+for name, part in model.budget.items():
     print(f"  {name:10s} {100 * np.mean(part / model.radius):5.1f} % of the radius on average")
 
 # %%

@@ -50,7 +50,7 @@ print(f"form and largest weight times T or S:\n{ranking}\n")
 # %%
 # The set. "LTI" is a claim: that the oven is one linear plant of the set, at whichever operating point.
 model = robust.uncertainty(plants, form=ranking.best, order=2, perturbation="LTI")
-print(model, model.source, sep="\n")
+print(model, model.origin.source, sep="\n")
 distances = [model.distance(plant).max() for plant in plants]
 print(f"the eight plants lie inside: the farthest at {max(distances):.3f} of the way to the border")
 

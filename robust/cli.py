@@ -255,7 +255,8 @@ def design(
     robust.save(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    say(f"controller of order {result.K.nstates}, {kind}: {words}{pid.format_gains(result.K, plant.unit, plc=True)}")
+    gains = pid.format_gains(result.K, plant.origin.unit, plc=True)
+    say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
         say(f"{advice}\n{describe_limit_checks(plant, model, out)}".strip())

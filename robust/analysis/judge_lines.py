@@ -18,7 +18,7 @@ from robust.lti.grids import controller_mode_lines, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles, winding_number
-from robust.models.sets.measured import FrfSource, add_hold_and_delay, frf_sampling_time, parts_on_lines
+from robust.models.sets.measured import FrfSource, frf_sampling_time, hold_and_delay_factor, origin_of, parts_on_lines
 
 
 @value
@@ -65,12 +65,12 @@ class LoopOnLines:
     @property
     def given(self) -> Given:
         """Return what is known of the loop beside what a judge finds."""
-        unit, band = getattr(self.source, "unit", ""), self.omega[[0, -1]]
+        unit, band = getattr(origin_of(self.source), "unit", ""), self.omega[[0, -1]]
         return Given(perturbation=self.perturbation, demand=self.w_P, delay=self.delay, band=band, unit=unit)
 
     def with_hold_and_delay(self, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
         """Return the plant (W,) as the controller sees it."""
-        return add_hold_and_delay(self.source, omega, G=G, dt=self.dt, delay=self.delay)
+        return G * hold_and_delay_factor(self.source, omega, dt=self.dt, delay=self.delay)
 
     @cached_property
     def curves(self) -> Curves:

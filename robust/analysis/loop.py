@@ -110,7 +110,7 @@ class Loop:
             demand=self.w_P,
             delay=float(self.delay),
             band=self.model.omega[[0, -1]],
-            unit=self.model.unit,
+            unit=self.model.origin.unit,
         )
 
     @property

@@ -49,7 +49,7 @@ def stability_claim(
         perturbation=model.perturbation,
         delay=float(delay),
         claims=(STABILITY,),
-        shaping=tuple(to_matrices(W) for W in (model.W1, model.W2)) if form.depends_on_units else (),
+        shaping=tuple(to_matrices(W) for W in model.scaling),
     )
 
 

@@ -127,16 +127,10 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         right=weights[len(left) :],
         omega=omega,
         radius=rows,
-        radius_noise=None,
-        radius_odd=None,
-        radius_even=None,
-        radius_misfit=None,
-        radius_level=None,
-        radius_systematic=None,
+        budget={},
         alternative_form=None,
         records=(),
-        hold="zoh",
-        fs=1 / dt,
+        origin=replace(model.origin, hold="zoh", fs=1 / dt),
     )
     return SampledSet(model=made, omega=omega, own_share=share)
 

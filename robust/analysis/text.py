@@ -76,8 +76,8 @@ def advise_on_margin(
         side, edge = ("below", "first") if omega_rs < low else ("above", "last")
         rise = there / on_line
         where = (
-            f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
-            f"go on from the {edge} line, {format_hertz(model.omega[k])}, "
+            f"{side} the measured band, where nothing was measured: the radius is assumed "
+            f"({model.origin.extrapolation}) to go on from the {edge} line, {format_hertz(model.omega[k])}, "
         ) + where
     sentences = [f"The margin is limited at {seen_at}, {where}."]
     if rise > MENTIONED_EXCESS:
@@ -122,7 +122,7 @@ def advise_on_weight(loop: Loop, peaks: Peaks) -> str:
 
 def radius_shares(model: UncertaintyModel, k: int) -> list[tuple[float, str]]:
     """Return (share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
-    parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
+    parts = {name: float(part[k]) for name, part in model.budget.items() if np.isfinite(part[k])}
     total = sum(parts.values())
     return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
 
@@ -140,9 +140,9 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
     """Describe the confidence of a set, then its joint probability; nothing where none is claimed."""
     if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
         return ()
-    confidence, joint = model.confidence, model.joint
+    confidence, joint = model.confidence, model.joint.frf
     if model.alternative_form is not None:  # both sets hold the truth: what may go wrong adds up
-        confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint - 1, 0.0)
+        confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint.frf - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
     estimated = "" if np.isnan(joint) else format_probability(joint)
     whole: tuple[str, ...] = ()
@@ -178,7 +178,7 @@ def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
         missing.append("the performance demand for the whole set")
     if loop.dt and loop.aliases is None:
         missing.append("perturbations of the continuous plant between the samples: the set is one of sampled plants")
-    assumed = f"the assumption on the weight there ({model.extrapolation})"
+    assumed = f"the assumption on the weight there ({model.origin.extrapolation})"
     missing.append(f"anything about the plant outside the measured band beyond {assumed}")
     text = "; ".join(missing)
     return proved, text[0].upper() + text[1:] + "."

@@ -482,7 +482,7 @@ def class_from_model(
         )
     known = load_machine(model, Path("BLA.npz"), prove_command(["nominal.json"], controller, stiffness=stiffness))
     machines, description = machines_of_nominal(known.nominal)
-    position_unit = position_unit_of(known.unit)
+    position_unit = position_unit_of(known.origin.unit)
     return FrictionBasis(
         machines=tuple(replace(machine, position_unit=position_unit) for machine in machines),
         friction=any_maxwell_slip(stiffness, stiction, position_unit=position_unit),
@@ -500,7 +500,7 @@ def load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
             f"machine must have a parametric nominal of one input and output, got {path} without; "
             f"{next_command_hint(fit, command)}"
         )
-    require_si("machine", model.unit)
+    require_si("machine", model.origin.unit)
     poles = max(2, model.nominal.nstates)
     fit = f"robust model {shell_quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
     with add_next_command(next_command_hint(fit, command)):

@@ -20,7 +20,6 @@ from robust.lti.lti import response, timebase
 from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import PARTS
 from robust.proofs.exact.scaled_kyp import ScaledClaim, ScaledFile, scaling_matrices
 from robust.proofs.search.certificate import SCALED_KYP
 
@@ -88,33 +87,27 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ScaledFile | Co
 def model_struct(model: UncertaintyModel) -> dict[str, object]:
     """Return a model as a struct of numbers and text; weights of "elements" as W (n_y, n_u)."""
     single = model.is_single
-    names: tuple[str, ...] = (
-        "radius",
-        "form",
-        "confidence",
-        "simultaneous",
-        "joint",
-        "joint_bla",
-        "extrapolation",
-        "source",
-    )
-    names += (*(f"radius_{part}" for part in PARTS), "delay") if single else ()
     struct: dict[str, object] = {
         "kind": MODEL_SCHEMA if single else MATRIX_SCHEMA,
         "freq": model.omega,
         "freq_unit": "rad/s",
         "class": model.perturbation,
         "Ts": timebase(model.weight if single else model.nominal),
-        **{name: getattr(model, name) for name in names},
+        **{name: getattr(model, name) for name in ("radius", "form", "confidence", "simultaneous")},
+        "joint": model.joint.frf,
+        "joint_bla": model.joint.bla,
+        "extrapolation": model.origin.extrapolation,
+        "source": model.origin.source,
     }
     if not model.measured_only:
         struct["nominal"] = matlab_system(model.nominal)
     if not single:
         struct |= {side: cell_array(list(getattr(model, side))) for side in ("inputs", "outputs")}
         return struct | {side: cell_array(list(map(matlab_system, getattr(model, side)))) for side in ("left", "right")}
-    struct |= {"response": model.at(model.omega), "weight": matlab_system(model.weight)}
-    if FORMS[model.form].depends_on_units:
-        struct |= {"W1": matlab_system(model.W1), "W2": matlab_system(model.W2)} | coprime_struct(model)
+    struct |= {"response": model.at(model.omega), "weight": matlab_system(model.weight), "delay": model.origin.delay}
+    struct |= {f"radius_{name}": part for name, part in model.budget.items()}
+    if model.scaling:
+        struct |= dict(zip(("W1", "W2"), map(matlab_system, model.scaling), strict=True)) | coprime_struct(model)
     return struct
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import control
@@ -21,8 +21,7 @@ from robust.io.biquads import sections_by_name
 from robust.io.from_matlab import load_matlab_system
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import PARTS
-from robust.models.sets.records import RecordSummary
+from robust.models.sets.records import JointProbability, Origin, RecordSummary
 
 # ---- Systems and numbers as JSON, exact to the bit, in files with a versioned schema.
 #
@@ -49,6 +48,10 @@ def encode(content: object) -> Json:
         return encode_system(content)
     if isinstance(content, tuple | list):
         return [encode(item) for item in content]
+    if is_dataclass(content):
+        return {name: encode(getattr(content, name)) for name in field_names(content)}
+    if isinstance(content, Mapping):
+        return {name: encode(part) for name, part in content.items()}
     array = np.asarray(content)
     if array.ndim:
         return [encode(item) for item in array]
@@ -116,10 +119,9 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
 
 MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
 CERTIFICATE_SCHEMAS = ("robust-certificate", "robust-mu-certificate", "robust-friction-certificate")
-UNITS = {MODEL_SCHEMA: {"omega": "rad/s", "delay": "s", "dt": "s"}, MATRIX_SCHEMA: {"omega": "rad/s", "dt": "s"}}
+UNITS = {"omega": "rad/s", "delay": "s", "fs": "Hz", "dt": "s"}
 #: Fields that a set of such a schema does not have.
-FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "unit", "W1", "W2")}
-PARTS_OF_RADIUS = tuple(f"radius_{name}" for name in PARTS)
+FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "scaling")}
 COMPLEX_FIELDS = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
 RECORD_FIELDS = {
     MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "rms_u", "rms_y"),
@@ -130,19 +132,19 @@ RECORD_FIELDS = {
 def encode_model(model: UncertaintyModel) -> JsonObject:
     """Return a model as JSON holds it."""
     schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
-    content: JsonObject = {"schema": schema, "version": VERSION, "units": UNITS[schema]}
+    content: JsonObject = {"schema": schema, "version": VERSION, "units": UNITS}
     for name in field_names(model):
         held = getattr(model, name)
-        unknown = held is None or (name in ("records", "warnings") and not held)
-        if name in PARTS_OF_RADIUS and not model.is_single:
-            unknown = bool(np.isnan(held).all())
+        unknown = held is None or (name in ("records", "warnings", "budget", "scaling") and not held)
         if unknown or name in FIELDS_LEFT_OUT[schema]:
             continue
         if name == "records":
             held = [{part: encode(getattr(one, part)) for part in RECORD_FIELDS[schema]} for one in held]
         elif isinstance(held, UncertaintyModel):  # of two forms of a set the records are the same
             held = encode_model(replace(held, records=()))
-        content[name] = held if name == "records" or isinstance(held, dict) else encode(held)
+        else:
+            held = encode(held)
+        content[name] = held
     return content
 
 
@@ -162,7 +164,9 @@ def decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
 TUPLE_DECODERS: dict[str, Callable[[Json], object]] = {
     "tuple[str, ...]": one_line,
     "tuple[control.StateSpace, ...]": decode_system,
+    "tuple[SystemField, ...]": decode_system,
 }
+VALUES = {"Origin": Origin, "JointProbability": JointProbability}
 
 
 def decode_field(content: Json, kind: str) -> Any:
@@ -173,6 +177,11 @@ def decode_field(content: Json, kind: str) -> Any:
         return content
     if kind in TUPLE_DECODERS:
         return tuple(map(TUPLE_DECODERS[kind], content))
+    if kind in VALUES:
+        types = {field.name: str(field.type) for field in fields(VALUES[kind])}
+        return VALUES[kind](**{name: decode_field(held, types[name]) for name, held in content.items()})
+    if kind.startswith("Mapping"):
+        return {name: decode(part) for name, part in content.items()}
     if isinstance(content, dict):
         return decode_system(content)
     return float(decode(content)) if kind == "float" else decode(content)

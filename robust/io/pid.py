@@ -168,7 +168,7 @@ def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidG
     dt : float, optional
         Sampling time [s] of the difference equation of a continuous K.
     unit : str
-        Unit of y over u, as `UncertaintyModel.unit` has it: that of Kp is the inverse.
+        Unit of y over u, as `UncertaintyModel.origin` has it: that of Kp is the inverse.
 
     Returns
     -------

@@ -10,4 +10,5 @@ from .sets.family import choose_form as choose_form
 from .sets.interconnection import Block as Block
 from .sets.interconnection import UncertainSystem as UncertainSystem
 from .sets.interconnection import interconnection as interconnection
+from .sets.records import Origin as Origin
 from .validation import Validation as Validation

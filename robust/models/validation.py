@@ -261,9 +261,9 @@ def hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nda
             "bla must have lines of the FRF that the model is made around, got others: between its lines it is not "
             "known. A model around a fit (fit_nominal) takes any"
         )
-    if "unknown" in (model.hold, bla.hold):
+    if "unknown" in (model.origin.hold, bla.hold):
         return np.ones(bla.omega.size)
-    own, other = (hold_correction(bla.omega, one.hold, fs=one.fs, dt=0.0) for one in (bla, model))
+    own, other = (hold_correction(bla.omega, one.hold, fs=one.fs, dt=0.0) for one in (bla, model.origin))
     return np.asarray(own / other)
 
 

@@ -64,7 +64,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
     ax = axes_or_new(ax)
     f = to_hertz(model.omega)
     floor = model.radius.min() * 10 ** (-25 / 20)
-    for name, part in model.budget().items():
+    for name, part in model.budget.items():
         if np.any(part > floor):
             ax.plot(f, to_decibel(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=f"part: {name}")
     ax.plot(f, to_decibel(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
@@ -78,13 +78,13 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
         label="|weight|",
     )
     mark_band(ax, (f[0], f[-1]), top=to_hertz(wide[-1]))
-    unit = FORMS[model.form].unit_of(model.unit)
+    unit = FORMS[model.form].unit_of(model.origin.unit)
     ax.set(
         xscale="log",
         ylim=(to_decibel(floor), None),
         xlabel="frequency [Hz]",
         ylabel=f"radius, {model.form} [{', '.join(['dB', *[unit] * bool(unit)])}]",
-        title=f"Uncertainty weight of order {model.weight.nstates}; {model.extrapolation}",
+        title=f"Uncertainty weight of order {model.weight.nstates}; {model.origin.extrapolation}",
     )
     ax.title.set_fontsize("small")
     return finish_axes(ax)
@@ -103,7 +103,7 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     gain_band(ax, f, size, low, high, color=COLOR["weight"], alpha=0.25, label=label, over=OVER_NOTE)
     ax.plot(to_hertz(omega), to_decibel(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
     mark_band(ax, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
-    label = f"|G| [dB, {model.unit or 'unit of y / u'}]"
+    label = f"|G| [dB, {model.origin.unit or 'unit of y / u'}]"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=magnitude_limits(size))
     return finish_axes(ax)
 
@@ -168,7 +168,7 @@ def plot_set(
     bottom.set(ylim=(every.min() - 60, every.max() + 60), xlabel="frequency [Hz]", ylabel="phase [deg]")
     top.set(
         ylim=magnitude_limits(size, *(np.abs(one.G) for one in blas)),
-        ylabel=f"magnitude [dB, {model.unit or 'unit of y / u'}]",
+        ylabel=f"magnitude [dB, {model.origin.unit or 'unit of y / u'}]",
     )
     join_labels(bottom, top)
     finish_axes(top)
@@ -245,13 +245,11 @@ def magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """Return what the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
-    require_one_channel(
-        model, "plot_weight shows every radius, budget() its parts", "for this picture", parametric=False
-    )
+    require_one_channel(model, "plot_weight shows every radius, budget its parts", "for this picture", parametric=False)
     ax = axes_or_new(ax)
     f = to_hertz(model.omega)
     below = np.zeros(f.size)
-    for name, part in model.budget().items():
+    for name, part in model.budget.items():
         share = 100 * np.nan_to_num(part) / model.radius
         if np.any(share > 0.5):
             over, colour, hatch = below + share, COLOR[name], HATCH[name]

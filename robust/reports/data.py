@@ -216,13 +216,13 @@ def set_section(model: UncertaintyModel) -> Section:
         ("set", str(model)),
         ("class of perturbations", model.perturbation),
         ("confidence", "; ".join(describe_confidence(model)) or "none claimed"),
-        ("outside the measured band", f"nothing was measured; assumed: {model.extrapolation}"),
-        ("source", model.source),
+        ("outside the measured band", f"nothing was measured; assumed: {model.origin.extrapolation}"),
+        ("source", model.origin.source),
     ]
     pictures = [
         parts.draw_picture(plot.plot_weight, model, caption="Radius on the lines, its parts, and the weight over it.")
     ]
-    if model.is_single and model.budget():
+    if model.is_single and model.budget:
         pictures.append(
             parts.draw_picture(plot.plot_budget, model, caption="What the radius is made of: what to measure next.")
         )

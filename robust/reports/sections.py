@@ -65,7 +65,7 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
     """Return the controller and the loop it makes."""
     from robust import plot
 
-    dt, unit = timebase(K), model.unit
+    dt, unit = timebase(K), model.origin.unit
     facts = [("controller", describe_system(K)), ("poles", describe_roots(poles(K), dt))]
     if not report.is_single:
         if report.channels is not None:
@@ -178,7 +178,7 @@ def worst_case_section(
                 plot.plot_step,
                 nominal,
                 worst_step,
-                unit=model.unit.split("/")[0],
+                unit=model.origin.unit.split("/")[0],
                 caption="A step of the reference: what the loop makes of it with the nominal and with the worst plant.",
             ),
         ),
@@ -192,7 +192,7 @@ def settings_section(
     facts = [
         *([("weight", describe_system(model.weight))] if model.is_single else []),
         ("performance weight", "none asked for" if w_P is None else describe_demand(w_P)),
-        ("computation delay", f"{1e3 * delay:g} ms, and {1e3 * model.delay:.4g} ms inside the nominal plant"),
+        ("computation delay", f"{1e3 * delay:g} ms, and {1e3 * model.origin.delay:.4g} ms inside the nominal plant"),
         ("sampling of the controller", f"{1 / K.dt:g} Hz" if timebase(K) else "continuous"),
         ("versions", ", ".join(f"{name} {installed_version(name)}" for name in PACKAGES)),
         ("machine", f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"),

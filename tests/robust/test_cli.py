@@ -339,7 +339,7 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     assert "dk_iteration designs for its perturbation" in err
     code, _, err = robust_command("model G.npz G.npz --poles 2 --form elements -o n.json --picture n.png")
     assert not code, err
-    assert load(tmp_path / "n.json").source.count("random-odd multisine") == 2
+    assert load(tmp_path / "n.json").origin.source.count("random-odd multisine") == 2
     assert (tmp_path / "n.png").read_bytes().startswith(b"\x89PNG")
     code, _, err = robust_command("design m.json --bandwidth 3 --delay 0.004 -o K.json")
     assert code == 2

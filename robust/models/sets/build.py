@@ -61,6 +61,7 @@ from robust.models.sets.radius import (
     resolve_scaling,
     sum_of_parts,
 )
+from robust.models.sets.records import Origin
 
 PADE_ORDER, PADE_ORDER_PER_INPUT = 4, 2  # of the delay in the nominal: each input of several has its own
 
@@ -231,67 +232,43 @@ def uncertainty(
     )
     nominal, delay = nominal_of_several_channels(nominal, recorded[0]) if several else nominal_of_one_channel(nominal)
     dt = sampling_time_of(nominal)
-    make = partial(UncertaintyModel, nominal=nominal, form=form, delay=delay, perturbation=perturbation)
+    make = partial(UncertaintyModel, nominal=nominal, form=form, perturbation=perturbation)
     if not several:
         if own := set_of_user(bla, nominal, form=FORMS[form], rules=rules, dt=dt, order=order, spec=spec):
-            return make(**own)
+            return make(**own | {"origin": replace(own["origin"], delay=delay)})
         recorded = list(bla) if isinstance(bla, Sequence) else [bla]
     is_frf = isinstance(nominal, control.FrequencyResponseData)
     many = recorded if is_frf else [bla_behind_hold(one, dt) for one in recorded]
-    model = make(
-        **(block_set if several else disc_set)(many, nominal, form, rules, order, spec, (W1, W2)),
-        confidence=spec.p,
-        simultaneous=spec.simultaneous,
+    made = (block_set if several else disc_set)(many, nominal, form, rules, order, spec, (W1, W2))
+    made["origin"] = replace(
+        made["origin"],
         source="; ".join(map(describe_record, many)),
+        delay=delay,
         hold=many[0].hold if len({one.hold for one in many}) == 1 else "unknown",
         fs=min(one.fs for one in many),
         unit=many[0].unit,
+    )
+    model = make(
+        **made,
+        confidence=spec.p,
+        simultaneous=spec.simultaneous,
         inputs=many[0].inputs,
         outputs=many[0].outputs,
     )
     return attach_records(model, many, recorded)
 
 
-class RadiusFields(TypedDict, total=False):
-    """Parts of a radius, by the names of the fields of a set."""
-
-    radius_noise: np.ndarray
-    radius_odd: np.ndarray
-    radius_even: np.ndarray
-    radius_misfit: np.ndarray
-    radius_level: np.ndarray
-    radius_systematic: np.ndarray
-
-
-class SetFields(RadiusFields, total=False):
-    """Radius and weights of a set, by the names of its fields."""
+class SetFields(TypedDict, total=False):
+    """Radius, weights and origin of a set, by the names of its fields."""
 
     omega: np.ndarray
     radius: np.ndarray
+    budget: Mapping[str, np.ndarray]
     weight: control.StateSpace
     left: tuple[control.StateSpace, ...]
     right: tuple[control.StateSpace, ...]
-    W1: Weight | None
-    W2: Weight | None
-    extrapolation: str
-
-
-class FieldsOfUser(SetFields, total=False):
-    """Fields of a set whose radius a user gave, with its source."""
-
-    source: str
-
-
-def radius_fields(parts: Mapping[str, np.ndarray]) -> RadiusFields:
-    """Return the parts of a radius by the names of the fields of a set."""
-    return {
-        "radius_noise": parts["noise"],
-        "radius_odd": parts["odd"],
-        "radius_even": parts["even"],
-        "radius_misfit": parts["misfit"],
-        "radius_level": parts["level"],
-        "radius_systematic": parts["systematic"],
-    }
+    scaling: tuple[Weight | None, ...]
+    origin: Origin
 
 
 def disc_set(
@@ -318,10 +295,9 @@ def disc_set(
         "weight": checked_weight(fit_extrapolated(omega, covered, rules, order=order, dt=dt), omega, absolute * factor),
         "omega": omega,
         "radius": absolute * factor,
-        "extrapolation": str(rules),
-        "W1": W1,
-        "W2": W2,
-        **radius_fields({name: part * factor for name, part in parts.items()}),
+        "budget": {name: part * factor for name, part in parts.items() if np.isfinite(part).any()},
+        "scaling": given_scaling(W1, W2),
+        "origin": Origin(extrapolation=str(rules)),
     }
 
 
@@ -338,12 +314,12 @@ def block_set(
     models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
     if form == ELEMENTS:
         omega, parts, radius = element_parts(frms, models, spec)
-        known = radius_fields(parts)
+        budget = {name: part for name, part in parts.items() if np.isfinite(part).any()}
     else:
         if spec.systematic is not None:
             raise ValueError(f"systematic must be left out but for elements, got {spec.systematic:g} with {form}")
         omega, radius = block_radius(frms, models, spec=spec, form=form)
-        n, known = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
+        n, budget = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
     each = [rules] * (n or len(radius)) + [Extrapolation()] * (len(radius) - n if n else 0)
     weights = tuple(
         fit_covering_weight(omega, row, order=order, rules=rule, dt=sampling_time_of(nominal))
@@ -352,13 +328,17 @@ def block_set(
     return {
         "omega": omega,
         "radius": radius,
-        "extrapolation": str(rules),
+        "budget": budget,
         "left": weights[:n],
         "right": weights[n:],
-        "W1": scaling[0],
-        "W2": scaling[1],
-        **known,
+        "scaling": given_scaling(*scaling),
+        "origin": Origin(extrapolation=str(rules)),
     }
+
+
+def given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
+    """Return W1 and W2 as a set takes them: none where neither is given."""
+    return scaling if any(W is not None for W in scaling) else ()
 
 
 def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
@@ -484,7 +464,7 @@ def set_of_user(
     dt: float,
     order: int | None,
     spec: RadiusSpec,
-) -> FieldsOfUser:
+) -> SetFields:
     """Return the fields of a set with a radius of the user and its weight, without a confidence; none for Blas."""
     found = radius_of_user(given, nominal, form)
     if found is None:
@@ -495,4 +475,9 @@ def set_of_user(
     weight = checked_weight(
         fit_extrapolated(omega, rules.extrapolate(omega, radius, dt), rules, order=order, dt=dt), omega, radius
     )
-    return {"omega": omega, "radius": radius, "weight": weight, "extrapolation": str(rules), "source": source}
+    return {
+        "omega": omega,
+        "radius": radius,
+        "weight": weight,
+        "origin": Origin(source=source, extrapolation=str(rules)),
+    }

@@ -552,4 +552,5 @@ def lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolati
         for w in model.left or model.right
     )
     left, right = (raised, model.right) if model.left else ((), raised)
-    return replace(model, left=left, right=right, source=source, extrapolation=extrapolation)
+    origin = replace(model.origin, source=source, extrapolation=extrapolation)
+    return replace(model, left=left, right=right, origin=origin)

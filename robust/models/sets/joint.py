@@ -23,7 +23,7 @@ import numpy as np
 from nlfrf import Bla
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import entry_misfits, nominal_response
-from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, RecordSummary, summarize_record
+from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, JointProbability, RecordSummary, summarize_record
 
 N_DRAWS, N_NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
 MIN_DRAWS = 400
@@ -38,7 +38,7 @@ def attach_records(model: UncertaintyModel, blas: list[Bla], recorded: list[Bla]
     records = tuple(map(summarize_record, blas, recorded or blas))
     missed = [entry_misfits(bla, nominal_response(model.nominal, bla.omega)) for bla in blas]
     joint, joint_bla = np.min(list(map(partial(joint_probability, model), blas, records, missed)), axis=0)
-    return replace(model, records=records, joint=float(joint), joint_bla=float(joint_bla))
+    return replace(model, records=records, joint=JointProbability(frf=float(joint), bla=float(joint_bla)))
 
 
 def joint_probability(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import control
 import numpy as np
@@ -22,34 +22,40 @@ FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
 RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
 
 
+def origin_of(model: FrfSource) -> Any:
+    """Return what says hold, sampling frequency and unit: a Bla itself, the origin of a set, an FRF that says none."""
+    return model.origin if isinstance(model, UncertaintyModel) else model
+
+
 def frf_sampling_time(model: FrfSource) -> float:
     """Return the sampling time [s] of an FRF that states one; 0 otherwise."""
     source = model.nominal if isinstance(model, UncertaintyModel) else model
     return float(getattr(source, "dt", 0) or 0)
 
 
-def add_hold_and_delay(model: FrfSource, omega: np.ndarray, *, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
-    """Return (W,) an FRF with the delay, and with zero-order hold where the controller is sampled and the FRF is not.
+def hold_and_delay_factor(model: FrfSource, omega: np.ndarray, *, dt: float, delay: float) -> np.ndarray:
+    """Return (W,) what an FRF lacks: the delay, and zero-order hold where the controller is sampled and the FRF is not.
 
     What folds down from above Nyquist is not known and left out.
     """
-    hold = getattr(model, "hold", "unknown")
-    if hold != "unknown":
-        G = G * hold_correction(omega, hold, fs=model.fs, dt=dt)
-    elif dt and not frf_sampling_time(model):
+    factor, origin = np.exp(-1j * omega * delay), origin_of(model)
+    if getattr(origin, "hold", "unknown") != "unknown":
+        return np.asarray(factor * hold_correction(omega, origin.hold, fs=origin.fs, dt=dt))
+    if dt and not frf_sampling_time(model):
         warn_of_unknown_hold(model, dt)
-        G = G * hold_response(omega, dt)
-    return G * np.exp(-1j * omega * delay)
+        return np.asarray(factor * hold_response(omega, dt))
+    return factor
 
 
 def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
     """Warn where a record at the rate of the controller may have the hold in it, which is then counted twice."""
     sampled = isinstance(model, UncertaintyModel) and not model.measured_only and timebase(model.nominal)
-    if sampled or getattr(model, "hold", "known") != "unknown":
+    if sampled or getattr(origin_of(model), "hold", "known") != "unknown":
         return
-    if dt * model.fs < RATE_RATIO:
+    fs = origin_of(model).fs
+    if dt * fs < RATE_RATIO:
         data_warning(
-            f"hold of the record must be known, at {model.fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
+            f"hold of the record must be known, at {fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
             ' and if u was the command of a converter it was in the record already. Load it with hold="zoh" (u is the '
             'command) or hold="band-limited" (u was measured behind the hold)',
             DesignWarning,

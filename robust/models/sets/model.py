@@ -38,6 +38,8 @@ probability; the perturbation that caused it is a nonlinear one, and no theorem 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import field
 from typing import TypeGuard
 
 import control
@@ -49,12 +51,13 @@ from nlfrf._base.arguments import (
     random_generator,
     require_choice,
     require_integer,
+    require_known,
     require_probability,
     require_real_array,
     short_form,
 )
 from nlfrf._base.numbers import squared_modulus
-from nlfrf._base.values import ArrayField, value
+from nlfrf._base.values import ArrayField, freeze_array, value
 from robust._base.types import AnySystem, Controller, SystemField, Weight
 from robust.lti.connections import block_diagonal, in_series, lower_lft, require_shape, weighted_plant
 from robust.lti.lti import (
@@ -87,7 +90,7 @@ from robust.models.sets.forms import (
 from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.perturbations import perturbed_plant, random_delta
 from robust.models.sets.radius import PARTS, frf_on_lines
-from robust.models.sets.records import RecordSummary, format_probability
+from robust.models.sets.records import JointProbability, Origin, RecordSummary, format_probability
 
 ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
 SET_TOLERANCE = 1e-7  # by which a plant may be farther from the nominal than its set lets it
@@ -125,23 +128,17 @@ class UncertaintyModel:
         included, of gain at most one.
     simultaneous : bool
         Whether the confidence holds for all lines together.
-    radius_noise, radius_odd, radius_even, radius_misfit, radius_level, radius_systematic : (W,) or (n, W) ndarray
-        The budget: parts that add up to the radius; nan where unknown, as of full blocks. The three statistical parts
-        share their common radius in proportion to their variances. Level: how much of it only appears because the plant
-        changes with the level.
-    delay : float
-        The part of the nominal that is a delay [s], for information; it is inside `nominal` already.
-    extrapolation : str
-        In words, what was assumed outside the measured band.
-    source : str
-        In words, what was measured.
-    hold, fs, unit : of the record: hold of its inputs, as `Bla.hold`; sampling frequency [Hz]; unit of y over u, of one
-        channel.
-    W1, W2 : control.StateSpace
-        Scaling of the plant at its input and output, W2 G W1, of the coprime form (1 when not given); None of others.
-    joint, joint_bla : float
-        Estimated probability that a whole FRF lies in the set, all its lines together: that of another realisation, and
-        the BLA. Of several levels the least; nan where the set was not made of a record.
+    budget : dict of (W,) or (n, W) ndarray
+        The known parts that add up to the radius, by name: "noise", "odd", "even", "misfit", "level", "systematic";
+        empty where they are not known, as of full blocks. The three statistical parts share their common radius in
+        proportion to their variances. Level: how much of it only appears because the plant changes with the level.
+    origin : Origin
+        What was measured and how, what was assumed outside the measured band, unit, and the delay inside the nominal.
+    scaling : tuple of control.StateSpace
+        W1 and W2 of the coprime form, which scale the plant at its input and output, W2 G W1 (1 when not given); empty
+        of others.
+    joint : JointProbability
+        Estimated probability that a whole FRF lies in the set, all its lines together. Of several levels the least.
     records : tuple of RecordSummary
         What is remembered of each record: its lines, FRF and scatter for `validate`, its level for `predict_level`.
     left, right : tuple of control.StateSpace
@@ -160,8 +157,8 @@ class UncertaintyModel:
 
     Notes
     -----
-    `evidence`, `measured` and `other` are older names of `records` and `alternative_form`. A set that is given by
-    `left` and `right` around a nominal of one input and output is turned into the form of one channel that it is.
+    A set that is given by `left` and `right` around a nominal of one input and output is turned into the form of one
+    channel that it is.
 
     Raises
     ------
@@ -201,22 +198,10 @@ class UncertaintyModel:
     confidence: float = float("nan")
     perturbation: str = "statistical"
     simultaneous: bool = False
-    radius_noise: np.ndarray | None = None
-    radius_odd: np.ndarray | None = None
-    radius_even: np.ndarray | None = None
-    radius_misfit: np.ndarray | None = None
-    radius_level: np.ndarray | None = None
-    radius_systematic: np.ndarray | None = None
-    delay: float = 0.0
-    extrapolation: str = "not stated"
-    source: str = "not stated"
-    hold: str = "unknown"
-    fs: float = float("nan")
-    unit: str = ""
-    W1: SystemField = None
-    W2: SystemField = None
-    joint: float = float("nan")
-    joint_bla: float = float("nan")
+    budget: Mapping[str, np.ndarray] = field(default_factory=dict)
+    origin: Origin = Origin()
+    scaling: tuple[SystemField, ...] = ()
+    joint: JointProbability = JointProbability()
     records: tuple[RecordSummary, ...] = ()
     left: tuple[control.StateSpace, ...] = ()
     right: tuple[control.StateSpace, ...] = ()
@@ -259,11 +244,11 @@ class UncertaintyModel:
         else:
             self._check_blocks()
         self._check_radius()
-        for name in ("W1", "W2"):
-            if single and FORMS[self.form].depends_on_units:
-                held[name] = invertible_scaling(name, getattr(self, name), self.nominal)
-            elif getattr(self, name) is not None:
-                raise ValueError(f"{name} must be left out but for the coprime form, got one with {self.form}")
+        if single and FORMS[self.form].depends_on_units:
+            W1, W2 = self.scaling or (None, None)
+            held["scaling"] = tuple(invertible_scaling(name, W, self.nominal) for name, W in (("W1", W1), ("W2", W2)))
+        elif self.scaling:
+            raise ValueError(f"W1 and W2 must be left out but for the coprime form, got scaling with {self.form}")
         known = (("u",), ("y",)) if single else signal_names(self.nominal)
         held["inputs"], held["outputs"] = tuple(self.inputs) or known[0], tuple(self.outputs) or known[1]
 
@@ -331,13 +316,12 @@ class UncertaintyModel:
                     f"at {omega[cover.argmin()]:g} rad/s"
                 )
         self.__dict__["radius"] = radius
-        for name in (f"radius_{part}" for part in PARTS):
-            part = getattr(self, name)
-            part = np.full(shape, np.nan) if part is None else np.array(part, dtype=float)
+        require_known("budget", self.budget, PARTS)
+        known = {name: freeze_array(np.asarray(part, dtype=float)) for name, part in self.budget.items()}
+        for name, part in known.items():
             if part.shape != shape:
-                raise ValueError(f"{name} must have one value per frequency, the shape {shape}, got {part.shape}")
-            part.flags.writeable = False
-            self.__dict__[name] = part
+                raise ValueError(f"budget must have one value per frequency in {name}, {shape}, got {part.shape}")
+        self.__dict__["budget"] = known
 
     def __str__(self) -> str:
         single, dt = self.is_single, 0.0 if self.measured_only else timebase(self.nominal)
@@ -346,11 +330,11 @@ class UncertaintyModel:
         percent = "" if np.isnan(self.confidence) else f", {100 * self.confidence:g} % "
         if percent:
             percent += "for all lines together" if self.simultaneous else "per line"
-        if not np.isnan(self.joint):
-            percent += f" (a whole {whole} {format_probability(self.joint)})"
+        if not np.isnan(self.joint.frf):
+            percent += f" (a whole {whole} {format_probability(self.joint.frf)})"
         kind = "an FRF" if self.measured_only else f"{self.nominal.nstates} states"
         if single:
-            k, unit = int(np.argmax(self.radius)), FORMS[self.form].unit_of(self.unit).split()
+            k, unit = int(np.argmax(self.radius)), FORMS[self.form].unit_of(self.origin.unit).split()
             size = (
                 f"weight of order {self.weight.nstates}, radius {self.radius.min():.3g} to "
                 f"{' '.join([f'{self.radius[k]:.3g}', *unit])} (at {self.omega[k] / 2 / np.pi:.4g} Hz) over "
@@ -362,7 +346,8 @@ class UncertaintyModel:
             size = f"weights of orders {min(orders)} to {max(orders)}"
         other = self.alternative_form
         return (
-            f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {kind}, {size}; {self.extrapolation}"
+            f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {kind}, {size}; "
+            f"{self.origin.extrapolation}"
             + ("" if other is None else f", beside it a set of the form {other.form}")
             + (f"; subject to {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
@@ -421,12 +406,7 @@ class UncertaintyModel:
     def shaping(self) -> control.StateSpace:
         """Return W1 W2 as one system; the gain one where the form needs no scaling."""
         scaled = self.is_single and FORMS[self.form].depends_on_units
-        return in_series(self.W1, self.W2) if scaled else state_space("shaping", 1.0)
-
-    def budget(self) -> dict[str, np.ndarray]:
-        """Return the name of each known part of the radius -> (W,) or (n, W) its share there."""
-        parts = {name: getattr(self, f"radius_{name}") for name in PARTS}
-        return {name: part for name, part in parts.items() if np.isfinite(part).any()}
+        return in_series(*self.scaling) if scaled else state_space("shaping", 1.0)
 
     def at(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) or (n_y, n_u, W) complex response of the nominal."""

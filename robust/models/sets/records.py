@@ -88,6 +88,55 @@ class RecordSummary:
         return replace(self, omega=omega, G=G, variance=variance, gamma=gamma, dof=dof, scatter=scatter)
 
 
+@value
+class Origin:
+    """Where a set of plants comes from: its records, and what was assumed where nothing was measured.
+
+    Fields
+    ------
+    source : str
+        In words, what was measured.
+    extrapolation : str
+        In words, what was assumed outside the measured band.
+    delay : float
+        The part of the nominal that is a delay [s], for information; it is inside the nominal already.
+    hold : str
+        Hold of the inputs of the record, as `Bla.hold`.
+    fs : float
+        Sampling frequency of the record [Hz]; nan where there is none.
+    unit : str
+        Unit of y over u, of one channel.
+
+    Examples
+    --------
+    >>> Origin(source="a drawing", unit="m/N").extrapolation
+    'not stated'
+    """
+
+    source: str = "not stated"
+    extrapolation: str = "not stated"
+    delay: float = 0.0
+    hold: str = "unknown"
+    fs: float = float("nan")
+    unit: str = ""
+
+
+@value
+class JointProbability:
+    """Estimated probability that a whole FRF lies in a set, all its lines together; nan where it is not known.
+
+    Fields
+    ------
+    frf : float
+        Of the FRF of another realisation (with several channels: of another set of experiments).
+    bla : float
+        Of the best linear approximation.
+    """
+
+    frf: float = float("nan")
+    bla: float = float("nan")
+
+
 def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
     """Return what a set remembers of a record.
 

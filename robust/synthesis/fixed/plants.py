@@ -21,7 +21,7 @@ from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import extend_below, integrator_poles, slope_at_start
 from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_radius
-from robust.models.sets.measured import add_hold_and_delay, parts_on_lines, warn_of_unknown_hold
+from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
@@ -118,7 +118,7 @@ def plant_on_lines(
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:
             raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
-        G = G if isinstance(plant, DiscsOnLines) else add_hold_and_delay(plant, omega, G=G, dt=dt, delay=delay)
+        G = G if isinstance(plant, DiscsOnLines) else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
         loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
         n = omega.size
         omega, G = extend_below(omega, G, n=n_integrators, decades=3.0, points=60)

@@ -25,7 +25,7 @@ from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_g
 from robust.lti.lti import frequency_response_matrices, response, timebase, with_names
 from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
-from robust.models.sets.measured import add_hold_and_delay
+from robust.models.sets.measured import hold_and_delay_factor
 from robust.models.sets.model import UncertaintyModel, require_record_form
 from robust.models.sets.radius import RadiusSpec, block_radii_of_record
 from robust.synthesis.fixed.one_loop import LoopOptions, design_loop
@@ -204,7 +204,7 @@ def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> M
     """Return the matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
-        factor = add_hold_and_delay(plant, plant.omega, G=np.ones(plant.f.size, dtype=complex), dt=dt, delay=delay)
+        factor = hold_and_delay_factor(plant, plant.omega, dt=dt, delay=delay)
         left, right = block_radii_of_record(
             plant, plant.G, missed=np.zeros(plant.G.shape), spec=RadiusSpec(p=CONFIDENCE), form=ADDITIVE
         )

@@ -18,10 +18,10 @@ from robust.friction.plant import FrictionPlant
 from robust.lti.connections import block_diagonal
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
-from robust.lti.sampling import delay_samples, delayed, hold_correction, hold_response, sampled
+from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.models.fit.nominal import frd
 from robust.models.sets.forms import ELEMENTS, FORMS, INPUT, plant_numerator
-from robust.models.sets.measured import frf_sampling_time, parts_on_lines, warn_of_unknown_hold
+from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form
 from robust.synthesis.blocks import signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
@@ -312,19 +312,6 @@ def see_measured(name: str, model: Any, *, n_unstable: int, dt: float, delay: fl
         disc = disc_of_form(form, w, G=ours, W=np.asarray(W * measured / ours))
         perturbation = Perturbation(reads=disc.reads[order], drives=disc.drives[order])
     return MeasuredPlant(omega=omega[order], G=seen[:, :, order], perturbation=perturbation, n_unstable=n_unstable)
-
-
-def hold_and_delay_factor(model: Any, omega: np.ndarray, *, dt: float, delay: float) -> np.ndarray:
-    """Return (W,) hold and delay, as `check` puts them into an FRF."""
-    factor = np.exp(-1j * omega * delay)
-    hold = getattr(model, "hold", "unknown")
-    if hold != "unknown":
-        return factor * hold_correction(omega, hold, fs=model.fs, dt=dt)
-    if dt and not frf_sampling_time(model):
-        if isinstance(model, Bla | UncertaintyModel):
-            warn_of_unknown_hold(model, dt)
-        return factor * hold_response(omega, dt)
-    return factor
 
 
 def stated_sampling_time(plants: Sequence[Any]) -> float:

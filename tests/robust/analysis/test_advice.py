@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from robust import DesignWarning, UncertaintyModel, check, fit_nominal, uncertainty
+from robust.models.sets.records import Origin
 from tests.support.bla import make_bla
 
 F = np.geomspace(1, 100, 60)
@@ -24,7 +25,7 @@ def test_a_misfit_that_goes_on_below_the_band_is_named_and_cured_by_orders():
     mode = control.ss(control.tf([1.5], [1 / 300**2, 0.05 / 300, 1]))  # the mode alone: misfit 34.8 of 34.8
     model = uncertainty(bla, mode, order=6)
     assert model.radius[0] == pytest.approx(34.8, rel=0.1)
-    assert model.radius_misfit[0] > 0.99 * model.radius[0]
+    assert model.budget["misfit"][0] > 0.99 * model.radius[0]
     report = check(model, control.tf([1e-2 * 2 * np.pi * 0.01], [1, 2 * np.pi * 0.004]), certify=False)
     assert report.margins.omega_rs < 2 * np.pi * 1, "limited below the band"
     assert "below the measured band" in report.advice
@@ -35,9 +36,10 @@ def test_a_misfit_that_goes_on_below_the_band_is_named_and_cured_by_orders():
 
 def model_of(w, **parts):
     omega = 2 * np.pi * np.array([1.0, 3.0, 10.0])
-    parts = {f"radius_{name}": share * np.full(3, 0.1) for name, share in parts.items()}
+    budget = {name: share * np.full(3, 0.1) for name, share in parts.items()}
+    told = Origin(extrapolation="as told")
     lag = control.tf([1], [1, 0.1])
-    return UncertaintyModel(lag, w, "multiplicative", omega, np.full(3, 0.1), extrapolation="as told", **parts)
+    return UncertaintyModel(lag, w, "multiplicative", omega, np.full(3, 0.1), origin=told, budget=budget)
 
 
 def loop_at(f0):

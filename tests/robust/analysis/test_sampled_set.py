@@ -11,9 +11,11 @@ from robust.analysis import sample_loops
 from robust.analysis.aliases import aliases_of_set
 from robust.analysis.sampled_set import sampled_set
 from robust.lti.lti import response, response_by_channel
+from robust.models import Origin
 
 T = 0.02
 OMEGA = np.geomspace(0.5, 100, 40)
+RECORDED = Origin(hold="zoh", fs=5e3)
 
 
 def rising(x):
@@ -26,9 +28,7 @@ def number(x):
 
 def made(G, form, left, right):
     radius = np.array([np.abs(response(weight, OMEGA)) for weight in (*left, *right)])
-    return UncertaintyModel(
-        nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, hold="zoh", fs=5e3
-    )
+    return UncertaintyModel(nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, origin=RECORDED)
 
 
 LAG = control.ss(control.tf([2], [0.3, 1]))
@@ -59,7 +59,7 @@ def test_every_sampled_plant_of_the_continuous_set_is_in_the_sampled_one(form):
 def test_two_equal_loops_are_one():
     """G, W and K times one: the bound of mu is rs of one channel, with every alias, but for what the weights add."""
     w, K = rising(0.2), number(1.5)
-    one = UncertaintyModel(LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), hold="zoh", fs=5e3)
+    one = UncertaintyModel(LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), origin=RECORDED)
     two = made(TWICE, "input", (w, w), (number(1.0), number(1.0)))
     discrete = control.StateSpace([], [], [], K.D, T)
     both = control.StateSpace([], [], [], K.D * np.eye(2), T)

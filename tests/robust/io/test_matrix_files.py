@@ -14,6 +14,7 @@ from scipy.io import loadmat
 import robust
 from robust.io.models import load_model
 from robust.lti.lti import response_by_channel
+from robust.models.sets.records import JointProbability, Origin
 from robust.proofs.exact.claim_files import content_digest
 
 OMEGA = np.array([1.0, 3.0, 10.0])
@@ -30,7 +31,8 @@ def model(form):
     radius = np.array([np.abs(np.ravel(response_by_channel(one, OMEGA))) for one in parts])
     return robust.UncertaintyModel(
         nominal=G, form=form, left=parts[:n_left], right=parts[n_left:], omega=OMEGA, radius=radius, confidence=0.95,
-        joint=0.97, inputs=("Fx", "µ"), outputs=('a "b"', "y"), extrapolation="flat", source="a record",
+        joint=JointProbability(frf=0.97), inputs=("Fx", "µ"), outputs=('a "b"', "y"),
+        origin=Origin(extrapolation="flat", source="a record"),
     )  # fmt: skip
 
 
@@ -45,9 +47,10 @@ def test_a_model_comes_back_to_the_bit(form, tmp_path):
     back = robust.load(tmp_path / "m.json")
     for name in ("omega", "radius"):
         np.testing.assert_array_equal(getattr(back, name), getattr(one, name))
-    for name in ("form", "confidence", "simultaneous", "perturbation", "inputs", "outputs", "extrapolation", "source"):
+    for name in ("form", "confidence", "simultaneous", "perturbation", "inputs", "outputs"):
         assert getattr(back, name) == getattr(one, name), name
-    assert (back.joint, np.isnan(back.joint_bla)) == (0.97, True)
+    assert (back.origin.extrapolation, back.origin.source) == ("flat", "a record")
+    assert (back.joint.frf, np.isnan(back.joint.bla)) == (0.97, True)
     for a, b in zip((back.nominal, *back.left, *back.right), (one.nominal, *one.left, *one.right), strict=True):
         assert a.dt == b.dt
         assert all(np.array_equal(getattr(a, part), getattr(b, part)) for part in "ABCD")

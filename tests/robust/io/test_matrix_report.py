@@ -58,8 +58,8 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
         again.not_proved,
         "; ".join(again.confidence),
         *again.conditions,
-        MODEL.source,
-        MODEL.extrapolation,
+        MODEL.origin.source,
+        MODEL.origin.extrapolation,
     ]
     seen = robust.validate(MODEL, FRM)
     said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")

@@ -24,6 +24,7 @@ from robust import (
     save,
     uncertainty,
 )
+from robust.models.sets.records import Origin
 from robust.reports import parts as report_parts
 from robust.reports import sections as report_sections
 from robust.reports import write_report
@@ -275,7 +276,7 @@ def test_no_name_of_a_file_becomes_a_part_of_the_page(tmp_path):
         names = {"u_name": text, "y_name": text, "u_unit": text, "y_unit": text}
         record = Record(u=u, y=u + 0.05 * u**3, fs=256, lines=ms.lines, **names)
         bla = identify(record)
-        model = replace(uncertainty(bla, fit_nominal(bla, n_poles=1)), source=text, extrapolation=text)
+        model = replace(uncertainty(bla, fit_nominal(bla, n_poles=1)), origin=Origin(source=text, extrapolation=text))
         K = control.tf([0.3], [1, 0.1])
         write_report(tmp_path / "r.html", model, K, bla=bla, record=record, title=text, notes=text)
         write_shaping_page(tmp_path / "s.html", model)

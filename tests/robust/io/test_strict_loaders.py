@@ -172,9 +172,10 @@ def test_what_is_no_strict_json_is_refused_in_one_line(text, why, tmp_path):
 def test_texts_of_a_model_are_one_line_that_commands_nothing(written, tmp_path):
     for schema, loader, content in written:
         if schema in ("robust-model", "robust-matrix-model"):
-            hostile = content | {"source": "run\x1b[2J\nROBUST (proved)", "extrapolation": "\u202eflat"}
+            told = {"source": "run\x1b[2J\nROBUST (proved)", "extrapolation": "\u202eflat"}
+            hostile = content | {"origin": content["origin"] | told}
             (tmp_path / "x.json").write_text(json.dumps(hostile))
             model = loader(tmp_path / "x.json")
-            assert model.source == "run\\u001b[2J ROBUST (proved)"
-            assert model.extrapolation == "\\u202eflat"
+            assert model.origin.source == "run\\u001b[2J ROBUST (proved)"
+            assert model.origin.extrapolation == "\\u202eflat"
             assert unwrapped(model).isprintable()

@@ -273,8 +273,8 @@ def told_of_the_advice(facts, model, report):
     over = np.abs(response(model.weight, model.omega[[k]]))[0] / model.radius[k]
     wanted = [omega / HZ]
     if "nothing was measured: the radius is assumed" in text:
-        wanted += [*map(float, NUMBER.findall(model.extrapolation)), model.omega[k] / HZ]
-    shares = np.array([part[k] for part in model.budget().values()])
+        wanted += [*map(float, NUMBER.findall(model.origin.extrapolation)), model.omega[k] / HZ]
+    shares = np.array([part[k] for part in model.budget.values()])
     shares = np.sort(shares[shares > 0] / shares[np.isfinite(shares)].sum())[::-1][:4]
     wanted += [100 * share for share in shares if share >= 0.005]
     if "makes it" in text:
@@ -324,12 +324,12 @@ def told_of_the_model(facts, model, given):
     holds(facts["nominal", "poles"], *in_hertz(poles(model.nominal), timebase(model.nominal)))
     holds(facts["nominal", "zeros"], *in_hertz(zeros(model.nominal), timebase(model.nominal)))
     assert facts["set", "set"] == str(model)
-    assert facts["set", "source"] == model.source
+    assert facts["set", "source"] == model.origin.source
     if np.isnan(model.confidence):
         assert facts["set", "confidence"] == "none claimed"
     else:
         assert NUMBER.findall(facts["set", "confidence"])[0] == f"{100 * model.confidence:g}"
-    assert facts["set", "outside the measured band"].endswith(model.extrapolation)
+    assert facts["set", "outside the measured band"].endswith(model.origin.extrapolation)
     if "nominal" in given:
         assert facts["nominal", "fit"] == str(given["nominal"]).removeprefix("nominal model: ")
     blas = given.get("bla", MEASURED if "record" in given else [])
@@ -365,7 +365,7 @@ def told_of_the_opinion(facts):
 
 def told_of_settings(facts, model, K, report):
     holds(facts["settings", "weight"], model.weight.nstates)
-    holds(facts["settings", "computation delay"], 1e3 * report.given.delay, 1e3 * model.delay)
+    holds(facts["settings", "computation delay"], 1e3 * report.given.delay, 1e3 * model.origin.delay)
     holds(facts["settings", "sampling of the controller"], *([1 / K.dt] if K.dt else []))
     if report.given.demand is None:
         assert facts["settings", "performance weight"] == "none asked for"
@@ -388,9 +388,9 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
     write_report(tmp_path / "r.html", model, K, report=report, **given)
     page = Facts((tmp_path / "r.html").read_text(encoding="utf-8"))
     told_by_the_check(page.said, report)
-    told_of_the_controller(page.said, page.rows, K, model.unit)
+    told_of_the_controller(page.said, page.rows, K, model.origin.unit)
     told_of_the_advice(page.said, model, report)
-    told_of_the_gains(page.said, K, model.unit)
+    told_of_the_gains(page.said, K, model.origin.unit)
     told_of_the_worst(page.said, model, K, report)
     told_of_the_model(page.said, model, given)
     told_of_settings(page.said, model, K, report)

@@ -47,7 +47,7 @@ def test_weight_lies_over_the_radius(ax):
     assert np.all(np.interp(on_lines, f, weight) >= radius - 1e-6)
     assert f.min() < F[0] < F[-1] < f.max()
     assert "part: odd" in labels(ax)
-    assert MODEL.extrapolation in ax.get_title()
+    assert MODEL.origin.extrapolation in ax.get_title()
 
 
 def test_budget_adds_up_to_a_hundred(ax):

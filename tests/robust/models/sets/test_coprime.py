@@ -42,9 +42,11 @@ PLANTS = {
 }
 
 
-def the_model(G, w, **more):
+def the_model(G, w, W1=1.0, W2=1.0):
     w = w if isinstance(w, control.StateSpace) else control.ss([], [], [], [[w]], G.dt)
-    return UncertaintyModel(G, w, "coprime", LINES * (0.1 if G.dt else 1), np.full(3, 1e-6), perturbation="LTI", **more)
+    return UncertaintyModel(
+        G, w, "coprime", LINES * (0.1 if G.dt else 1), np.full(3, 1e-6), perturbation="LTI", scaling=(W1, W2)
+    )
 
 
 def chordal(G, H):
@@ -248,7 +250,7 @@ def test_what_check_proves_is_verified(perturbation, kind):
     if kind == "sampled":
         G, K, w, W = sampled(G, 0.02), discretize(K, 0.02), discretize(w, 0.02), discretize(W, 0.02)
     model = UncertaintyModel(
-        G, w, "coprime", LINES, np.full(3, 1e-3), perturbation=perturbation, W1=2.0, W2=W
+        G, w, "coprime", LINES, np.full(3, 1e-3), perturbation=perturbation, scaling=(2.0, W)
     )  # fmt: skip
     report = check(model, K, delay=delay, w_P=performance_weight(0.05, M_S=8, A=0.9))
     assert report.verdict == "robust"
@@ -291,11 +293,11 @@ def test_a_measured_set_is_scaled_to_unit_gain():
     model = uncertainty(bla, nominal, form="coprime", order=3)
     g, log = np.abs(model.at(OMEGA)), np.log(OMEGA)
     middle = np.exp(np.trapezoid(np.log(g), log) / (log[-1] - log[0]))
-    assert float(model.W2.D[0, 0]) == pytest.approx(1 / middle, rel=1e-6)
+    assert float(model.scaling[1].D[0, 0]) == pytest.approx(1 / middle, rel=1e-6)
     disc = uncertainty(bla, nominal, form="additive", order=3).radius
     r, g = disc / middle, g / middle
     assert model.radius == pytest.approx(r / np.sqrt((1 + g**2) * (1 + (g - r) ** 2)), rel=1e-9)
-    assert np.sum(list(model.budget().values()), axis=0) == pytest.approx(model.radius, rel=1e-9)
+    assert np.sum(list(model.budget.values()), axis=0) == pytest.approx(model.radius, rel=1e-9)
     rim = model.at(OMEGA) + disc * np.exp(1j * np.linspace(0, 60, F.size))
     assert model.contains(control.frd(rim, OMEGA))
     unscaled = uncertainty(bla, nominal, form="coprime", order=3, W1=1.0)
@@ -309,7 +311,7 @@ def test_on_measured_lines_hold_and_delay_stand_with_the_controller():
     """rs = eps sqrt((1 + g^2)(1 + k^2)) |S| with g of what was measured and k = |K| times the hold."""
     bla = measured()
     model = uncertainty(bla, frd(bla), form="coprime", order=3)
-    W = float(model.W2.D[0, 0])
+    W = float(model.scaling[1].D[0, 0])
     K = control.ss([], [], [], [[2e4]], 0.004)
     with pytest.warns(UserWarning, match="hold of the record"):
         report = check(model, K, delay=0.001)
@@ -326,9 +328,9 @@ def test_files_keep_the_scaling(tmp_path):
     model = uncertainty(measured(), fit, form="coprime", order=2, W1=control.tf([1, 30], [1, 3.0]), W2=1e6)
     save(model, tmp_path / "m.json")
     again = load(tmp_path / "m.json")
-    for name in ("W1", "W2"):
+    for read, kept in zip(again.scaling, model.scaling, strict=True):
         for matrix in "ABCD":
-            assert np.array_equal(getattr(getattr(again, name), matrix), getattr(getattr(model, name), matrix))
+            assert np.array_equal(getattr(read, matrix), getattr(kept, matrix))
     K = control.tf([2e4], [1, 1.0])
     assert check(again, K).margins.rs == check(model, K).margins.rs
     export_matlab(model, tmp_path / "m.mat")
@@ -343,8 +345,8 @@ def test_refusals():
         the_model(G, 0.1, W1=control.tf([1, 1], [1, 0]))
     with pytest.raises(ValueError, match=r"W2 must have the sampling time of the nominal, 0 s, got 0.1 s"):
         the_model(G, 0.1, W2=control.tf([1, 0.5], [1, 0.2], 0.1))
-    with pytest.raises(ValueError, match="W1 must be left out but for the coprime form, got one with additive"):
-        UncertaintyModel(G, 0.1, "additive", LINES, np.full(3, 0.1), W1=2.0)
+    with pytest.raises(ValueError, match="W1 and W2 must be left out but for the coprime form"):
+        UncertaintyModel(G, 0.1, "additive", LINES, np.full(3, 0.1), scaling=(2.0, 1.0))
     with pytest.raises(ValueError, match=r"K must have the sampling time of the nominal model for the coprime form"):
         check(the_model(G, 0.1), control.ss([], [], [], [[1.0]], 0.1))
     with pytest.raises(ValueError, match="form must be a relative deviation of the plant here, got coprime"):

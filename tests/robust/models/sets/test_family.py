@@ -116,7 +116,7 @@ def test_every_plant_of_the_family_lies_inside_at_frequencies_that_were_not_look
     assert 0.9 < np.max(far) <= 1
     assert all(model.contains(plant) for plant in plants)
     assert ([w.noutputs for w in model.left], model.structure) == ([1, 1] if weights == "diagonal" else [2], [(2, 2)])
-    assert "4 plants that were given, each inside at" in model.source
+    assert "4 plants that were given, each inside at" in model.origin.source
     assert np.isnan(model.confidence)
     for weight in model.weights:  # stable and minimum phase
         assert np.all(weight.poles().real < 0)
@@ -138,11 +138,11 @@ def test_frfs_are_held_on_their_lines_and_a_nominal_is_found():
     frfs = [control.frd(plant, omega) for plant in family(5)]
     model = robust.uncertainty(frfs, form="output")
     assert all(model.contains(frf) for frf in frfs)
-    assert "each inside at their 40 lines" in model.source
+    assert "each inside at their 40 lines" in model.origin.source
     mean = np.mean([frf.frdata for frf in frfs], axis=0)
     spread = np.abs([frf.frdata - mean for frf in frfs]).max(axis=0)
     assert np.median(np.abs(response_by_channel(model.nominal, omega) - mean) / spread) < 0.2
-    assert model.extrapolation == "below the band flat, above it rising 20 dB/decade over 2 decades"
+    assert model.origin.extrapolation == "below the band flat, above it rising 20 dB/decade over 2 decades"
 
 
 def test_the_form_is_that_of_the_least_weight_times_t_or_s():
@@ -158,7 +158,7 @@ def test_the_form_is_that_of_the_least_weight_times_t_or_s():
     assert str(ranking).splitlines()[0].startswith("output ")
     model = robust.uncertainty(plants, G, omega_B=0.1)
     assert model.form == "output"
-    assert "of the least weight times |T| or |S| at 0.1 rad/s" in model.source
+    assert "of the least weight times |T| or |S| at 0.1 rad/s" in model.origin.source
     turned = [control.ss(G.A, G.B @ np.diag(k), G.C, G.D) for k in ([0.8, 1.2], [1.2, 0.8])]
     assert choose_form(turned, G, omega_B=0.1).best == "input"
 

@@ -28,7 +28,7 @@ def test_the_std_given_to_the_fit_reaches_the_set():
     assert (model.confidence, model.perturbation) == (0.95, "statistical")
     direct = robust.uncertainty(nlfrf.bla_from_frf(F, G, std=std), fit)
     assert model.radius == pytest.approx(direct.radius, rel=1e-6)
-    assert "an FRF that was given, 40 lines 1 to 100 Hz, variance from its std" in model.source
+    assert "an FRF that was given, 40 lines 1 to 100 Hz, variance from its std" in model.origin.source
 
 
 def test_an_frf_without_a_deviation_claims_no_confidence():

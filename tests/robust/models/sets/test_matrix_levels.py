@@ -57,8 +57,8 @@ def test_the_elements_are_the_widest_of_all_levels():
         assert np.all(both.radius[:, there] >= one.radius * (1 - 1e-12))
     nearest = np.min([np.interp(both.omega, one.omega, one.radius.max(axis=0)) for one in alone], axis=0)
     assert np.median(both.radius.max(axis=0) / nearest) < 5
-    assert both.source.count("random-odd multisine") == 2
-    assert both.joint == min(both.joint, 1.0) > 0.5
+    assert both.origin.source.count("random-odd multisine") == 2
+    assert both.joint.frf == min(both.joint.frf, 1.0) > 0.5
 
 
 @pytest.mark.parametrize("form", ["additive", "input"])

@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 import robust
 from robust.lti.lti import response, response_by_channel
-from robust.models.sets.records import RecordSummary
+from robust.models.sets.records import JointProbability, Origin, RecordSummary
 
 LAG = control.ss(control.tf([2], [0.01, 1]))
 G = control.append(LAG, 0.5 * LAG) + control.ss([], [], [], [[0, 0.1], [0.05, 0]])
@@ -46,7 +46,9 @@ def equal(one, other):
         return len(one) == len(other) and all(map(equal, one, other))
     if isinstance(one, control.StateSpace):
         return one.dt == other.dt and all(np.array_equal(getattr(one, m), getattr(other, m)) for m in "ABCD")
-    if isinstance(one, RecordSummary | robust.UncertaintyModel):
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(equal(part, other[name]) for name, part in one.items())
+    if isinstance(one, RecordSummary | Origin | JointProbability | robust.UncertaintyModel):
         return all(equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
     if isinstance(one, np.ndarray | float):
         return np.array_equal(one, other, equal_nan=True)
@@ -63,7 +65,7 @@ def test_every_field_comes_back_from_a_file(model, tmp_path):
 
 
 def test_the_budget_adds_up_to_the_radius(model):
-    parts = model.budget()
+    parts = model.budget
     if not parts:
         assert model.form == "additive"  # of a full block no part is known
         return

@@ -28,7 +28,7 @@ def test_the_set_holds_every_plant_of_a_list_and_touches_one(form):
     assert model.radius == pytest.approx(np.max(away, axis=0), rel=1e-9)
     assert np.isnan(model.confidence)
     assert model.perturbation == "statistical"  # "LTI" is for the user to claim
-    assert "5 plants" in model.source
+    assert "5 plants" in model.origin.source
 
 
 def test_systems_are_taken_at_the_lines_of_the_frfs_beside_them():
@@ -55,7 +55,7 @@ def test_arrays_are_the_radius_as_they_are(dt):
     model = robust.uncertainty((OMEGA, radius), nominal, order=2)
     assert model.radius == pytest.approx(radius)
     assert np.all(np.abs(response(model.weight, OMEGA)) >= radius * (1 - 1e-6))
-    assert "given" in model.source
+    assert "given" in model.origin.source
 
 
 @pytest.mark.parametrize(
