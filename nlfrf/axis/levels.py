@@ -236,8 +236,21 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
             f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
             f"{k[1]:.3g} {unit} on the lowest. Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
         )
-    good, k = good[first:], k[first:]  # what is below the plateau is quantisation
-    k0, k_end = float(np.median(k[: last - first])), float(k[-1])
+    return judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
+
+
+def judge_breaking_away(
+    states: list[FrictionRegime],
+    read: list[Level],
+    good: list[int],
+    *,
+    k: np.ndarray,
+    n_plateau: int,
+    unit: tuple[str, str],
+) -> tuple[list[FrictionRegime], str]:
+    """Return the states of levels from a plateau of the stiffness on, what is below it is quantisation, and why not."""
+    force, unit_k = unit
+    k0, k_end = float(np.median(k[:n_plateau])), float(k[-1])
     share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
     settled = abs(k[-1] - k[-2]) < SETTLED * k0 and k_end < STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
@@ -247,13 +260,12 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
         )
     top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
     if k_end >= STICKS * k0:
-        return (
-            states,
-            (f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit} {top}. Raise level and limits"),
+        return states, (
+            f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit_k} {top}. Raise level and limits"
         )
     if not settled:
         return states, (
-            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit} {top}. "
+            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit_k} {top}. "
             "Raise level and limits"
         )
     if FrictionRegime.BENDS not in states:

@@ -17,11 +17,13 @@ from robust.friction.balance import (
     COARSE,
     COARSE_CYCLE,
     FINE,
+    FINE_CYCLE,
     FORCE_ERROR,
     HALF_WIDTH,
     LOAD,
     MEDIUM,
     MEDIUM_CYCLE,
+    REFUTED,
     REPORTED,
     STEP,
     WORTH,
@@ -34,7 +36,7 @@ from robust.friction.balance import (
     escape,
     format_numbers,
     gain_of,
-    linear_columns,
+    largest_share,
     mode_error,
     motion_of_record,
     pack,
@@ -44,6 +46,7 @@ from robust.friction.balance import (
     reweight,
     search,
     settle,
+    share_left,
     start_candidates,
     tangent_of,
     unit_of,
@@ -400,18 +403,7 @@ def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBal
         np.linalg.lstsq(table, as_real([force[:, rigid] / std[:, rigid]]), rcond=None)[0]
         for force in (fitted + left, fitted)
     )
-    # noise of an encoder is alike in all periods where the motion is a few of its steps: it counts against Fs there
-    Fs = float(np.dot(*candidate.all_elements))
-    power = float(max((np.abs(level.U[:, chosen]) ** 2).sum(), 2 * left.shape[0] * Fs**2))
-    # where noise is most of Y, only the machine itself tells what force it stands for
-    machine = sum(
-        candidate.numbers[name] * column / np.where(level.Y == 0, 1.0, level.Y)
-        for name, column in zip(candidate.terms.linear, linear_columns(level, candidate.terms), strict=True)
-    )
-    measured = np.abs(level.U) / np.maximum(np.abs(level.Y), np.finfo(float).tiny)
-    gain = np.maximum(measured, np.abs(machine))[:, chosen] ** 2
-    noise = float((gain * level.noise[:, chosen]).sum()) / power
-    unexplained = float((np.abs(left[:, chosen]) ** 2).sum()) / power
+    unexplained, noise = share_left(level, candidate)
     return LevelBalance(
         force=level.force,
         motion=float(np.sqrt((np.abs(level.Y) ** 2).sum(axis=1).mean() / 2)),
@@ -419,8 +411,8 @@ def balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBal
         damping=float(k[1]),
         stiffness_fit=float(c[0]),
         damping_fit=float(c[1]),
-        unexplained=float(np.sqrt(max(0.0, unexplained - noise))),
-        noise=float(np.sqrt(noise)),
+        unexplained=unexplained,
+        noise=noise,
     )
 
 
@@ -716,18 +708,26 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
             "falls when the input rises. Turn the sign of the sensor"
         )
     candidate = search(coarse, starts, span)
-    if not two:  # of two masses each start takes a minute
+    fine = [motion_of_record(record, FINE, per_cycle=FINE_CYCLE) for record in records]
+    refuted = largest_share(coarse, candidate) > REFUTED
+    if not (two or refuted):  # of two masses each start takes a minute
         medium = [motion_of_record(record, MEDIUM, per_cycle=MEDIUM_CYCLE) for record in records]
         candidate = escape(medium, candidate, span)
-    fine = [motion_of_record(record, FINE) for record in records]
-    candidate = settle(fine, candidate, span)[1]
+    if not refuted:
+        candidate = settle(fine, candidate, span)[1]
     fine = with_branches(fine, candidate)
     stds = reweight(fine, candidate)
-    numbers, spread = numbers_with_spread(records, fine, stds=stds, candidate=candidate, span=span)
+    if refuted:  # no number of it holds
+        numbers = derived_numbers(pack(candidate), candidate)
+        spread = dict.fromkeys(numbers, np.inf)
+    else:
+        numbers, spread = numbers_with_spread(records, fine, stds=stds, candidate=candidate, span=span)
     balances = [balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
     units = units_of(records[0])
-    stuck = stuck_stiffness(fine, stds, candidate) if free else 0.0
-    mode = None if two else sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
+    stuck = stuck_stiffness(fine, stds, candidate) if free and not refuted else 0.0
+    mode = None
+    if not (two or refuted):
+        mode = sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
     damping = numbers["damping"], 3 * spread["damping"]
     questions = questions_of(
@@ -777,7 +777,7 @@ def numbers_with_spread(
     others = []
     for steps, shrinkage in ALTERNATIVES:
         levels = [
-            replace(motion_of_record(record, steps, shrinkage), centred=level.centred)
+            replace(motion_of_record(record, steps, shrinkage, FINE_CYCLE * steps / FINE), centred=level.centred)
             for record, level in zip(records, fine, strict=True)
         ]
         other = refine(levels, stds, candidate=candidate, span=span)
