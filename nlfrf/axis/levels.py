@@ -156,7 +156,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     >>> import nlfrf, tempfile
     >>> from nlfrf.axis import design_ramp, load_trace, play_experiment
     >>> axis = nlfrf.servo_axis("ball screw")
-    >>> ramp = design_ramp(axis, n_samples=2000, f_min=2, f_max=60, rms=2500, n_levels=14, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=2000, f_min=2, f_max=60, rng=1)
+    >>> ramp = design_ramp(axis, ms, rms=2500, n_levels=14)
     >>> folder = tempfile.TemporaryDirectory()
     >>> nlfrf.save(ramp, f"{folder.name}/ramp.csv")
     >>> trace = play_experiment(axis, f"{folder.name}/ramp.csv", f"{folder.name}/trace.csv")
@@ -240,55 +241,33 @@ def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -
     ]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
-    if len(good) < 4:
-        limited = sum(one.limited for one in read)
-        return states, (
-            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
-            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
-        )
-    names = ("stiffness", "position", "stiffness_share")
-    k, position, stiffness_share = (np.array([getattr(read[i], name) for i in good]) for name in names)
-    steps = np.zeros(gains.size)
-    steps[gains.size - len(read) :] = [one.steps for one in read]
-    below = np.arange(gains.size) < gains.size - len(read) + good[0]
-    # nothing but friction holds an axis that moves less than its share of the motion at the highest level
-    held = int(np.count_nonzero(below & (2 * STEPS * gains[-1] < read[-1].steps * gains) & (steps < STEPS)))
-    lowest, lower, cure = f"{read[good[0]].force:.3g} {force} rms", read[good[0]].steps / PLATEAU_SPAN, "raise --span"
-    unseen = (
-        f"at {held} of {gains.size} levels friction holds the axis within {STEPS:g} steps of the encoder, and from "
-        f"{lowest} on it lets go"
-    )
-    finer = "A lower level shows no more, a finer encoder does; the force of the friction is read without it"
-    if not np.any(stiffness_share > MIN_STIFFNESS_SHARE):
-        return states, (
-            f"{unseen}. {finer}"
-            if held
-            else f"friction holds the axis at no level, from {lowest} on: the force goes into its mass. Begin the ramp "
-            f"lower: {cure}"
-        )
-    stiffest = int(np.argmax(k))
-    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
-        return states, (
-            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} {unit}: that "
-            "is backlash or a hardening spring, friction makes it fall. Take the play out first"
-        )
+    below = what_lies_below(read, units, gains) if len(good) > 3 else ""
+    if reason := reason_against_reading(read, units, below):
+        return states, reason
+    k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
     first, last = plateau_of(k, position)
     if first == last:
         for i in good:
             states[i] = FrictionRegime.BENDS
         return states, (
             f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
-            f"{k[1]:.3g} {unit} on the lowest"
-            + (
-                f": {unseen}. {finer}"
-                if held
-                else f". {finer}"
-                if below.any() or lower < STEPS
-                else f". Begin below {lowest}: {cure}"
-            )
+            f"{k[1]:.3g} {unit} on the lowest. {below}"
         )
-    good, k = good[first:], k[first:]  # what is below the plateau is quantisation
-    k0, k_end = float(np.median(k[: last - first])), float(k[-1])
+    return judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
+
+
+def judge_breaking_away(
+    states: list[FrictionRegime],
+    read: list[Level],
+    good: list[int],
+    *,
+    k: np.ndarray,
+    n_plateau: int,
+    unit: tuple[str, str],
+) -> tuple[list[FrictionRegime], str]:
+    """Return the states of levels from a plateau of the stiffness on, what is below it is quantisation, and why not."""
+    force, unit_k = unit
+    k0, k_end = float(np.median(k[:n_plateau])), float(k[-1])
     share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
     settled = abs(k[-1] - k[-2]) < SETTLED * k0 and k_end < STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
@@ -298,18 +277,61 @@ def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -
         )
     top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
     if k_end >= STICKS * k0:
-        return (
-            states,
-            (f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit} {top}. Raise level and limits"),
+        return states, (
+            f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit_k} {top}. Raise level and limits"
         )
     if not settled:
         return states, (
-            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit} {top}. "
+            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit_k} {top}. "
             "Raise level and limits"
         )
     if FrictionRegime.BENDS not in states:
         return states, "no level bends between sticking and sliding: take more levels"
     return states, ""
+
+
+def what_lies_below(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> str:
+    """Return what is known below the lowest level that can be read, and what shows more."""
+    first = next(k for k, one in enumerate(read) if one.readable)
+    lowest, missing = f"{read[first].force:.3g} {units[0]} rms", gains.size - len(read)
+    steps = np.append(np.zeros(missing), [one.steps for one in read])
+    below = np.arange(gains.size) < missing + first
+    finer = "A lower level shows no more, a finer encoder does; the force of the friction is read without it"
+    # nothing but friction holds an axis that moves less than its share of the motion at the highest level
+    held = int(np.count_nonzero(below & (2 * STEPS * gains[-1] < read[-1].steps * gains) & (steps < STEPS)))
+    if held:
+        return (
+            f"At {held} of {gains.size} levels friction holds the axis within {STEPS:g} steps of the encoder, and from "
+            f"{lowest} on it lets go. {finer}"
+        )
+    unresolved = below.any() or read[first].steps < PLATEAU_SPAN * STEPS
+    return finer if unresolved else f"Begin the ramp below {lowest}: raise --span"
+
+
+def reason_against_reading(read: list[Level], units: tuple[str, str], below: str) -> str:
+    """Return why the levels show no friction that falls with the level; empty where they may.
+
+    below : what lies below the lowest.
+    """
+    good = [one for one in read if one.readable]
+    if len(good) < 4:
+        limited = sum(one.limited for one in read)
+        return (
+            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
+            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
+        )
+    if not any(one.stiffness_share > MIN_STIFFNESS_SHARE for one in good):
+        least = f"{good[0].force:.3g} {units[0]} rms"
+        return f"no level that can be read sticks: from {least} on the force moves a mass. {below}"
+    k = np.array([one.stiffness for one in good])
+    stiffest = int(np.argmax(k))
+    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
+        return (
+            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} "
+            f"{'/'.join(units)}: that is backlash or a hardening spring, friction makes it fall. Take the play out "
+            "first"
+        )
+    return ""
 
 
 def plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:

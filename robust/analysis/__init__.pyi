@@ -4,9 +4,7 @@ from .loop_level import LevelState as LevelState
 from .loop_level import LoopLevel as LoopLevel
 from .loop_level import LoopSignals as LoopSignals
 from .loop_level import NoiseSignal as NoiseSignal
-from .loop_level import SampledSignal as SampledSignal
 from .loop_level import SignalLevel as SignalLevel
-from .loop_level import SineSignal as SineSignal
 from .loop_level import StepSignal as StepSignal
 from .loop_level import predict_level as predict_level
 from .performance import LoopGains as LoopGains

@@ -14,75 +14,31 @@ has at each frequency. That is an upper bound for every plant of the set: none n
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
+from math import hypot
 
 import control
 import numpy as np
 
-from nlfrf import Bla, Multisine
+from nlfrf import Bla
 from nlfrf._base.arguments import (
     require_kind,
     require_nonnegative,
-    require_positive,
     require_real,
-    require_real_array,
     short_form,
 )
 from nlfrf._base.values import value
 from robust._base.channels import is_single
-from robust._base.types import Controller, LinearSystem
+from robust._base.types import Controller
 from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
-from robust.analysis.performance import simulate_samples, simulate_step
+from robust.analysis.performance import simulate_step
 from robust.lti.connections import worst_sensitivity
-from robust.lti.lti import SAMPLING_TOLERANCE, poles, replace_infinite, require_sampling_time, response, timebase
-from robust.lti.realisation import state_space
+from robust.lti.lti import replace_infinite
 from robust.lti.stability import is_stable
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.records import rms_levels
-
-# ---- Reference, disturbance and noise of a loop as a user names them, and the spectrum that each of them has.
-#
-# what the user writes                 spectrum
-# SineSignal, Multisine, periodic      lines: power of each sinusoid
-# NoiseSignal, a shaping filter        density: power per rad/s
-# StepSignal, a record from rest       none: a transient, which is simulated
-
-
-@value(kw_only=False)
-class SineSignal:
-    """A sinusoid in a loop.
-
-    Fields
-    ------
-    amplitude : float
-        Its peak, in the unit of the signal.
-    omega : float
-        Its frequency [rad/s].
-
-    Raises
-    ------
-    ValueError
-        An amplitude below zero, a frequency that is not positive.
-
-    References
-    ----------
-    SP 2.1 (frequency response).
-
-    Examples
-    --------
-    >>> SineSignal(0.5, 20.0).amplitude
-    0.5
-    """
-
-    amplitude: float
-    omega: float
-
-    def __post_init__(self) -> None:
-        require_nonnegative("amplitude", self.amplitude)
-        require_positive("omega", self.omega)
 
 
 @value(kw_only=False)
@@ -152,72 +108,23 @@ class StepSignal:
         require_real("height", self.height)
 
 
-@value(kw_only=False)
-class SampledSignal:
-    """Samples of a signal in a loop, as they were measured or planned.
-
-    Fields
-    ------
-    samples : (n,) ndarray
-        In the unit of the signal.
-    fs : float
-        Sampling frequency [Hz]; that of the controller where it is sampled.
-    periodic : bool
-        True: the samples are one period of a signal that goes on for ever. False: the loop is at rest before them.
-
-    Raises
-    ------
-    ValueError
-        Samples that are not finite real numbers, or fewer than two of them.
-
-    References
-    ----------
-    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3.
-
-    Examples
-    --------
-    >>> SampledSignal(np.sin(np.arange(100) * 0.1), fs=1000).periodic
-    False
-    """
-
-    samples: np.ndarray
-    fs: float
-    periodic: bool = False
-
-    def __post_init__(self) -> None:
-        if require_real_array("samples", self.samples, ndim=1).size < 2:
-            raise ValueError(f"samples must be at least two, got {self.samples.size}")
-        require_positive("fs", self.fs)
-
-
-#: What can be named as a signal, for messages.
-SIGNAL_KINDS = (
-    "a SineSignal, NoiseSignal, StepSignal, SampledSignal, nlfrf.Multisine, or a stable system that shapes white noise"
-)
-
-
-Signal: TypeAlias = "SineSignal | NoiseSignal | StepSignal | SampledSignal | Multisine | LinearSystem"
-
-
 @value
 class LoopSignals:
     """What acts on a loop u = K (r - y - n), y = G (u + d): each of them or none.
 
     Fields
     ------
-    reference, disturbance, noise : signal or None
-        r and n in the unit of y, d in the unit of u at the plant input. Each is a `SineSignal`, `NoiseSignal`,
-        `StepSignal`, `SampledSignal`, an `nlfrf.Multisine` that repeats, or a control system that shapes white noise:
-        of variance one per sample where it is sampled, of intensity one (two-sided density) where it is continuous.
+    reference, disturbance, noise : NoiseSignal, StepSignal or None
+        r and n in the unit of y, d in the unit of u at the plant input.
 
     Raises
     ------
     ValueError
-        No signal at all, or something that is none; a filter that is not stable.
+        No signal at all, or something that is none.
 
     References
     ----------
-    SP 2.2.1 (the loop), K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 4 (shaping filters).
+    SP 2.2.1.
 
     Examples
     --------
@@ -226,160 +133,20 @@ class LoopSignals:
     ['noise', 'reference']
     """
 
-    reference: Signal | None = None
-    disturbance: Signal | None = None
-    noise: Signal | None = None
+    reference: NoiseSignal | StepSignal | None = None
+    disturbance: NoiseSignal | StepSignal | None = None
+    noise: NoiseSignal | StepSignal | None = None
 
     def __post_init__(self) -> None:
         if not self.named():
             raise ValueError("reference, disturbance or noise must be given, got none of them")
         for name, signal in self.named().items():
-            if isinstance(signal, (SineSignal, NoiseSignal, StepSignal, SampledSignal)):
-                continue
-            if isinstance(signal, Multisine):
-                continue
-            if not isinstance(signal, (control.StateSpace, control.TransferFunction)):
-                raise ValueError(f"{name} must be {SIGNAL_KINDS}, got {short_form(signal)}")
-            shaping = state_space(name, signal)
-            if not is_stable(shaping):
-                raise ValueError(
-                    f"{name} must be shaped by a stable system, got poles {poles(shaping)}: its noise has no finite "
-                    "rms. Use a slow pole in place of an integrator."
-                )
-            object.__setattr__(self, name, shaping)
+            require_kind(name, signal, NoiseSignal, StepSignal)
 
-    def named(self) -> dict[str, Signal]:
+    def named(self) -> dict[str, NoiseSignal | StepSignal]:
         """Return those that are there, by name."""
         every = {"reference": self.reference, "disturbance": self.disturbance, "noise": self.noise}
         return {name: signal for name, signal in every.items() if signal is not None}
-
-
-@value
-class LineSpectrum:
-    """Hold a periodic signal without its mean: frequencies [rad/s] and power (rms^2) of its sinusoids."""
-
-    omega: np.ndarray
-    power: np.ndarray
-
-
-@value
-class PowerDensity:
-    """Hold a stationary random signal: power per rad/s over the frequencies from low to high [rad/s].
-
-    Fields
-    ------
-    of : callable
-        Frequencies (W,) -> density (W,).
-    low, high : float
-        The band outside which it is zero; high may be infinite.
-    places : (n,) ndarray
-        Its corner frequencies [rad/s].
-    direct : float
-        The density that it keeps at infinite frequency.
-    """
-
-    density: Callable[[np.ndarray], np.ndarray]
-    low: float
-    high: float
-    corner_frequencies: np.ndarray
-    density_at_infinity: float
-
-
-@value
-class Transient:
-    """Hold a signal that acts on a loop at rest: a step of the given height, or samples at fs [Hz]."""
-
-    height: float = float("nan")
-    samples: np.ndarray | None = None
-    fs: float = float("nan")
-
-
-Spectrum = LineSpectrum | PowerDensity | Transient
-
-
-def find_spectrum(name: str, signal: Signal, dt: float) -> Spectrum:
-    """Return a signal of a loop of sampling time dt (0: continuous) as lines, as a power density, or as a transient.
-
-    signal is a step, samples of one period, a sine, a multisine, noise in a band, or a shaping filter of white noise.
-    """
-    if isinstance(signal, StepSignal):
-        return Transient(height=float(signal.height))
-    if isinstance(signal, SampledSignal):
-        if dt and abs(signal.fs * dt - 1) > SAMPLING_TOLERANCE:
-            raise ValueError(
-                f"{name} must have the sampling frequency of the controller, {1 / dt:g} Hz, got {signal.fs:g} Hz. "
-                "Resample it, with a filter where it holds more than half of that"
-            )
-        return periodic_lines(signal) if signal.periodic else Transient(samples=signal.samples, fs=float(signal.fs))
-    if isinstance(signal, SineSignal):
-        return require_below_nyquist(
-            name,
-            LineSpectrum(omega=np.array([signal.omega]), power=np.array([signal.amplitude * signal.amplitude / 2])),
-            dt,
-        )
-    if isinstance(signal, Multisine):
-        return require_below_nyquist(name, LineSpectrum(omega=2 * np.pi * signal.f, power=signal.amplitude**2 / 2), dt)
-    if isinstance(signal, NoiseSignal):
-        return band_density(name, signal, dt)
-    return shaped_density(name, signal, dt)
-
-
-def periodic_lines(signal: SampledSignal) -> LineSpectrum:
-    """Return the sinusoids of one period of samples; at the Nyquist frequency one sample tells the whole power."""
-    n = signal.samples.size
-    power = 2 * np.abs(np.fft.rfft(signal.samples) / n) ** 2
-    if n % 2 == 0:
-        power[-1] /= 2
-    return LineSpectrum(omega=2 * np.pi * signal.fs / n * np.arange(1, power.size), power=power[1:])
-
-
-def require_below_nyquist(name: str, lines: LineSpectrum, dt: float) -> LineSpectrum:
-    """Return the lines, refused above the Nyquist frequency, where a sampled loop would see them at others."""
-    if dt and lines.omega.max() * dt > np.pi:
-        raise ValueError(
-            f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s, got a line at "
-            f"{lines.omega.max():g} rad/s: it would come back as a lower one"
-        )
-    return lines
-
-
-def band_density(name: str, signal: NoiseSignal, dt: float) -> PowerDensity:
-    """Return the constant density of noise of a given rms over its band [rad/s]; an open end is Nyquist."""
-    high = signal.omega_max
-    if np.isnan(high):
-        if not dt:
-            raise ValueError(
-                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its rms is infinite"
-            )
-        high = np.pi / dt
-    if dt and max(high * dt, signal.omega_min * dt * (1 + 1e-6)) > np.pi * (1 + 1e-9):
-        raise ValueError(
-            f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s, got a band up to "
-            f"{max(high, signal.omega_min):g} rad/s"
-        )
-    density = signal.rms * signal.rms / (high - signal.omega_min)
-    return PowerDensity(
-        density=lambda omega: np.full(np.shape(omega), density),
-        low=signal.omega_min,
-        high=high,
-        corner_frequencies=np.zeros(0),
-        density_at_infinity=0.0,
-    )
-
-
-def shaped_density(name: str, shaping: control.StateSpace, dt: float) -> PowerDensity:
-    """Return the density of filtered white noise: T |F|^2 / pi up to Nyquist where sampled, else |F|^2 / pi."""
-    require_sampling_time(name, shaping, reference="the loop", wanted=dt)
-    scale = (dt or 1.0) / np.pi
-    roots = poles(shaping)
-    places = np.abs(np.log(roots[roots != 0].astype(complex))) / dt if timebase(shaping) else np.abs(roots)
-    return PowerDensity(
-        density=lambda omega: scale * np.abs(response(shaping, omega)) ** 2,
-        low=0.0,
-        high=np.pi / dt if dt else np.inf,
-        corner_frequencies=places,
-        density_at_infinity=float(scale * shaping.D[0, 0] ** 2),
-    )
 
 
 def require_real_or_nan(name: str, number: object) -> float:
@@ -394,8 +161,9 @@ LEVEL_TOLERANCE = 1.5
 RMS_OF_SWING = 1 / np.sqrt(8)
 #: Share of the power in the measured band from which on the report does not mention the rest.
 MIN_SHARE_IN_BAND = 0.5
-#: Relative accuracy of an integrated power, nodes of a panel, and how often a panel is halved.
-INTEGRATION_TOLERANCE, PANEL_NODES, MAX_HALVINGS = 1e-7, 5, 40
+#: Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense around every mode.
+PANEL_NODES, PANELS = 5, 4
+WIDE = 200  # further frequencies, over nine decades below the end of a noise
 
 
 class LevelState(enum.Enum):
@@ -433,11 +201,11 @@ class SignalLevel:
         "reference", "disturbance" or "noise".
     u, y : float
         Rms of the plant input and output by it, of the nominal loop [unit of u, unit of y]; means are left out. Of a
-        step that of the sinusoid with the same swing, of a record from rest that over its duration.
+        step that of the sinusoid with the same swing.
     u_worst, y_worst : float
-        Upper bound of these over the set; inf where the set holds an unstable loop, nan of a transient.
+        Upper bound of these over the set; inf where the set holds an unstable loop, nan of a step.
     u_in_band, y_in_band : float
-        Share of that power in the measured band; nan of a transient.
+        Share of that power in the measured band; nan of a step.
 
     References
     ----------
@@ -474,7 +242,7 @@ class LoopLevel:
     u, y : float
         Rms of all of them together at plant input and output [unit of u, unit of y], as if independent.
     u_worst, y_worst : float
-        Upper bound of these over the set; inf where the set holds an unstable loop, nan with a transient.
+        Upper bound of these over the set; inf where the set holds an unstable loop, nan with a step.
     u_measured, y_measured : (2,) ndarray
         Lowest and highest rms of the records behind the set; nan where not known.
     u_state, y_state : LevelState
@@ -488,13 +256,13 @@ class LoopLevel:
 
     Examples
     --------
-    >>> from robust.analysis import LoopSignals, SineSignal
+    >>> from robust.analysis import LoopSignals, StepSignal
     >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
-    >>> level = predict_level(model, 1.0, LoopSignals(reference=SineSignal(1.0, 1.0)))
-    >>> round(2 * level.y**2, 6), level.y_state.value                        # |T|^2 = 1/(1 + 4)
-    (0.2, 'unknown')
+    >>> level = predict_level(model, 1.0, LoopSignals(reference=StepSignal(1.0)))
+    >>> round(level.y * 8**0.5, 3), level.y_state.value                      # y goes to K/(1 + K)
+    (0.5, 'unknown')
     """
 
     signals: tuple[SignalLevel, ...]
@@ -514,8 +282,9 @@ class LoopLevel:
         return self.u_state is LevelState.INSIDE and self.y_state is LevelState.INSIDE
 
     def share_in_band(self, name: str) -> float:
-        """Return the share of the power of "u" or "y" in the measured band; nan with a transient, or without power."""
-        power = np.array([getattr(one, name) ** 2 for one in self.signals])
+        """Return the share of the power of "u" or "y" in the measured band; nan with a step, or without power."""
+        power = np.array([getattr(one, name) for one in self.signals])
+        power = (power / max(power.max(), 1e-300)) ** 2
         share = np.array([getattr(one, f"{name}_in_band") for one in self.signals])
         total = power.sum()
         return float(np.sum(power[power > 0] * share[power > 0]) / total) if total > 0 else float("nan")
@@ -609,8 +378,8 @@ def predict_level(
     Raises
     ------
     ValueError
-        A plant that is known on its lines only; a loop that is not stable, which has no level; signals that do not fit
-        the loop: its sampling time, lines above its Nyquist frequency, white noise that reaches u or y unfiltered.
+        A plant that is known on its lines only; a loop that is not stable, which has no level; noise that has no end in
+        a continuous loop, or reaches above the Nyquist frequency of a sampled one.
 
     References
     ----------
@@ -619,14 +388,13 @@ def predict_level(
 
     Examples
     --------
-    White noise of intensity one at the input of 1/(s + 1) under K = 1: y has the variance 1/(2 (1 + 1)).
+    Noise of density one from 0 to 100 rad/s at the input of 1/(s + 1) under K = 1: |G S|^2 = 1/(w^2 + 4).
 
-    >>> from robust.analysis import LoopSignals
+    >>> from robust.analysis import LoopSignals, NoiseSignal
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
-    >>> white = control.tf([100.0], [1, 100.0])                              # nearly white, and of finite power
-    >>> level = predict_level(model, 1.0, LoopSignals(disturbance=white))
-    >>> bool(abs(level.y**2 - 1 / 4 * 100 / 102) < 1e-6), bool(level.y < level.y_worst)
+    >>> level = predict_level(model, 1.0, LoopSignals(disturbance=NoiseSignal(10.0, omega_max=100.0)))
+    >>> bool(abs(level.y**2 - np.arctan(100 / 2) / 2) < 1e-6), bool(level.y < level.y_worst)
     (True, True)
     """
     require_one_channel_loop(model)
@@ -635,14 +403,11 @@ def predict_level(
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(f"K must stabilise the nominal plant for its loop to have a level, got one that is {nominal}")
-    band = (float(model.omega[0]), float(model.omega[-1]))
     found = tuple(
-        signal_level(name, find_spectrum(name, signal, loop.dt), loop=loop, lines=model.omega, band=band)
+        step_level(name, signal, loop) if isinstance(signal, StepSignal) else noise_level(name, signal, loop)
         for name, signal in signals.named().items()
     )
-    totals = {
-        part: float(np.sqrt(sum(getattr(one, part) ** 2 for one in found))) for part in ("u", "y", "u_worst", "y_worst")
-    }
+    totals = {part: hypot(*(getattr(one, part) for one in found)) for part in ("u", "y", "u_worst", "y_worst")}
     measured = measured_levels(model, bla)
     return LoopLevel(
         signals=found,
@@ -683,36 +448,52 @@ def find_state(rms: float, low: float, high: float) -> LevelState:
     return LevelState.BELOW if rms < low / LEVEL_TOLERANCE else LevelState.INSIDE
 
 
-def signal_level(
-    name: str, spectrum: Spectrum, *, loop: Loop, lines: np.ndarray, band: tuple[float, float]
-) -> SignalLevel:
-    """Return what one signal does to plant input and output."""
-    if isinstance(spectrum, Transient):
-        return SignalLevel(name=name, **transient_level(name, spectrum, loop))
+def step_level(name: str, signal: StepSignal, loop: Loop) -> SignalLevel:
+    """Return what a step does to plant input and output of the nominal loop, as the sinusoid of the same swing."""
+    system, rms = loop_to_plant_signals(loop, name), np.full(2, np.nan)
+    if is_stable(system):  # else the approximation of a delay, in a loop that is stable with the delay itself
+        _, out = simulate_step(system)
+        swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)
+        rms = np.abs(float(signal.height)) * swing * RMS_OF_SWING
+    return SignalLevel(name=name, u=float(rms[0]), y=float(rms[1]))
 
-    def gains(omega: np.ndarray) -> np.ndarray:
-        """Return (4, W) squared gain to u and to y: of the nominal plant, and the largest over the set."""
-        return squared_gains(loop.curves(omega), loop.form, name)
 
-    if isinstance(spectrum, LineSpectrum):
-        at = spectrum.omega if not loop.dt else np.minimum(spectrum.omega, np.pi / loop.dt * (1 - 1e-12))
-        powers = spectrum.power * gains(at)
-        total = powers.sum(axis=1)
-        inside = powers[:, (spectrum.omega >= band[0]) & (spectrum.omega <= band[1])].sum(axis=1)
-    else:
-        total, inside = integrate_density(name, spectrum, gains=gains, loop=loop, lines=lines, band=band)
+def noise_level(name: str, signal: NoiseSignal, loop: Loop) -> SignalLevel:
+    """Return what noise in a band does to plant input and output: its density times the squared gains, integrated."""
+    low, high = noise_band(name, signal, loop.dt)
+    grid = np.concatenate([loop.grid(loop.model.omega), loop.band, np.geomspace(1e-9 * high, high, WIDE)])
+    grid = np.concatenate([[low], np.unique(grid[(grid > low) & (grid < high)]), [high]])
+    edges = np.interp(np.arange(PANELS * (grid.size - 1) + 1) / PANELS, np.arange(grid.size), grid)
+    nodes, weights = np.polynomial.legendre.leggauss(PANEL_NODES)
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    at = middle[:, None] + half[:, None] * nodes
+    found = squared_gains(loop.curves(at.ravel()), loop.form, name).reshape(4, *at.shape)
+    panels = (found * weights).sum(axis=2) * half / (high - low)
+    total = panels.sum(axis=1)
+    inside = panels[:, (middle > loop.band[0]) & (middle < loop.band[1])].sum(axis=1)
     with np.errstate(invalid="ignore"):
         share = np.where(total > 0, inside / total, np.nan)
-    rms = np.sqrt(total)
+    u, y, u_worst, y_worst = (float(signal.rms) * np.sqrt(total)).tolist()
     return SignalLevel(
-        name=name,
-        u=float(rms[0]),
-        y=float(rms[1]),
-        u_worst=float(rms[2]),
-        y_worst=float(rms[3]),
-        u_in_band=float(share[0]),
-        y_in_band=float(share[1]),
+        name=name, u=u, y=y, u_worst=u_worst, y_worst=y_worst, u_in_band=float(share[0]), y_in_band=float(share[1])
     )
+
+
+def noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float]:
+    """Return the band [rad/s] of a noise in a loop; an open end is Nyquist, which nothing may lie above."""
+    high = float(signal.omega_max)
+    if np.isnan(high):
+        if not dt:
+            raise ValueError(
+                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its rms is infinite"
+            )
+        high = np.pi / dt
+    if dt and max(high * dt, signal.omega_min * dt * (1 + 1e-6)) > np.pi * (1 + 1e-9):
+        raise ValueError(
+            f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s, got a band up to "
+            f"{max(high, signal.omega_min):g} rad/s"
+        )
+    return float(signal.omega_min), high
 
 
 def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
@@ -735,104 +516,6 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     if name != "disturbance":
         parts = parts * np.abs(replace_infinite(curves.K))
     return parts**2
-
-
-def integrate_density(
-    name: str,
-    spectrum: PowerDensity,
-    *,
-    gains: Callable[[np.ndarray], np.ndarray],
-    loop: Loop,
-    lines: np.ndarray,
-    band: tuple[float, float],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate the powers (4,) of a density over all frequencies, and over the measured band."""
-    require_finite_power(name, spectrum, loop)
-    low, high = spectrum.low, spectrum.high
-    grid = np.concatenate(
-        [
-            loop.grid(lines),
-            spectrum.corner_frequencies,
-            spectrum.corner_frequencies * 3,
-            spectrum.corner_frequencies / 3,
-            band,
-        ]
-    )
-    grid = np.unique(grid[(grid > low) & (grid < high)])
-    last = grid[-1] * 10 if grid.size else max(1.0, low * 10)
-    edges = np.concatenate([[low], grid, [high if np.isfinite(high) else last]])
-
-    def power(omega: np.ndarray) -> np.ndarray:
-        return np.asarray(spectrum.density(omega) * gains(omega))
-
-    def tail(x: np.ndarray) -> np.ndarray:
-        """Return the rest up to infinity, with omega = last / x: what falls as 1/omega^2 is constant there."""
-        return np.asarray(power(last / x) * last / x**2)
-
-    panels = integrate_panels(power, edges)
-    middle = (edges[1:] + edges[:-1]) / 2
-    inside = panels[:, (middle > band[0]) & (middle < band[1])].sum(axis=1)
-    rest = 0.0 if np.isfinite(high) else integrate_panels(tail, np.array([0.0, 0.5, 1.0])).sum(axis=1)
-    return panels.sum(axis=1) + rest, inside
-
-
-def require_finite_power(name: str, spectrum: PowerDensity, loop: Loop) -> None:
-    """Refuse noise of infinite power at the plant: white in continuous time, with a direct path to u or y."""
-    if np.isfinite(spectrum.high) or spectrum.density_at_infinity == 0:
-        return
-    direct = loop_to_plant_signals(loop, name).D[:, 0]
-    if np.any(direct != 0):
-        reached = " and ".join(one for one, part in zip("uy", direct, strict=True) if part != 0)
-        raise ValueError(
-            f"{name} must be shaped by a strictly proper system in this loop, got one with a direct term: white noise "
-            f"reaches {reached} with infinite rms. Add a pole where the real noise ends"
-        )
-
-
-def integrate_panels(integrand: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> np.ndarray:
-    """Integrate functions (k, W) between edges, (k, panels), by Gauss-Legendre on panels, halved as needed."""
-    nodes, weights = np.polynomial.legendre.leggauss(PANEL_NODES)
-
-    def gauss(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        half = (high - low) / 2
-        at = ((high + low) / 2)[:, None] + half[:, None] * nodes
-        values = integrand(at.ravel())
-        return np.asarray((values.reshape(len(values), *at.shape) * weights).sum(axis=2) * half)
-
-    low, high, owner = edges[:-1], edges[1:], np.arange(edges.size - 1)
-    coarse = gauss(low, high)
-    out = np.zeros_like(coarse)
-    for _ in range(MAX_HALVINGS):
-        middle = (low + high) / 2
-        left, right = gauss(low, middle), gauss(middle, high)
-        fine = left + right
-        total = np.sum(out, axis=1) + np.sum(fine, axis=1)
-        with np.errstate(invalid="ignore"):
-            # an infinite bound stays infinite, however fine the panel
-            wrong = np.abs(fine - coarse) > INTEGRATION_TOLERANCE * np.maximum(np.abs(fine), 1e-3 * total[:, None])
-        again = (wrong & np.isfinite(fine)).any(axis=0)
-        np.add.at(out.T, owner[~again], fine[:, ~again].T)
-        if not again.any():
-            return out
-        low, high = np.r_[low[again], middle[again]], np.r_[middle[again], high[again]]
-        coarse = np.hstack([left[:, again], right[:, again]])
-        owner = np.r_[owner[again], owner[again]]
-    np.add.at(out.T, owner, coarse.T)
-    return out
-
-
-def transient_level(name: str, spectrum: Transient, loop: Loop) -> dict[str, float]:
-    """Return the rms of plant input and output of the nominal loop in a transient from rest."""
-    system = loop_to_plant_signals(loop, name)
-    if not is_stable(system):  # the approximation of a delay, in a loop that is stable with the delay itself
-        return {"u": float("nan"), "y": float("nan")}
-    if spectrum.samples is None:
-        _, out = simulate_step(system)
-        swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)
-        rms = np.abs(spectrum.height) * swing * RMS_OF_SWING
-    else:
-        rms = simulate_samples(system, spectrum.samples, spectrum.fs).std(axis=1)
-    return {"u": float(rms[0]), "y": float(rms[1])}
 
 
 def loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:

@@ -419,18 +419,6 @@ def simulate_step(system: control.StateSpace, duration: float | None = None) -> 
     return t, C @ x + D
 
 
-def simulate_samples(system: control.StateSpace, samples: np.ndarray, fs: float) -> np.ndarray:
-    """Simulate a system of one input, at rest before the samples at fs [Hz], each held until the next: (outputs, n)."""
-    A, B, C, D = system.A, system.B, system.C, system.D
-    if not timebase(system):
-        A, B = discretize_with_hold(A, B, 1 / fs)
-    x, out = np.zeros(A.shape[0]), np.empty((C.shape[0], samples.size))
-    for k, sample in enumerate(samples):
-        out[:, k] = C @ x + D[:, 0] * sample
-        x = A @ x + B[:, 0] * sample
-    return out
-
-
 def simulate_in_growing_steps(
     A: np.ndarray, B: np.ndarray, *, step: float, horizon: float
 ) -> tuple[np.ndarray, np.ndarray]:

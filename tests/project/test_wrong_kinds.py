@@ -65,7 +65,7 @@ def things():
     }
     sound |= {"machine": robust.friction_plant(1.0, 1e4, 10.0), "records": [record], "delay": 0.01}
     sound |= {"v": np.zeros(10), "omega_bc": 10.0, "content": model, "gain": 2.0, "phase": 30.0, "kp": 1.0, "Fs": 1.0}
-    sound |= {"signals": robust.analysis.LoopSignals(disturbance=robust.analysis.SineSignal(0.1, 10.0))}
+    sound |= {"signals": robust.analysis.LoopSignals(disturbance=robust.analysis.NoiseSignal(0.1, omega_max=10.0))}
     sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record), "f": np.array([1.0, 2.0])}
     axis = nlfrf.servo_axis("linear motor")
     screened = screen_streams([record.u.ravel()], ["u"], n_inputs=1, fs=1024.0, period=1024.0)

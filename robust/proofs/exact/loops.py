@@ -29,7 +29,7 @@ from robust.proofs.exact.stability import (
 )
 from robust.proofs.exact.taylor_models import positive_on_intervals
 
-BITS = (192, 640, 2048)
+BITS = (320, 640, 2048)  # 192 were too few for twelve sampled states, and a loop of two takes no longer
 MAX_STATES = 400
 NOMINAL, WEIGHTS = "nominal stability", "stable weights"
 

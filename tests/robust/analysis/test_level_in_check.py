@@ -11,7 +11,7 @@ import pytest
 import nlfrf
 import robust
 from robust import UncertaintyModel, cli
-from robust.analysis import LoopSignals, NoiseSignal, SineSignal, StepSignal
+from robust.analysis import LoopSignals, NoiseSignal, StepSignal
 from tests.robust.analysis.test_loop_level import OMEGA, RADIUS, plant_set, record_of
 from tests.support.printed import unwrapped
 
@@ -20,7 +20,7 @@ def test_check_and_report_carry_the_level(tmp_path):
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model, signals = (
         robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2)),
-        LoopSignals(noise=SineSignal(0.1, 9.0)),
+        LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1)),
     )
     report = robust.check(model, 0.5, signals=signals, delay=1e-3)
     alone = robust.analysis.predict_level(model, 0.5, signals, delay=1e-3)
@@ -41,7 +41,7 @@ def test_a_matrix_has_no_level(tmp_path):
     G, w = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))), control.ss([], [], [], [[0.2]])
     known = {"form": "additive", "omega": OMEGA, "radius": np.full((4, 2), 0.2), "confidence": 0.95}
     model = robust.UncertaintyModel(nominal=G, left=(w, w), right=(w, w), **known)
-    signals = LoopSignals(noise=SineSignal(0.1, 9.0))
+    signals = LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1))
     for refused in (
         lambda: robust.check(model, np.eye(2), signals=signals),
         lambda: robust.reports.write_report(tmp_path / "r.html", model, np.eye(2), signals=signals),
@@ -51,7 +51,7 @@ def test_a_matrix_has_no_level(tmp_path):
 
 
 def test_an_unstable_loop_has_no_level_in_its_report():
-    report = robust.check(plant_set(), -2.0, signals=LoopSignals(noise=SineSignal(0.1, 9.0)))
+    report = robust.check(plant_set(), -2.0, signals=LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1)))
     assert (report.nominally_stable, report.level) == (False, None)
 
 
@@ -64,7 +64,7 @@ def test_an_unstable_loop_has_no_level_in_its_report():
 )
 def test_a_plant_on_its_lines_has_no_level(model):
     with pytest.raises(ValueError, match="model must be an UncertaintyModel with a parametric nominal"):
-        robust.check(model, 1.0, signals=LoopSignals(noise=SineSignal(0.1, 9.0)))
+        robust.check(model, 1.0, signals=LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1)))
 
 
 def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):

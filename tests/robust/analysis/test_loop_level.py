@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
+from scipy.linalg import solve_discrete_lyapunov
 
 import nlfrf
 import robust
 from robust import UncertaintyModel
-from robust.analysis import LevelState, LoopSignals, NoiseSignal, SampledSignal, SineSignal, StepSignal
+from robust.analysis import LevelState, LoopSignals, NoiseSignal, StepSignal
 from robust.lti.lti import response
 from robust.models.sets.forms import FORMS
 from tests.support.printed import unwrapped
@@ -31,6 +31,11 @@ def level_of(model, K, delay=0.0, **signals):
     return robust.analysis.predict_level(model, K, LoopSignals(**signals), delay=delay)
 
 
+def sine(amplitude, omega):
+    """Noise of the power of a sinusoid, in a band so narrow that it has the gain of one frequency."""
+    return NoiseSignal(amplitude / np.sqrt(2), omega * (1 - 1e-6), omega * (1 + 1e-6))
+
+
 def gains(G, K, omega, name):
     """|.| from a signal to u and y, from the responses of the parts."""
     G, K = G(1j * omega), K(1j * omega)
@@ -41,16 +46,16 @@ def gains(G, K, omega, name):
 @pytest.mark.parametrize("name", ["reference", "disturbance", "noise"])
 def test_a_sinusoid_goes_through_the_gain_at_its_frequency(name):
     K, omega = control.tf([3, 2], [1, 0]), 1.7
-    level = level_of(plant_set(), K, **{name: SineSignal(0.3, omega)})
+    level = level_of(plant_set(), K, **{name: sine(0.3, omega)})
     wanted = np.multiply(gains(LAG, K, omega, name), 0.3 / np.sqrt(2))
-    np.testing.assert_allclose([level.u, level.y], wanted, rtol=1e-12)
+    np.testing.assert_allclose([level.u, level.y], wanted, rtol=1e-9)
 
 
-def test_a_first_order_loop_under_filtered_noise():
-    """y = 1/(s + 2) a/(s + a) w has the variance a/(4 (a + 2)) where w has intensity one."""
-    for a in (0.01, 1.0, 1e4):
-        level = level_of(plant_set(), 1.0, disturbance=control.tf([a], [1, a]))
-        assert level.y**2 == pytest.approx(a / (4 * (a + 2)), rel=1e-6)
+def test_a_first_order_loop_under_noise_in_a_band():
+    """y = 1/(s + 2) w has the variance atan(h/2)/2 where w has density one from 0 to h."""
+    for high in (0.01, 1.0, 1e4):
+        level = level_of(plant_set(), 1.0, disturbance=NoiseSignal(np.sqrt(high), omega_max=high))
+        assert level.y**2 == pytest.approx(np.arctan(high / 2) / 2, rel=1e-6)
 
 
 def test_sampled_white_noise_on_a_pole():
@@ -59,52 +64,35 @@ def test_sampled_white_noise_on_a_pole():
     c = np.exp(-T)
     level = level_of(plant_set(), control.ss([], [], [], [[k]], T), disturbance=NoiseSignal(sigma))
     assert level.y**2 == pytest.approx((sigma * (1 - c)) ** 2 / (1 - (c - (1 - c) * k) ** 2), rel=1e-6)
-    shaped = level_of(plant_set(), control.ss([], [], [], [[k]], T), disturbance=control.ss([], [], [], [[sigma]], T))
-    assert shaped.y == pytest.approx(level.y, rel=1e-9)
 
 
-def random_loop(seed, dt):
-    """A stable loop around a plant with a light mode, K strictly proper, and a shaping filter of two poles."""
+def random_loop(seed):
+    """A stable sampled loop around a plant with a light mode, K strictly proper in continuous time."""
     rng = np.random.default_rng(seed)
     w0, zeta = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(-3.5, 0)
-    G = control.ss(control.tf([w0**2], [1, 2 * zeta * w0, w0**2]))
-    corner = w0 * 10 ** rng.uniform(-1, 1)
-    F = control.ss(control.tf([corner**2], [1, corner, corner**2]))
+    G, T = control.ss(control.tf([w0**2], [1, 2 * zeta * w0, w0**2])), 0.3 / w0
     for gain in rng.uniform(0.1, 2) * 0.5 ** np.arange(30):
         K = control.ss(control.tf([gain * w0], [1, w0]))
-        if dt:
-            T = 0.3 / w0
-            closed = robust.sampled(G, T), robust.lti.discretize(K, T), robust.lti.discretize(F, T)
-        else:
-            closed = G, K, F
-        if (
-            np.all(np.abs(control.feedback(closed[0] * closed[1], 1).poles()) < 1)
-            if dt
-            else np.all(control.feedback(closed[0] * closed[1], 1).poles().real < 0)
-        ):
+        closed = robust.sampled(G, T), robust.lti.discretize(K, T)
+        if np.all(np.abs(control.feedback(closed[0] * closed[1], 1).poles()) < 1):
             return closed
     raise AssertionError
 
 
-@pytest.mark.parametrize("dt", [False, True])
 @pytest.mark.parametrize("name", ["reference", "disturbance", "noise"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6))
-def test_random_loops_against_lyapunov(seed, dt, name):
-    G, K, F = random_loop(seed, dt)
-    dt = G.dt or 0
-    model = UncertaintyModel(G, control.ss([], [], [], [[0.01]], dt), "multiplicative", OMEGA * 1e-3, RADIUS * 0.01)
-    level = level_of(model, K, **{name: F})
+def test_random_loops_against_lyapunov(seed, name):
+    G, K = random_loop(seed)
+    model = UncertaintyModel(G, control.ss([], [], [], [[0.01]], G.dt), "multiplicative", OMEGA * 1e-3, RADIUS * 0.01)
+    level = level_of(model, K, **{name: NoiseSignal(1.0)})
     if name == "disturbance":
-        parts = control.feedback(control.ss([], [], [], [[1.0]], dt), G * K), control.feedback(G, K)
+        parts = control.feedback(control.ss([], [], [], [[1.0]], G.dt), G * K), control.feedback(G, K)
     else:
         parts = control.feedback(K, G), control.feedback(G * K, 1)
-    for part, found in zip(parts, (level.u, level.y), strict=True):
-        H = part * F
-        solve = solve_discrete_lyapunov if dt else solve_continuous_lyapunov
-        P = solve(H.A, H.B @ H.B.T if dt else -H.B @ H.B.T)
-        variance = (H.C @ P @ H.C.T + (H.D @ H.D.T if dt else 0))[0, 0]
-        assert found**2 == pytest.approx(variance, rel=1e-5)
+    for H, found in zip(parts, (level.u, level.y), strict=True):
+        P = solve_discrete_lyapunov(H.A, H.B @ H.B.T)
+        assert found**2 == pytest.approx((H.C @ P @ H.C.T + H.D @ H.D.T)[0, 0], rel=1e-5)
 
 
 def test_noise_in_a_band():
@@ -118,7 +106,7 @@ def test_noise_in_a_band():
 
 
 def test_signals_add_as_independent():
-    given_signals = {"reference": SineSignal(1.0, 2.0), "disturbance": NoiseSignal(0.5, omega_max=9.0)}
+    given_signals = {"reference": sine(1.0, 2.0), "disturbance": NoiseSignal(0.5, omega_max=9.0)}
     both = level_of(plant_set(), 2.0, **given_signals)
     alone = [level_of(plant_set(), 2.0, **{name: signal}) for name, signal in given_signals.items()]
     for part in ("u", "y", "u_worst", "y_worst"):
@@ -134,32 +122,12 @@ def test_a_step_is_the_sinusoid_of_its_swing():
     assert np.isnan([level.u_worst, level.y_worst, level.signals[0].y_in_band]).all()
 
 
-def test_a_multisine_and_its_samples_are_one_signal():
-    T = 0.01
-    ms = nlfrf.multisine("odd", fs=100, n_samples=400, f_min=1, f_max=40, rms=0.3, rng=1)
-    K = control.tf([0.5], [1, -0.6], T)
-    lines = level_of(plant_set(), K, noise=ms)
-    period = level_of(plant_set(), K, noise=SampledSignal(5.0 + ms.u[0], 100, periodic=True))  # the mean is left out
-    repeated = level_of(plant_set(), K, noise=SampledSignal(np.tile(ms.u[0], 150), 100))  # from rest
-    for other, tolerance in ((period, 1e-9), (repeated, 2e-3)):
-        np.testing.assert_allclose([other.u, other.y], [lines.u, lines.y], rtol=tolerance)
-
-
-def test_samples_in_a_continuous_loop_are_held():
-    """A lag under K = 1 is 1/(s + 2): from rest y+ = c y + (1 - c)/2 r with c = exp(-2 T)."""
-    T, r = 0.25, np.array([1.0, -2.0, 0.5, 3.0])
-    y, c = np.zeros(4), np.exp(-2 * T)
-    for k in range(3):
-        y[k + 1] = c * y[k] + (1 - c) / 2 * r[k]
-    assert level_of(plant_set(), 1.0, reference=SampledSignal(r, 1 / T)).y == pytest.approx(y.std(), rel=1e-12)
-
-
 def test_a_delay_counts_as_itself():
     """Far from the crossover of a loop with a delay: |1 + L exp(-j omega tau)| at one frequency, exactly."""
     omega, tau = 3.0, 0.4
     G = 1 / (1 + 1j * omega) * np.exp(-1j * omega * tau)
-    level = level_of(plant_set(), 1.0, delay=tau, disturbance=SineSignal(1.0, omega))
-    np.testing.assert_allclose([level.u, level.y], np.abs([1 / (1 + G), G / (1 + G)]) / np.sqrt(2), rtol=1e-10)
+    level = level_of(plant_set(), 1.0, delay=tau, disturbance=sine(1.0, omega))
+    np.testing.assert_allclose([level.u, level.y], np.abs([1 / (1 + G), G / (1 + G)]) / np.sqrt(2), rtol=1e-9)
 
 
 @pytest.mark.parametrize("form", list(FORMS))
@@ -167,7 +135,7 @@ def test_a_delay_counts_as_itself():
 def test_the_bound_over_the_set_is_reached_at_one_frequency(form, name):
     G, K, w, omega = control.tf([2, 3], [1, 0.4, 4]), control.tf([1, 1], [1, 5]), 0.15, 1.9
     model = plant_set(G, w, form)
-    level = level_of(model, K, **{name: SineSignal(1.0, omega)})
+    level = level_of(model, K, **{name: sine(1.0, omega)})
     at = np.array([omega])
     g, k, W = response(model.nominal, at)[0], K(1j * omega), response(model.shaping, at)[0]
     every = np.exp(1j * np.linspace(0, 2 * np.pi, 20001)) * np.array([[1.0], [0.5]])
@@ -180,9 +148,9 @@ def test_the_bound_over_the_set_is_reached_at_one_frequency(form, name):
 def test_a_plant_that_is_zero_has_what_the_set_adds():
     """At the zero of G, G + w D is w D, and so is y for a disturbance: w/(1 - w |K|) at the most."""
     G, K, w, omega = control.tf([1, 0, 4], [1, 3, 3]), 0.5, 0.3, 2.0
-    level = level_of(plant_set(G, w, "additive"), K, disturbance=SineSignal(np.sqrt(2), omega))
-    assert level.y == pytest.approx(0, abs=1e-12)
-    assert level.y_worst == pytest.approx(w / (1 - w * K), rel=1e-9)
+    level = level_of(plant_set(G, w, "additive"), K, disturbance=sine(np.sqrt(2), omega))
+    assert level.y == pytest.approx(0, abs=1e-5)
+    assert level.y_worst == pytest.approx(w / (1 - w * K), rel=1e-5)
 
 
 @pytest.mark.parametrize("dt", [0, 0.05])
@@ -255,10 +223,10 @@ def test_states_against_the_measured_levels():
     np.testing.assert_allclose(level.y_measured, [low.rms_y, high.rms_y])
     assert "1.6 times above the measured 0.1 to 0.2" in unwrapped(level)
     # a sinusoid at the mode moves far with little force
-    level = level_of(model, K, disturbance=SineSignal(0.09, 20.0))
+    level = level_of(model, K, disturbance=sine(0.09, 20.0))
     assert (level.u_state, level.y_state, level.inside) == (BELOW, ABOVE, False)
     assert "disagree" in unwrapped(level)
-    still = level_of(model, K, disturbance=SineSignal(0.0, 20.0))
+    still = level_of(model, K, disturbance=sine(0.0, 20.0))
     assert (still.u_state, still.y_state) == (BELOW, BELOW)
     assert "inf times below" in unwrapped(still)
 
@@ -266,7 +234,7 @@ def test_states_against_the_measured_levels():
 def test_numbers_out_of_all_proportion_are_above():
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
-    for signal in (SineSignal(1e300, 20.0), NoiseSignal(1e300, 2 * np.pi, 2 * np.pi * 60)):
+    for signal in (sine(1e300, 20.0), NoiseSignal(1e300, 2 * np.pi, 2 * np.pi * 60)):
         level = level_of(model, 0.1, disturbance=signal)
         assert (level.u_state, level.y_state) == (ABOVE, ABOVE)
 
@@ -288,29 +256,18 @@ def test_what_is_not_known_is_said_so(tmp_path):
 
 
 def test_power_outside_the_measured_band_is_named():
-    said = unwrapped(level_of(plant_set(), 1.0, disturbance=SineSignal(1.0, 30.0)))
+    said = unwrapped(level_of(plant_set(), 1.0, disturbance=sine(1.0, 30.0)))
     assert said.count("100 % of its power outside the measured band") == 2
-    assert "outside" not in unwrapped(level_of(plant_set(), 1.0, disturbance=SineSignal(1.0, 1.5)))
+    assert "outside" not in unwrapped(level_of(plant_set(), 1.0, disturbance=sine(1.0, 1.5)))
 
 
 @pytest.mark.parametrize(
     ("K", "signals", "message"),
     [
-        (-2.0, {"noise": SineSignal(1.0, 1.0)}, "K must stabilise"),
+        (-2.0, {"noise": sine(1.0, 1.0)}, "K must stabilise"),
         (1.0, {"noise": NoiseSignal(1.0)}, "noise must end at a frequency"),
-        (1.0, {"noise": control.tf([1, 1], [1, 2])}, "noise must be shaped by a strictly proper system"),
-        (control.tf([1], [1], 0.1), {"noise": SineSignal(1.0, 40.0)}, "noise must lie below the Nyquist frequency"),
+        (control.tf([1], [1], 0.1), {"noise": sine(1.0, 40.0)}, "noise must lie below the Nyquist frequency"),
         (control.tf([1], [1], 0.1), {"noise": NoiseSignal(1.0, 0.0, 40.0)}, "noise must lie below the Nyquist"),
-        (
-            control.tf([1], [1], 0.1),
-            {"noise": SampledSignal(np.ones(4), 9.0)},
-            "noise must have the sampling frequency",
-        ),
-        (
-            control.tf([1], [1, 0.5], 0.1),
-            {"noise": control.tf([1], [1, 2])},
-            "noise must have the sampling time of the",
-        ),
     ],
 )
 def test_signals_that_do_not_fit_the_loop(K, signals, message):
@@ -322,21 +279,17 @@ def test_signals_that_do_not_fit_the_loop(K, signals, message):
     ("make", "message"),
     [
         (lambda: LoopSignals(), "reference, disturbance or noise must be given"),
-        (lambda: LoopSignals(reference="step"), "reference must be a SineSignal"),
-        (lambda: LoopSignals(noise=control.tf([1], [1, 0])), "noise must be shaped by a stable system"),
-        (lambda: SineSignal(-1.0, 1.0), "amplitude must be zero or positive"),
-        (lambda: SineSignal(1.0, 0.0), "omega must be positive"),
+        (lambda: LoopSignals(reference="step"), "reference must be of type NoiseSignal or StepSignal"),
         (lambda: NoiseSignal(1.0, 3.0, 2.0), "omega_max must lie above omega_min"),
         (lambda: NoiseSignal(float("nan")), "rms must be finite"),
         (lambda: StepSignal(float("inf")), "height must be finite"),
-        (lambda: SampledSignal(np.ones(1), 9.0), "samples must be at least two"),
-        (lambda: robust.analysis.predict_level(LAG, 1.0, LoopSignals(noise=SineSignal(1, 1))), "model"),
+        (lambda: robust.analysis.predict_level(LAG, 1.0, LoopSignals(noise=sine(1, 1))), "model"),
         (
-            lambda: robust.analysis.predict_level(plant_set(), 1.0, LoopSignals(noise=SineSignal(1, 1)), bla=[1]),
+            lambda: robust.analysis.predict_level(plant_set(), 1.0, LoopSignals(noise=sine(1, 1)), bla=[1]),
             "bla must be an",
         ),
         (
-            lambda: robust.analysis.predict_level(plant_set(), 1.0, SineSignal(1.0, 1.0)),
+            lambda: robust.analysis.predict_level(plant_set(), 1.0, sine(1.0, 1.0)),
             "signals must be of type LoopSignals",
         ),
     ],

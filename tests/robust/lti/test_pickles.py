@@ -56,16 +56,14 @@ def values_of_nlfrf():
 
 
 def values_of_robust():
-    band = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=60, rng=1)
     yield from (
         robust.analysis.StepSignal(1.0),
-        robust.analysis.SineSignal(1.0, 2.0),
         robust.analysis.NoiseSignal(0.3),
         robust.analysis.LevelState.INSIDE,
     )
     signals = robust.analysis.LoopSignals(disturbance=robust.analysis.NoiseSignal(0.3, omega_max=100.0))
     level = robust.analysis.predict_level(MODEL, K, signals)
-    yield from (signals, robust.analysis.SampledSignal(band.u[0], fs=512.0), level, level.signals[0])
+    yield from (signals, level, level.signals[0])
     two = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
     loop = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
     block = robust.models.Block("y", "pole", 2.5, kind="real")
