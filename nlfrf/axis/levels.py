@@ -155,7 +155,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     >>> import nlfrf, tempfile
     >>> from nlfrf.axis import design_ramp, load_trace, play_experiment
     >>> axis = nlfrf.servo_axis("ball screw")
-    >>> ramp = design_ramp(axis, n_samples=2000, f_min=2, f_max=60, rms=2500, n_levels=14, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=2000, f_min=2, f_max=60, rng=1)
+    >>> ramp = design_ramp(axis, ms, rms=2500, n_levels=14)
     >>> folder = tempfile.TemporaryDirectory()
     >>> nlfrf.save(ramp, f"{folder.name}/ramp.csv")
     >>> trace = play_experiment(axis, f"{folder.name}/ramp.csv", f"{folder.name}/trace.csv")
@@ -224,25 +225,9 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
     states = [FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL for one in read]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
-    if len(good) < 4:
-        limited = sum(one.limited for one in read)
-        return states, (
-            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
-            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
-        )
-    names = ("stiffness", "position", "stiffness_share")
-    k, position, stiffness_share = (np.array([getattr(read[i], name) for i in good]) for name in names)
-    if not np.any(stiffness_share > MIN_STIFFNESS_SHARE):
-        return states, (
-            f"friction holds the axis at no level, from {read[good[0]].force:.3g} {force} rms on: the force goes into "
-            "its mass. Begin the ramp lower: raise span"
-        )
-    stiffest = int(np.argmax(k))
-    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
-        return states, (
-            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} {unit}: that "
-            "is backlash or a hardening spring, friction makes it fall. Take the play out first"
-        )
+    if reason := reason_against_reading(read, units):
+        return states, reason
+    k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
     first, last = plateau_of(k, position)
     if first == last:
         for i in good:
@@ -251,8 +236,21 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
             f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
             f"{k[1]:.3g} {unit} on the lowest. Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
         )
-    good, k = good[first:], k[first:]  # what is below the plateau is quantisation
-    k0, k_end = float(np.median(k[: last - first])), float(k[-1])
+    return judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
+
+
+def judge_breaking_away(
+    states: list[FrictionRegime],
+    read: list[Level],
+    good: list[int],
+    *,
+    k: np.ndarray,
+    n_plateau: int,
+    unit: tuple[str, str],
+) -> tuple[list[FrictionRegime], str]:
+    """Return the states of levels from a plateau of the stiffness on, what is below it is quantisation, and why not."""
+    force, unit_k = unit
+    k0, k_end = float(np.median(k[:n_plateau])), float(k[-1])
     share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
     settled = abs(k[-1] - k[-2]) < SETTLED * k0 and k_end < STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
@@ -262,18 +260,42 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
         )
     top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
     if k_end >= STICKS * k0:
-        return (
-            states,
-            (f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit} {top}. Raise level and limits"),
+        return states, (
+            f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit_k} {top}. Raise level and limits"
         )
     if not settled:
         return states, (
-            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit} {top}. "
+            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit_k} {top}. "
             "Raise level and limits"
         )
     if FrictionRegime.BENDS not in states:
         return states, "no level bends between sticking and sliding: take more levels"
     return states, ""
+
+
+def reason_against_reading(read: list[Level], units: tuple[str, str]) -> str:
+    """Return why the levels show no friction that falls with the level; empty where they may."""
+    good = [one for one in read if one.readable]
+    if len(good) < 4:
+        limited = sum(one.limited for one in read)
+        return (
+            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
+            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
+        )
+    if not any(one.stiffness_share > MIN_STIFFNESS_SHARE for one in good):
+        return (
+            f"friction holds the axis at no level, from {good[0].force:.3g} {units[0]} rms on: the force goes into "
+            "its mass. Begin the ramp lower: raise span"
+        )
+    k = np.array([one.stiffness for one in good])
+    stiffest = int(np.argmax(k))
+    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
+        return (
+            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} "
+            f"{'/'.join(units)}: that is backlash or a hardening spring, friction makes it fall. Take the play out "
+            "first"
+        )
+    return ""
 
 
 def plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:

@@ -82,21 +82,8 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
         f"average out. They were taken as periods of one {kind}, which leaves M = {len(groups)} of {n}; "
         f"play others, as of multisine(n_realizations={n // excited.experiments_per_set})"
     )
-    P, D = spectra.n_periods, max(spectra.dU.shape[2], spectra.dY.shape[2])
-    scatters: list[list[np.ndarray]] = []
-    parts: list[list[np.ndarray]] = []
-    for group, delays in groups:
-        g, turn = len(group), np.exp(2j * np.pi * np.multiply.outer(delays, spectra.lines))
-        turned = [x[:, group] * turn for x in (spectra.U, spectra.Y, spectra.excitation)]
-        parts.append([x.mean(axis=1) for x in turned])
-        scatters.append([])
-        for x, mean, dx in zip(turned, parts[-1], (spectra.dU, spectra.dY), strict=False):
-            # two estimates of the covariance of the mean, weighted by their degrees of freedom g (P - 1) and g - 1
-            within = np.broadcast_to(dx[:, group], (len(x), g, D if dx.shape[2] else 0, turn.shape[1]))
-            within = (within * turn[:, None]).reshape(len(x), -1, turn.shape[1]) * np.sqrt((P - 1) / g)
-            both = np.concatenate([within, (x - mean[:, None]) / np.sqrt(g)], axis=1)
-            scatters[-1].append(both / np.sqrt(max(g * P - 1, 1)))
-    sizes = [len(group) for group, _ in groups]
+    P, sizes = spectra.n_periods, [len(group) for group, _ in groups]
+    parts, scatters = map(list, zip(*(merge_group(spectra, *group) for group in groups), strict=True))
     if P == 1:  # the noise of one period alone is not known: it is set to that of the groups
         merged = [m for m, g in enumerate(sizes) if g > 1]
         for m in (m for m, g in enumerate(sizes) if g == 1):
@@ -109,6 +96,24 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
     periods = P * n // len(groups)
     joined = replace(spectra, U=U, Y=Y, R=None if spectra.R is None else R, dU=dU, dY=dY, n_periods=periods)
     return joined, [group[0] for group, _ in groups]
+
+
+def merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return the mean U, Y and excitation (n, K) of experiments that repeat one another, and the scatters of U and Y.
+
+    Two estimates of the covariance of the mean, within and between experiments, are weighted by their degrees of
+    freedom g (P - 1) and g - 1.
+    """
+    P, g, D = spectra.n_periods, len(group), max(spectra.dU.shape[2], spectra.dY.shape[2])
+    turn = np.exp(2j * np.pi * np.multiply.outer(delays, spectra.lines))
+    turned = [x[:, group] * turn for x in (spectra.U, spectra.Y, spectra.excitation)]
+    means, scatters = [x.mean(axis=1) for x in turned], []
+    for x, mean, dx in zip(turned, means, (spectra.dU, spectra.dY), strict=False):
+        within = np.broadcast_to(dx[:, group], (len(x), g, D if dx.shape[2] else 0, turn.shape[1]))
+        within = (within * turn[:, None]).reshape(len(x), -1, turn.shape[1]) * np.sqrt((P - 1) / g)
+        both = np.concatenate([within, (x - mean[:, None]) / np.sqrt(g)], axis=1)
+        scatters.append(both / np.sqrt(max(g * P - 1, 1)))
+    return means, scatters
 
 
 def pad_scatters(scatters: Sequence[np.ndarray]) -> np.ndarray:

@@ -6,6 +6,7 @@ import os
 import re
 import shlex
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -130,22 +131,12 @@ class FileContents:
         return " ".join([*words, out])
 
     def __str__(self) -> str:
-        head = ("channel", "unit", "samples", "fs [Hz]", "lowest", "highest", "rms")
-        table = [
-            (c.name, c.unit, str(c.n), *("" if np.isnan(x) else f"{x:.6g}" for x in (c.fs, c.low, c.high, c.rms)))
-            for c in self.channels
-        ]
-        widths = [max(len(row[i]) for row in [head, *table]) for i in range(len(head))]
-        lines = [f"{Path(self.path).name}: {format_count(len(self.channels), 'channel') if table else self.schema}"]
-        for row in [head, *table] if table else []:
-            cells = [
-                cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-            ]
-            lines.append(("  " + "  ".join(cells)).rstrip())
+        what = format_count(len(self.channels), "channel") if self.channels else self.schema
+        lines = [f"{Path(self.path).name}: {what}", *table_of_channels(self.channels)]
         lines += [f"  {name}: {why}" for name, why in self.notes.items()]
         if self.schema:
             lines += [self.lines, f"written by this package, as {self.schema}"]
-            return "\n".join([*lines, f"run:   {self.command}"] if table else lines)
+            return "\n".join([*lines, f"run:   {self.command}"] if self.channels else lines)
         lines += [self.frf] if self.frf else []
         if self.lost:
             lines.append(f"lost:  {self.lost}")
@@ -157,6 +148,20 @@ class FileContents:
                     "hold:  zoh where the input is a command, band-limited where it was measured; not known here"
                 )
         return "\n".join([*lines, f"run:   {self.command}"])
+
+
+def table_of_channels(channels: Sequence[Channel]) -> list[str]:
+    """Return a line for each channel below their head, in columns; none without channels."""
+    rows: list[tuple[str, ...]] = [("channel", "unit", "samples", "fs [Hz]", "lowest", "highest", "rms")]
+    for c in channels:
+        numbers = ["" if np.isnan(x) else f"{x:.6g}" for x in (c.fs, c.low, c.high, c.rms)]
+        rows.append((c.name, c.unit, str(c.n), *numbers))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    aligned = [
+        [cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        for row in rows
+    ]
+    return [("  " + "  ".join(cells)).rstrip() for cells in aligned] if channels else []
 
 
 def quote_name(name: str) -> str:

@@ -71,18 +71,25 @@ def contents(path: Path) -> Contents:
             unit = next((by_key[key] for key in UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), "")
             if unit:
                 units[name] = unit
-            fs = next((float(by_key[key]) for key in RATE_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
-            dt = next((float(by_key[key]) for key in STEP_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
-            if fs > 0 or dt > 0:
-                clocks[name] = fs if fs > 0 else 1 / dt
-                start, waveform = by_key.get(START_ATTRIBUTE), "s" if fs > 0 or "wf_increment" in by_key else ""
-                arrays[f"{name}.start"] = np.array(float(start) if is_finite_number(start) else 0.0)
-                units[f"{name}.start"] = str(by_key.get(ABSCISSA_UNIT_ATTRIBUTE) or waveform)
+            if clock := stated_clock(by_key):
+                clocks[name], start, units[f"{name}.start"] = clock
+                arrays[f"{name}.start"] = np.array(start)
 
     file = h5py.File(path, "r")
     add("", file)
     file.visititems(add)
     return arrays, units, clocks, notes
+
+
+def stated_clock(by_key: Attributes) -> tuple[float, float, str] | None:
+    """Return the sampling frequency that attributes state, the start of the abscissa and its unit; None without."""
+    fs = next((float(by_key[key]) for key in RATE_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
+    dt = next((float(by_key[key]) for key in STEP_ATTRIBUTES if is_positive_number(by_key.get(key))), 0.0)
+    if not (fs > 0 or dt > 0):
+        return None
+    start, waveform = by_key.get(START_ATTRIBUTE), "s" if fs > 0 or "wf_increment" in by_key else ""
+    unit = str(by_key.get(ABSCISSA_UNIT_ATTRIBUTE) or waveform)
+    return fs if fs > 0 else 1 / dt, float(start) if is_finite_number(start) else 0.0, unit
 
 
 def require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:

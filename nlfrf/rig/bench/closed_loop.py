@@ -79,8 +79,8 @@ class Controller:
 
     K: Any  # of any library of state spaces
     delay: float = 0.0
-    saturation: Any = np.inf  # one number, or one a channel
-    resolution: Any = 0.0
+    saturation: ArrayLike = np.inf
+    resolution: ArrayLike = 0.0
 
     def __post_init__(self) -> None:
         missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(self.K, name)]
