@@ -56,7 +56,8 @@ def main(presets: tuple[str, ...] = tuple(PRESETS), ramps: tuple[tuple[str, int]
         velocity, rms = PRESETS[name]
         ratios, errors = [], [0.0]
         for motion in ({}, {"base_velocity": velocity, "strokes": 1}):
-            experiment = design_experiment(free, n_samples=N, f_min=2, f_max=300, rms=rms, rng=1, **motion)
+            ms = nlfrf.multisine(fs=axis.drive.fs, n_samples=N, f_min=2, f_max=300, rng=1)
+            experiment = design_experiment(free, ms, rms=rms, **motion)
             for record in traced(axis, experiment, folder)[1]:
                 U, Y = spectra(record)
                 ratios.append(np.abs(U) / experiment.force_amplitude)
@@ -74,12 +75,13 @@ def main(presets: tuple[str, ...] = tuple(PRESETS), ramps: tuple[tuple[str, int]
         most = 0.5 * axis.drive.limit * axis.force_constant
         limits = AxisLimits(force=most, velocity=0.3) if axis.motion == "linear" else AxisLimits(force=most, velocity=1)
         for port, f_max in ramps:
-            ramp = design_ramp(free, n_samples=N, f_min=2, f_max=f_max, limits=limits, port=port, rng=1)
+            ms = nlfrf.multisine(fs=axis.drive.fs, n_samples=N, f_min=2, f_max=f_max, rng=1)
+            ramp = design_ramp(free, ms, limits=limits, port=port)
             levels = find_levels(traced(axis, ramp, folder)[1], ramp)
             row = [levels.reason]
             for rms, record, state in zip(levels.rms, levels.records, ("sticks", "bends", "slides"), strict=False):
-                band = {"n_samples": N, "f_min": 3, "f_max": 0.98 * f_max}
-                experiment = design_experiment(record, **band, rms=rms, port=port, n_discard=4, rng=2)
+                ms = nlfrf.multisine(fs=record.fs, n_samples=N, f_min=3, f_max=0.98 * f_max, rng=2)
+                experiment = design_experiment(record, ms, rms=rms, port=port, n_discard=4)
                 trace, _ = traced(axis, experiment, folder)
                 ratio = slips(axis, trace.x[:, 4 * N : 6 * N])
                 row.append(f"{rms:8.3g} {ratio.min() if state == 'slides' else ratio.max():6.2f}")

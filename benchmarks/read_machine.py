@@ -270,16 +270,8 @@ def measure_set(one: LevelSet, seed: int) -> list[nlfrf.Record]:
     with tempfile.TemporaryDirectory() as folder:
         table, trace = Path(folder) / "play.csv", Path(folder) / "trace.csv"
         for rms in one.rms:
-            experiment = design_experiment(
-                axis,
-                n_samples=4000,
-                f_min=5.0,
-                f_max=one.f_max,
-                rms=rms,
-                n_periods=3,
-                n_discard=one.n_discard,
-                rng=seed,
-            )
+            ms = nlfrf.multisine(fs=axis.drive.fs, n_samples=4000, f_min=5.0, f_max=one.f_max, rng=seed)
+            experiment = design_experiment(axis, ms, rms=rms, n_periods=3, n_discard=one.n_discard)
             nlfrf.save(experiment, table)
             play_experiment(axis, table, trace, oversampling=16)
             records += load_trace(trace, experiment)

@@ -45,9 +45,9 @@ def draw_result() -> None:
 def draw_servo_axis() -> None:
     """A simulated axis with friction, played at rest and in motion: its FRF, and the friction that was read."""
     axis = nlfrf.servo_axis("linear motor")
-    limits, band = AxisLimits(force=400, travel=0.5), {"n_samples": 4000, "f_min": 9, "rng": 1}
-    ramp = design_ramp(axis, f_max=100, rms=60, n_levels=16, limits=limits, **band)
-    moving = design_experiment(axis, f_max=400, base_velocity=0.1, strokes=1, limits=limits, **band)
+    limits, band = AxisLimits(force=400, travel=0.5), {"fs": 4000, "n_samples": 4000, "f_min": 9, "rng": 1}
+    ramp = design_ramp(axis, nlfrf.multisine(f_max=100, **band), rms=60, n_levels=16, limits=limits)
+    moving = design_experiment(axis, nlfrf.multisine(f_max=400, **band), base_velocity=0.1, strokes=1, limits=limits)
     gains = Drive(
         fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8, lag=0.3e-3, delay_periods=1
     )

@@ -40,7 +40,8 @@ def play(experiment, name, axis=machine):
 
 # %%
 # The pre-test: one multisine at rising levels says which levels stick, bend and slide.
-ramp = design_ramp(rough, n_samples=4000, f_min=4, f_max=100, limits=limits, rng=1)
+period = {"fs": 4000, "n_samples": 4000}
+ramp = design_ramp(rough, nlfrf.multisine(**period, f_min=4, f_max=100, rng=1), limits=limits)
 levels = find_levels(play(ramp, "ramp"), ramp)
 print(levels)
 
@@ -49,10 +50,9 @@ print(levels)
 # where friction slides all the time.
 sticks, bends, slides = levels.records
 wanted = ((sticks, levels.rms[0]), (sticks, 4 * levels.rms[0]), (bends, levels.rms[1]), (slides, levels.rms[2]))
-at_rest = [design_experiment(source, n_samples=4000, f_min=5, f_max=98, rms=rms, rng=2) for source, rms in wanted]
-moving = design_experiment(
-    rough, n_samples=4000, f_min=5, f_max=400, rms=60, base_velocity=0.1, strokes=1, limits=limits, rng=3
-)
+slow, fast = nlfrf.multisine(**period, f_min=5, f_max=98, rng=2), nlfrf.multisine(**period, f_min=5, f_max=400, rng=3)
+at_rest = [design_experiment(source, slow, rms=rms) for source, rms in wanted]
+moving = design_experiment(rough, fast, rms=60, base_velocity=0.1, strokes=1, limits=limits)
 experiments = {f"rest{k + 1}": experiment for k, experiment in enumerate(at_rest)} | {"moving": moving}
 for name, experiment in experiments.items():
     play(experiment, name)

@@ -401,18 +401,17 @@ def design_for_drive(
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
     if ramp and (velocity or strokes or realizations != 1):
         raise ValueError("ramp must be left out in motion, and for several realisations, got it with one of them")
-    motion = partial(nlfrf.axis.design_experiment, base_velocity=velocity, strokes=strokes, n_realizations=realizations)
+    fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
+    ms = nlfrf.multisine(fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed)
+    motion = partial(nlfrf.axis.design_experiment, base_velocity=velocity, strokes=strokes)
     experiment = (partial(nlfrf.axis.design_ramp, n_levels=ramp, span=span) if ramp else motion)(
         origin,
-        n_samples=period,
-        f_min=f_min,
-        f_max=f_max,
+        ms,
         rms=rms,
         port=port,
         limits=nlfrf.axis.AxisLimits(force=max_force, velocity=max_velocity, travel=max_travel),
         n_periods=periods,
         n_discard=discard,
-        rng=seed,
     )
     warn_of_band(experiment.ms, experiment.ms.kind, f_min=f_min, f_max=f_max)
     nlfrf.save(experiment, out, decimal=decimal)

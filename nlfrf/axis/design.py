@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,9 +22,10 @@ from nlfrf.records.record import Record
 from nlfrf.rig.bench.run import run
 from nlfrf.rig.bench.servo import ServoAxis
 from nlfrf.signals.axis_experiment import PORTS, AxisExperiment, AxisLimits
-from nlfrf.signals.multisine import Multisine, Rng, multisine
+from nlfrf.signals.multisine import Multisine
 
-Spectrum = np.ndarray | Callable[[np.ndarray], np.ndarray]
+#: A drive with a rough machine, alone or with a measured FRF in place of that of the machine; a record.
+Source = ServoAxis | Record | tuple[ServoAxis, Bla]
 #: Most error of a double pole at one by rounding, which is the root of that of the numbers.
 ROUNDING_OF_POLES = 1e-6
 #: Factor by which the crossover lies outside the band where it is warned of: closer, a model may still reach it.
@@ -33,24 +33,16 @@ FAR = 2.0
 
 
 def design_experiment(
-    source: ServoAxis | Record,
+    source: Source,
+    ms: Multisine,
     *,
-    n_samples: int,
-    f_min: float,
-    f_max: float,
     rms: float | None = None,
-    amplitude: Spectrum | None = None,
     port: str = "position",
     limits: AxisLimits | None = None,
     base_velocity: float = 0.0,
     strokes: int = 0,
     n_periods: int = 2,
     n_discard: int = 2,
-    n_realizations: int = 1,
-    kind: str = "special-odd",
-    n_log: int | None = None,
-    plant: Bla | None = None,
-    rng: Rng = None,
 ) -> AxisExperiment:
     """Design a multisine for a set point of a running drive that gives a wanted spectrum of force behind the loop.
 
@@ -61,17 +53,15 @@ def design_experiment(
 
     Parameters
     ----------
-    source : ServoAxis or Record
-        Drive with its gains and a rough machine, of which the friction counts for `peak_force` only. Or a record at
-        the same port with its reference r, as `load_trace` gives it.
-    n_samples : int
-        Samples N in one period, at the sampling frequency of the drive, or of the record.
-    f_min, f_max : float
-        Band [Hz].
+    source : ServoAxis, Record, or pair of ServoAxis and Bla
+        Drive with its gains and a rough machine, of which the friction counts for `peak_force` only; in place of that
+        of the rough machine, an FRF from force set point to position. Or a record at the same port with its reference
+        r, as `load_trace` gives it.
+    ms : Multisine
+        What is wanted of the force set point: band, phases, and a spectrum whose level does not count. Of the sampling
+        frequency of the drive, or of the record. Each of its M realisations is a file to play.
     rms : float, optional
         Root mean square of the force set point, in its unit. The largest that the limits allow, when not given.
-    amplitude : (F,) ndarray, or callable of f [Hz], optional
-        Relative amplitude spectrum of the force set point; flat when not given.
     port : str
         Set point that the multisine is added to: "position", "velocity" or "force".
     limits : AxisLimits, optional
@@ -82,12 +72,6 @@ def design_experiment(
         Strokes there and back, each of n_discard + n_periods periods; zero: one long way.
     n_periods, n_discard : int
         Periods that are kept of each stroke, and periods before them.
-    n_realizations : int
-        Realisations M, with independent phases; each is a file to play.
-    kind, n_log, rng
-        As in `multisine`.
-    plant : Bla, optional
-        FRF from force set point to position in place of that of the rough machine; `source` is then the drive.
 
     Returns
     -------
@@ -97,7 +81,8 @@ def design_experiment(
     ------
     ValueError
         A level, or a base motion, that passes a limit (with the largest level that fits); a multisine that would turn
-        the base motion round; neither a level nor limits; a source that does not fit.
+        the base motion round; neither a level nor limits; a source that does not fit; a multisine of another sampling
+        frequency.
 
     Warns
     -----
@@ -114,8 +99,8 @@ def design_experiment(
     >>> import nlfrf
     >>> axis = nlfrf.servo_axis("belt")
     >>> limits = AxisLimits(velocity=0.3, travel=0.5)
-    >>> band = {"n_samples": 4000, "f_min": 5, "f_max": 200}
-    >>> design_experiment(axis, **band, base_velocity=0.1, strokes=1, limits=limits, rms=500, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
+    >>> design_experiment(axis, ms, base_velocity=0.1, strokes=1, limits=limits, rms=500)
     Traceback (most recent call last):
         ...
     ValueError: rms must be at most 50.7 N within the limits, got 500 N: velocity peaks at 0.986 of 0.1 m/s left ...
@@ -125,39 +110,24 @@ def design_experiment(
     if strokes and not base_velocity:
         raise ValueError(f"base_velocity must not be zero where the axis goes back and forth, got {strokes} strokes")
     directions = np.tile([1.0, -1.0], strokes) if strokes else np.ones(1)
-    wanted = wanted_force(
-        source,
-        n_samples,
-        f_min=f_min,
-        f_max=f_max,
-        amplitude=amplitude,
-        n_realizations=n_realizations,
-        kind=kind,
-        n_log=n_log,
-        rng=rng,
-    )
-    if isinstance(source, ServoAxis) and plant is None:
+    wanted = wanted_force(source, ms)
+    if isinstance(source, ServoAxis):
         warn_of_loop(source, wanted)
     segments = Segments(base_velocity * directions, np.ones(directions.size), n_periods, n_discard)
-    return experiment_within(source, wanted, segments=segments, port=port, plant=plant, rms=rms, limits=limits)
+    return experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
 
 
 def design_ramp(
-    source: ServoAxis | Record,
+    source: Source,
+    ms: Multisine,
     *,
-    n_samples: int,
-    f_min: float,
-    f_max: float,
     rms: float | None = None,
-    amplitude: Spectrum | None = None,
     port: str = "position",
     limits: AxisLimits | None = None,
     n_levels: int = 20,
     span: float = 1e4,
     n_periods: int = 1,
     n_discard: int = 1,
-    plant: Bla | None = None,
-    rng: Rng = None,
 ) -> AxisExperiment:
     """Design a pre-test at rest: one multisine at rising levels, from sticking through break-away to sliding.
 
@@ -166,8 +136,11 @@ def design_ramp(
 
     Parameters
     ----------
-    source, n_samples, f_min, f_max, amplitude, port, limits, plant, rng
-        As in `design_experiment`; the band and the spectrum should be those of the experiment to come.
+    source, port, limits
+        As in `design_experiment`.
+    ms : Multisine
+        As in `design_experiment`, of one realisation; the band and the spectrum should be those of the experiment to
+        come.
     rms : float, optional
         Force set point of the highest level once the axis slides, in its unit. The largest that the limits allow, when
         not given.
@@ -195,26 +168,19 @@ def design_ramp(
     Examples
     --------
     >>> import nlfrf
-    >>> ramp = design_ramp(nlfrf.servo_axis("belt"), n_samples=4000, f_min=5, f_max=100, rms=100, n_levels=10, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=100, rng=1)
+    >>> ramp = design_ramp(nlfrf.servo_axis("belt"), ms, rms=100, n_levels=10)
     >>> ramp.labels[-1], ramp.duration
     ('level 10', 20.25)
     """
     n_levels = require_integer("n_levels", n_levels, least=4)
     if not require_positive("span", span) > 1:
         raise ValueError(f"span must be above 1, got {span:g}")
-    wanted = wanted_force(
-        source,
-        n_samples,
-        f_min=f_min,
-        f_max=f_max,
-        amplitude=amplitude,
-        n_realizations=1,
-        kind="special-odd",
-        n_log=None,
-        rng=rng,
-    )
+    wanted = wanted_force(source, ms)
+    if wanted.n_realizations != 1:
+        raise ValueError(f"ms must have one realisation, got {wanted.n_realizations}")
     segments = Segments(np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard)
-    return experiment_within(source, wanted, segments=segments, port=port, plant=plant, rms=rms, limits=limits)
+    return experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
 
 
 class Segments(NamedTuple):
@@ -234,33 +200,15 @@ class Motion(NamedTuple):
     travel: float
 
 
-def wanted_force(
-    source: ServoAxis | Record,
-    n_samples: int,
-    *,
-    f_min: float,
-    f_max: float,
-    amplitude: Spectrum | None,
-    n_realizations: int,
-    kind: str,
-    n_log: int | None,
-    rng: Rng,
-) -> Multisine:
+def wanted_force(source: Source, ms: Multisine) -> Multisine:
     """Return the multisine that is wanted of the force, at an rms of one."""
-    require_kind("source", source, ServoAxis, Record)
-    fs = source.drive.fs if isinstance(source, ServoAxis) else source.fs
-    return multisine(
-        kind,
-        fs=fs,
-        n_samples=n_samples,
-        f_min=f_min,
-        f_max=f_max,
-        n_log=n_log,
-        amplitude=amplitude,
-        n_realizations=n_realizations,
-        rng=rng,
-        hold="zoh",
-    )
+    origin = source[0] if isinstance(source, tuple) else source
+    require_kind("source", origin, ServoAxis, Record)
+    require_kind("ms", ms, Multisine)
+    fs = origin.drive.fs if isinstance(origin, ServoAxis) else origin.fs
+    if abs(ms.fs / fs - 1) > 1e-9:
+        raise ValueError(f"ms must be sampled as the source is, at {fs:g} Hz, got {ms.fs:g} Hz")
+    return replace(ms, amplitude=ms.amplitude / ms.rms, hold="zoh")
 
 
 def warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
@@ -289,16 +237,16 @@ def warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
 
 
 def experiment_within(
-    source: ServoAxis | Record,
+    source: Source,
     wanted: Multisine,
     *,
     segments: Segments,
     port: str,
-    plant: Bla | None,
     rms: float | None,
     limits: AxisLimits | None,
 ) -> AxisExperiment:
     """Return the experiment at its level, or at the largest that the limits allow; refused where it passes one."""
+    source, plant = source if isinstance(source, tuple) else (source, None)
     if plant is not None:
         require_kind("plant", plant, Bla)
     if limits is not None:

@@ -155,7 +155,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     >>> import nlfrf, tempfile
     >>> from nlfrf.axis import design_ramp, load_trace, play_experiment
     >>> axis = nlfrf.servo_axis("ball screw")
-    >>> ramp = design_ramp(axis, n_samples=2000, f_min=2, f_max=60, rms=2500, n_levels=14, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=2000, f_min=2, f_max=60, rng=1)
+    >>> ramp = design_ramp(axis, ms, rms=2500, n_levels=14)
     >>> folder = tempfile.TemporaryDirectory()
     >>> nlfrf.save(ramp, f"{folder.name}/ramp.csv")
     >>> trace = play_experiment(axis, f"{folder.name}/ramp.csv", f"{folder.name}/trace.csv")
@@ -224,25 +225,9 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
     states = [FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL for one in read]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
-    if len(good) < 4:
-        limited = sum(one.limited for one in read)
-        return states, (
-            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
-            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
-        )
-    names = ("stiffness", "position", "stiffness_share")
-    k, position, stiffness_share = (np.array([getattr(read[i], name) for i in good]) for name in names)
-    if not np.any(stiffness_share > MIN_STIFFNESS_SHARE):
-        return states, (
-            f"friction holds the axis at no level, from {read[good[0]].force:.3g} {force} rms on: the force goes into "
-            "its mass. Begin the ramp lower: raise span"
-        )
-    stiffest = int(np.argmax(k))
-    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
-        return states, (
-            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} {unit}: that "
-            "is backlash or a hardening spring, friction makes it fall. Take the play out first"
-        )
+    if reason := reason_against_reading(read, units):
+        return states, reason
+    k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
     first, last = plateau_of(k, position)
     if first == last:
         for i in good:
@@ -286,6 +271,31 @@ def judge_breaking_away(
     if FrictionRegime.BENDS not in states:
         return states, "no level bends between sticking and sliding: take more levels"
     return states, ""
+
+
+def reason_against_reading(read: list[Level], units: tuple[str, str]) -> str:
+    """Return why the levels show no friction that falls with the level; empty where they may."""
+    good = [one for one in read if one.readable]
+    if len(good) < 4:
+        limited = sum(one.limited for one in read)
+        return (
+            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
+            f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
+        )
+    if not any(one.stiffness_share > MIN_STIFFNESS_SHARE for one in good):
+        return (
+            f"friction holds the axis at no level, from {good[0].force:.3g} {units[0]} rms on: the force goes into "
+            "its mass. Begin the ramp lower: raise span"
+        )
+    k = np.array([one.stiffness for one in good])
+    stiffest = int(np.argmax(k))
+    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
+        return (
+            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} "
+            f"{'/'.join(units)}: that is backlash or a hardening spring, friction makes it fall. Take the play out "
+            "first"
+        )
+    return ""
 
 
 def plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:

@@ -66,7 +66,8 @@ def play_experiment(
     >>> import nlfrf, tempfile
     >>> from nlfrf.axis import design_experiment, load_trace, play_experiment
     >>> axis = nlfrf.servo_axis("belt")
-    >>> experiment = design_experiment(axis, n_samples=4000, f_min=5, f_max=200, rms=20, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
+    >>> experiment = design_experiment(axis, ms, rms=20)
     >>> folder = tempfile.TemporaryDirectory()
     >>> nlfrf.save(experiment, f"{folder.name}/play.csv")
     >>> trace = play_experiment(axis, f"{folder.name}/play.csv", f"{folder.name}/trace.csv")

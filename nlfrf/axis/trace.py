@@ -122,7 +122,8 @@ def load_trace(
     >>> from nlfrf.axis import design_experiment, load_trace, play_experiment
     >>> axis = nlfrf.servo_axis("belt")
     >>> motion = {"base_velocity": 0.1, "strokes": 1}
-    >>> experiment = design_experiment(axis, n_samples=4000, f_min=5, f_max=200, rms=20, rng=1, **motion)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
+    >>> experiment = design_experiment(axis, ms, rms=20, **motion)
     >>> folder = tempfile.TemporaryDirectory()
     >>> nlfrf.save(experiment, f"{folder.name}/play.csv")
     >>> trace = play_experiment(axis, f"{folder.name}/play.csv", f"{folder.name}/trace.csv")
@@ -143,7 +144,7 @@ def load_trace(
 
 def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -> tuple[Record, ...]:
     """Return the records of traces, after a look at what they hold."""
-    fs, lines = runs[0].fs, experiment.ms.lines
+    fs = runs[0].fs
     N = design_period(experiment.ms, fs)
     require_fast_trace(experiment, fs, N)
     cut = [cut_run(run, experiment, N=N, start=start) for run in runs]
@@ -154,8 +155,26 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
             f"{min(run.u.size for run in runs) / fs:g} s: is fs right?"
         )
     drawn = experiment.ms.sampled(N)
-    order = match_realizations([one[labels[-1]] for one in cut], drawn, lines.excited)
-    hold = "zoh" if experiment.ms.n_samples == N else "unknown"
+    order = match_realizations([one[labels[-1]] for one in cut], drawn, experiment.ms.lines.excited)
+    records = join_periods(cut, labels, order=order, drawn=drawn, experiment=experiment, run=runs[0])
+    if not records:
+        raise ValueError("y must move by at least one step of its encoder, got a position that stands still")
+    off = {label: max((one[label].drift for one in cut), key=abs) for label in labels}
+    examine_records([in_design_units(record, experiment) for record in records], labels, experiment, off)
+    return tuple(records)
+
+
+def join_periods(
+    cut: list[dict[str, Periods]],
+    labels: list[str],
+    *,
+    order: list[int],
+    drawn: np.ndarray,
+    experiment: AxisExperiment,
+    run: Run,
+) -> list[Record]:
+    """Return a record a label, its realisations in their order; a level of a ramp that does not move has none."""
+    hold = "zoh" if experiment.ms.n_samples == drawn.shape[1] else "unknown"
     records = []
     for label in labels:
         parts = [cut[m][label] for m in order]
@@ -164,18 +183,21 @@ def records_of_runs(runs: list[Run], experiment: AxisExperiment, start: float) -
         if experiment.is_ramp and np.ptp(y) == 0:
             continue  # below the step of the encoder
         r = np.repeat(experiment.gains[experiment.groups[label][0]] * drawn[:, None], P, axis=1)
-        records.append(Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **runs[0].labels))
-    if not records:
-        raise ValueError("y must move by at least one step of its encoder, got a position that stands still")
-    seen = [in_design_units(record, experiment) for record in records]
-    if not experiment.is_ramp:
-        for label, record in zip(labels, seen, strict=True):
-            require_even_periods(record)
-            examine_motion(experiment, label, record=record, off=max((one[label].drift for one in cut), key=abs))
-    if examine_trace(experiment, seen[-1]) and not experiment.is_ramp:
-        for label, record in zip(labels, seen, strict=True):
+        records.append(Record(u=u, y=y, r=r, fs=run.fs, lines=experiment.ms.lines, hold=hold, **run.labels))
+    return records
+
+
+def examine_records(
+    records: list[Record], labels: list[str], experiment: AxisExperiment, off: dict[str, float]
+) -> None:
+    """Refuse or warn of what makes records others than their design, in its units; off: of the base velocity."""
+    alone = experiment.is_ramp  # its levels differ by design
+    for label, record in () if alone else zip(labels, records, strict=True):
+        require_even_periods(record)
+        examine_motion(experiment, label, record=record, off=off[label])
+    if examine_trace(experiment, records[-1]) and not alone:
+        for label, record in zip(labels, records, strict=True):
             warn_of_other_level(experiment, label, record)
-    return tuple(records)
 
 
 def unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan) -> float:

@@ -105,7 +105,8 @@ class AxisExperiment:
     --------
     >>> import nlfrf.axis
     >>> axis = nlfrf.servo_axis("belt")
-    >>> experiment = nlfrf.axis.design_experiment(axis, n_samples=4000, f_min=5, f_max=200, rms=20, rng=1)
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
+    >>> experiment = nlfrf.axis.design_experiment(axis, ms, rms=20)
     >>> round(experiment.rms, 6), experiment.labels
     (20.0, ('at rest',))
     """

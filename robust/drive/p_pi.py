@@ -15,7 +15,7 @@ import numpy as np
 from nlfrf._base.arguments import require_kind
 from nlfrf.axis import Drive
 from robust._base.warnings import DesignWarning
-from robust.lti.connections import in_series
+from robust.lti.connections import block_diagonal, in_parallel, in_series
 from robust.lti.lti import with_names
 from robust.lti.sampling import sampled
 from robust.synthesis.blocks import second_order_section
@@ -88,10 +88,8 @@ def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSp
     n, held = settings.position_every, hold_mean(settings)
     ahead = settings.velocity_feedforward * settings.fs / n  # differences over a period of the position loop
     difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
-    velocity_set_point = stack_systems(
-        times(settings.kv, held), in_series(difference, held, dt=settings.dt), joined=True
-    )
-    error = stack_systems(times(factor, velocity_set_point), times(-1.0, measured_velocity(settings)), joined=False)
+    velocity_set_point = in_parallel(times(settings.kv, held), in_series(difference, held, dt=settings.dt))
+    error = added(times(factor, velocity_set_point), times(-1.0, measured_velocity(settings)))
     return in_series(error, *behind_velocity_loop(settings, scale), dt=settings.dt)
 
 
@@ -99,7 +97,8 @@ def measured_velocity(settings: Drive) -> control.StateSpace:
     """Return what the velocity loop subtracts: velocity and kv times position, in its own units, from the positions."""
     velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), settings.dt))
     factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
-    return stack_systems(velocity, times(settings.kv * factor, hold_mean(settings)), joined=settings.encoder != "both")
+    join = added if settings.encoder == "both" else in_parallel
+    return join(velocity, times(settings.kv * factor, hold_mean(settings)))
 
 
 def behind_velocity_loop(settings: Drive, scale: float) -> list[control.StateSpace]:
@@ -160,12 +159,7 @@ def times(factor: float, system: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(system.A, system.B, factor * system.C, factor * system.D, system.dt)
 
 
-def stack_systems(F: control.StateSpace, G: control.StateSpace, *, joined: bool) -> control.StateSpace:
-    """Return the sum of two outputs, of one input that both share or of inputs of their own."""
-    n, m = F.nstates, G.nstates
-    A = np.block([[F.A, np.zeros((n, m))], [np.zeros((m, n)), G.A]])
-    B = np.block([[F.B, np.zeros((n, G.ninputs))], [np.zeros((m, F.ninputs)), G.B]])
-    D = np.hstack([F.D, G.D])
-    if joined:
-        B, D = B.sum(axis=1, keepdims=True), D.sum(axis=1, keepdims=True)
-    return control.StateSpace(A, B, np.hstack([F.C, G.C]), D, F.dt)
+def added(F: control.StateSpace, G: control.StateSpace) -> control.StateSpace:
+    """Return the sum of the outputs of two systems of inputs of their own."""
+    both = block_diagonal([F, G], F.dt)
+    return control.StateSpace(both.A, both.B, both.C.sum(axis=0)[None], both.D.sum(axis=0)[None], F.dt)

@@ -334,3 +334,12 @@ def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
         raise ValueError(str(error)) from None
     root = np.sqrt(2 / dt)
     return A * 2 / dt, B * root, C * root, D
+
+
+def discrete_matrices(matrices: Matrices, dt: float) -> Matrices:
+    """Return under a clock dt [s] the image of a system in 2/dt (z - 1)/(z + 1): `continuous_matrices` undone."""
+    if not dt:
+        return matrices
+    A, B, C, D = matrices
+    root = np.sqrt(dt / 2)
+    return to_discrete(A * dt / 2, B * root, C * root, D)

@@ -38,7 +38,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import value
 from robust.lti.lti import Matrices
-from robust.lti.norms import continuous_image, to_discrete
+from robust.lti.norms import continuous_image, discrete_matrices
 from robust.lti.realisation import multivariable
 
 Names: TypeAlias = str | Sequence[str]
@@ -100,9 +100,8 @@ class Parameter:
 class TunableBlock:
     """What all blocks share: signals, free parameters, bounds. Subclasses are values with numbers as fields."""
 
-    #: Fields with numbers, and those that keep their sign.
+    #: Fields with numbers, which keep their sign unless they are entries of a matrix.
     NUMBERS: ClassVar[tuple[str, ...]] = ()
-    SIGNED: ClassVar[tuple[str, ...]] = ()
     #: Bounds that the meaning of a parameter sets.
     LIMITS: ClassVar[Mapping[str, tuple[float, float]]] = {}
 
@@ -168,7 +167,7 @@ class TunableBlock:
 
     def parameter(self, name: str, index: tuple[int, ...], start: float, dt: float) -> Parameter:
         """One free number with its bounds, or a refusal of a start outside them."""
-        sign = int(np.sign(start)) if name in self.SIGNED else 0
+        sign = 0 if self.matrix_block else int(np.sign(start))
         reach = RANGE_RATIO * (abs(start) or 1.0)
         low, high = (start / RANGE_RATIO, start * RANGE_RATIO) if sign else (-reach, reach)
         low, high = min(low, high), max(low, high)
@@ -210,9 +209,7 @@ class TunableBlock:
         dt = require_nonnegative("dt", dt)
         self.require_below_nyquist(dt)
         A, B, C, D = (np.asarray(part, dtype=float) for part in self.state_space(parameter_values(self), dt))
-        if dt:
-            root = np.sqrt(dt / 2)  # s in units of 2/T
-            A, B, C, D = to_discrete(A * dt / 2, B * root, C * root, D)
+        A, B, C, D = discrete_matrices((A, B, C, D), dt)
         names = {"inputs": list(self.reads) or None, "outputs": list(self.drives) or None}
         return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
 
@@ -368,7 +365,6 @@ class Pid(TunableBlock):
     filter_time: float = 0.0
 
     NUMBERS = ("kp", "ki", "kd", "filter_time")
-    SIGNED = NUMBERS
 
     @classmethod
     def from_gains(cls, gains: Any, *, reads: str, drives: str) -> Pid:
@@ -424,9 +420,6 @@ class Filter(TunableBlock):
     Sampled, it has at omega exactly the response of the continuous one.
     """
 
-    #: What messages call it.
-    KIND = "filter"
-
     omega: float
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
@@ -450,7 +443,7 @@ class Filter(TunableBlock):
         return second_order_section(*self.polynomials(vars(self)), 1 / np.tan(self.omega / fs / 2))
 
     def __str__(self) -> str:
-        return f"{self.KIND} at {self.omega / TWO_PI:g} Hz"
+        return f"{type(self).__name__.lower()} at {self.omega / TWO_PI:g} Hz"
 
 
 @value
@@ -495,9 +488,7 @@ class Notch(Filter):
     depth: float = 0.3
     width: float = 0.6
 
-    KIND = "notch"
     NUMBERS = ("omega", "depth", "width")
-    SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "depth": (1e-3, 1.0), "width": (1e-2, 4.0)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
@@ -543,9 +534,7 @@ class Lead(Filter):
     omega: float
     phase: float = 0.8
 
-    KIND = "lead"
     NUMBERS = ("omega", "phase")
-    SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "phase": (1e-2, 1.5)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
@@ -592,9 +581,7 @@ class Lag(Filter):
     omega: float
     gain: float = np.inf
 
-    KIND = "lag"
     NUMBERS = ("omega", "gain")
-    SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "gain": (1.0, np.inf)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
@@ -652,9 +639,7 @@ class LowPass(Filter):
     zeta: float = np.sqrt(0.5)
     order: int = 2
 
-    KIND = "low-pass"
     NUMBERS = ("omega", "zeta")
-    SIGNED = NUMBERS
     LIMITS = {"omega": (0.0, np.inf), "zeta": (0.1, 2.0)}  # noqa: RUF012
 
     def check_numbers(self) -> None:
@@ -711,9 +696,7 @@ class Biquad(Filter):
     numerator_omega: float
     numerator_zeta: float
 
-    KIND = "biquad"
     NUMBERS = ("omega", "zeta", "numerator_omega", "numerator_zeta")
-    SIGNED = NUMBERS
     LIMITS = {  # noqa: RUF012
         "omega": (0.0, np.inf),
         "zeta": (1e-2, 2.0),

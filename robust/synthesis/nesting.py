@@ -12,8 +12,8 @@ import control
 
 from robust._base.types import Controller, Weight
 from robust.lti.connections import in_parallel, in_series
-from robust.lti.lti import is_constant, timebase
 from robust.lti.realisation import state_space
+from robust.lti.wiring import shared_timebase
 
 
 def nested_loops(
@@ -55,11 +55,7 @@ def nested_loops(
     [-2.0, -2.0]
     """
     parts = {"K_outer": K_outer, "K_inner": K_inner, "outer": outer, "inner": inner}
-    systems = {name: state_space(name, part) for name, part in parts.items()}
-    clocks = {name: timebase(system) for name, system in systems.items() if not is_constant(system)}
-    if len(set(clocks.values())) > 1:
-        listing = ", ".join(f"{name} {dt:g} s" for name, dt in clocks.items())
-        raise ValueError(f"K_inner must have the sampling time of all other parts, 0 for continuous, got {listing}")
-    dt = next(iter(clocks.values()), systems["K_inner"].dt)
-    K_outer, K_inner, outer, inner = (control.StateSpace(s.A, s.B, s.C, s.D, dt) for s in systems.values())
+    systems = [state_space(name, part) for name, part in parts.items()]
+    dt = shared_timebase(systems)
+    K_outer, K_inner, outer, inner = (control.StateSpace(s.A, s.B, s.C, s.D, dt) for s in systems)
     return in_series(in_parallel(inner, in_series(outer, K_outer, dt=dt)), K_inner, dt=dt)

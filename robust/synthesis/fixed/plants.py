@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import control
 import numpy as np
@@ -105,76 +105,109 @@ def plant_on_lines(
 
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
     """
-    if (
-        isinstance(plant, DiscsOnLines)
-        or is_single(plant)
-        or isinstance(plant, control.FrequencyResponseData)
-        or getattr(plant, "measured_only", False)
-    ):
-        if isinstance(plant, DiscsOnLines):
-            omega, G, form, w = plant.omega, plant.G, ADDITIVE, plant.radius
-        else:
-            omega, G, form, w, *_ = parts_on_lines(plant)
-        w = np.nan_to_num(np.abs(w))
-        if dt and omega[-1] * dt >= np.pi:
-            raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
-        G = G if isinstance(plant, DiscsOnLines) else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
-        loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
-        n = omega.size
-        omega, G = extend_below(omega, G, n=n_integrators, decades=3.0, points=60)
-        below = np.ones(omega.size - n) if FORMS[form].vanishes_with_plant else np.abs(G[:-n] / G[-n])
-        w = np.concatenate([w[0] * below, w])
-        above = omega[-1] * np.geomspace(1.2, 100, 14)
-        above = above[above * dt < 0.99 * np.pi]
-        known = np.arange(omega.size + above.size) < omega.size
-        omega = np.concatenate([omega, above])
-        G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
-        omega, G, w, known = add_mode_lines(K, omega, G=G, w=w, known=known)
+    if isinstance(plant, DiscsOnLines) or is_known_on_lines(plant):
+        seen = measured_lines(plant, dt, delay, K)
     else:
-        source: Any = plant  # a set, or what has as much of one as a loop without uncertainty reads
-        if not isinstance(plant, UncertaintyModel):
-            G_ss = state_space("plant", plant)
-            nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
-            source = SimpleNamespace(nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity)
-            source.perturbation = "LTI"
-        step = timebase(source.nominal)
-        if step and dt and abs(step / dt - 1) > 1e-9:
-            raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
-        if dt and isinstance(plant, UncertaintyModel):
-            warn_of_unknown_hold(plant, dt)
-        loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay)
-        lines, form = source.omega, source.form
-        omega = design_grid(loop, lines, extra=extra, weights=weights, K=K)
-        lowest, highest = float(omega[0]), float(omega[-1])
-        above = np.geomspace(1, FAR, N_FAR)[1:] * highest
-        omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
-        G = loop.plant_response(omega)
-        omega, G = omega[np.isfinite(G)], G[np.isfinite(G)]  # a line on an undamped mode has no response
-        w = np.abs(response(loop.weight, omega))
-        n_integrators = integrator_poles(loop.G, loop.dt)
-        known = np.ones(omega.size, dtype=bool)
-    size = np.abs(G)
-    inverse, w = FORMS[form].inverse, relative_radius(form, w, size)
+        seen = modelled_lines(plant, dt, delay, extra=extra, weights=weights, K=K)
+    size = np.abs(seen.G)
+    inverse, w = FORMS[seen.form].inverse, relative_radius(seen.form, seen.w, size)
     disc = w < LARGEST_DISC
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
     radius = np.where(outside > 0, 0.0, size * w * shrink)
+    loop = seen.loop
     if isinstance(plant, UncertaintyModel) and loop is not None and loop.aliases is not None:
-        every = loop.aliases.sampled_radius(omega, G)
+        every = loop.aliases.sampled_radius(seen.omega, seen.G)
         radius = np.where(np.isfinite(every), every, radius)  # without a bound it is left to the check
     return PlantOnLines(
-        omega=omega,
-        G=G,
-        centre=G * shrink,
+        omega=seen.omega,
+        G=seen.G,
+        centre=seen.G * shrink,
         radius=radius,
         outside=outside,
         inverse=np.where(inverse, w, 0.0),
         loop=loop,
-        n_integrators=n_integrators,
-        known=known,
-        lowest=lowest,
-        highest=highest,
+        n_integrators=seen.n_integrators,
+        known=seen.known,
+        lowest=seen.lowest,
+        highest=seen.highest,
     )
+
+
+class Lines(NamedTuple):
+    """Response and weight (W,) of a plant on its lines, the form of its set, and the rest as `PlantOnLines` has it."""
+
+    omega: np.ndarray
+    G: np.ndarray
+    w: np.ndarray
+    form: str
+    known: np.ndarray
+    n_integrators: int
+    lowest: float
+    highest: float
+    loop: Loop | None = None
+
+
+def is_known_on_lines(plant: object) -> bool:
+    """Return whether a plant is an FRF."""
+    measured = isinstance(plant, control.FrequencyResponseData) or getattr(plant, "measured_only", False)
+    return bool(is_single(plant) or measured)
+
+
+def measured_lines(plant: Any, dt: float, delay: float, K: Sequence[control.StateSpace]) -> Lines:
+    """Return an FRF, carried on below its first line and above its last one."""
+    if isinstance(plant, DiscsOnLines):
+        omega, G, form, w = plant.omega, plant.G, ADDITIVE, plant.radius
+    else:
+        omega, G, form, w, *_ = parts_on_lines(plant)
+    w = np.nan_to_num(np.abs(w))
+    if dt and omega[-1] * dt >= np.pi:
+        raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
+    G = G if isinstance(plant, DiscsOnLines) else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
+    n_integrators, lowest, highest = slope_at_start(omega, G), float(omega[0]), float(omega[-1])
+    n = omega.size
+    omega, G = extend_below(omega, G, n=n_integrators, decades=3.0, points=60)
+    below = np.ones(omega.size - n) if FORMS[form].vanishes_with_plant else np.abs(G[:-n] / G[-n])
+    w = np.concatenate([w[0] * below, w])
+    above = omega[-1] * np.geomspace(1.2, 100, 14)
+    above = above[above * dt < 0.99 * np.pi]
+    known = np.arange(omega.size + above.size) < omega.size
+    omega = np.concatenate([omega, above])
+    G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
+    omega, G, w, known = add_mode_lines(K, omega, G=G, w=w, known=known)
+    return Lines(omega, G, w, form, known, n_integrators, lowest, highest)
+
+
+def modelled_lines(
+    plant: Any,
+    dt: float,
+    delay: float,
+    *,
+    extra: tuple[float, ...],
+    weights: tuple[object, ...],
+    K: Sequence[control.StateSpace],
+) -> Lines:
+    """Return a parametric plant where it, its weight, demands or controllers have features, and far above."""
+    source: Any = plant  # a set, or what has as much of one as a loop without uncertainty reads
+    if not isinstance(plant, UncertaintyModel):
+        G_ss = state_space("plant", plant)
+        nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
+        source = SimpleNamespace(nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity)
+        source.perturbation = "LTI"
+    step = timebase(source.nominal)
+    if step and dt and abs(step / dt - 1) > 1e-9:
+        raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
+    if dt and isinstance(plant, UncertaintyModel):
+        warn_of_unknown_hold(plant, dt)
+    loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay)
+    omega = design_grid(loop, source.omega, extra=extra, weights=weights, K=K)
+    lowest, highest = float(omega[0]), float(omega[-1])
+    above = np.geomspace(1, FAR, N_FAR)[1:] * highest
+    omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
+    G = loop.plant_response(omega)
+    omega, G = omega[np.isfinite(G)], G[np.isfinite(G)]  # a line on an undamped mode has no response
+    w, known = np.abs(response(loop.weight, omega)), np.ones(omega.size, dtype=bool)
+    return Lines(omega, G, w, source.form, known, integrator_poles(loop.G, loop.dt), lowest, highest, loop)
 
 
 def add_mode_lines(

@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.lti.grids import cluster_at_modes
 from robust.lti.lti import evaluate_transfer
-from robust.lti.norms import continuous_matrices, crossings, to_discrete, well_conditioned
+from robust.lti.norms import continuous_matrices, crossings, discrete_matrices, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
 from robust.lti.wiring import is_well_posed
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
@@ -628,13 +628,11 @@ class MeasuredLoop:
         full_B = np.vstack([B[:, y_p] + B[:, u_b] @ u_in, Bk @ y_in])
         full_C = np.hstack([C[u_p] + D[u_p, u_b] @ u_x, D[u_p, u_b] @ u_k])
         full_D = D[u_p, y_p] + D[u_p, u_b] @ u_in
-        if self.dt:
-            root = np.sqrt(self.dt / 2)
-            try:
-                full_A, full_B, full_C, full_D = to_discrete(full_A * self.dt / 2, full_B * root, full_C * root, full_D)
-            except np.linalg.LinAlgError:
-                return None
-        return control.StateSpace(full_A, full_B, full_C, full_D, self.dt, remove_useless_states=False)
+        try:
+            matrices = discrete_matrices((full_A, full_B, full_C, full_D), self.dt)
+        except np.linalg.LinAlgError:
+            return None
+        return control.StateSpace(*matrices, self.dt, remove_useless_states=False)
 
     def stability_by_winding(self, M: np.ndarray) -> tuple[bool, bool]:
         """Return whether the loop is stable by its winding number, and whether the lines resolve that."""

@@ -349,49 +349,61 @@ def quadratic_program(
     Soft peaks lie below t, hard ones below the e of their limit and plant, at least zero; poles may lose nine tenths
     of what they have.
     """
-    import clarabel
-
     n = current.x.size
     peaks = [(peak, peak.level) for peak in current.peaks] + [(peak, float(level[0])) for peak, level in cuts]
     peaks = [(peak, level) for peak, level in peaks if np.isfinite(peak.gradient).all() and np.isfinite(level)]
     groups = sorted({(peak.limit, peak.plant) for peak, _ in peaks if peak.hard})
-    size = n + 1 + len(groups)
-    rows, right = [], []
-    for peak, level in peaks:
-        row = np.zeros(size)
-        row[:n] = peak.gradient
-        row[n + 1 + groups.index((peak.limit, peak.plant)) if peak.hard else n] = -1.0
-        rows.append(row)
-        right.append(-(level + HARD_LIMIT_MARGIN) if peak.hard else -level)
-    n_peaks = len(rows)
-    if not any(not peak.hard for peak, _ in peaks):
-        row = np.zeros(size)
-        row[n] = -1.0
-        rows.append(row)
-        right.append(0.0)
-    for k in range(len(groups)):
-        row = np.zeros(size)
-        row[n + 1 + k] = -1.0
-        rows.append(row)
-        right.append(0.0)
+    low = np.maximum(problem.controller.lower - current.x, -box)
+    high = np.minimum(problem.controller.upper - current.x, box)
+    A, b = linear_constraints(current, peaks, groups)
+    edges = np.hstack([np.vstack([np.eye(n), -np.eye(n)]), np.zeros((2 * n, A.shape[1] - n))])
+    P = np.zeros((A.shape[1], A.shape[1]))
+    P[:n, :n] = (H + H.T) / 2
+    q = np.concatenate([np.zeros(n), [1.0], np.full(len(groups), rho)])
+    solution = solve_quadratic(P, q, A=np.vstack([A, edges]), b=np.concatenate([b, high, -low]))
+    if solution is None:
+        return None
+    x, z = solution
+    d = np.clip(x[:n], low, high)
+    after = model_merit(peaks, d, groups=groups, rho=rho)
+    predicted = model_merit(peaks, np.zeros(n), groups=groups, rho=rho) - after
+    return d, float(predicted), [(peak, float(z[k])) for k, (peak, _) in enumerate(peaks) if z[k] > 1e-9]
+
+
+def linear_constraints(
+    current: Evaluation, peaks: list[tuple[Peak, float]], groups: list[tuple[int, int]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return A, b of A (d, t, e) <= b: the peaks in their order, t where no peak bounds it, e, and the poles."""
+    n = current.x.size
+
+    def row(gradient: np.ndarray | float, below: int | None) -> np.ndarray:
+        found = np.zeros(n + 1 + len(groups))
+        found[:n] = gradient
+        if below is not None:
+            found[n + below] = -1.0
+        return found
+
+    rows = [
+        (row(peak.gradient, 1 + groups.index((peak.limit, peak.plant))), -level - HARD_LIMIT_MARGIN)
+        if peak.hard
+        else (row(peak.gradient, 0), -level)
+        for peak, level in peaks
+    ]
+    bounded = any(not peak.hard for peak, _ in peaks)
+    rows += [(row(0.0, k), 0.0) for k in range(bounded, 1 + len(groups))]
     for pole in current.poles:
         if np.isfinite(pole.gradient).all() and pole.excess > 10 * current.excess:
             scale = max(abs(pole.excess), 1e-9)
-            row = np.zeros(size)
-            row[:n] = pole.gradient / scale
-            rows.append(row)
-            right.append(0.9 * max(-pole.excess, 0.0) / scale)
-    low = np.maximum(problem.controller.lower - current.x, -box)
-    high = np.minimum(problem.controller.upper - current.x, box)
-    for sign, edge in ((1.0, high), (-1.0, -low)):
-        block = np.zeros((n, size))
-        block[:, :n] = sign * np.eye(n)
-        rows += list(block)
-        right += list(edge)
-    P = np.zeros((size, size))
-    P[:n, :n] = (H + H.T) / 2
-    q = np.concatenate([np.zeros(n), [1.0], np.full(len(groups), rho)])
-    A, b = np.array(rows), np.array(right)
+            rows.append((row(pole.gradient / scale, None), 0.9 * max(-pole.excess, 0.0) / scale))
+    return np.array([one for one, _ in rows]), np.array([right for _, right in rows])
+
+
+def solve_quadratic(
+    P: np.ndarray, q: np.ndarray, *, A: np.ndarray, b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return x and multipliers of min x'P x/2 + q'x with A x <= b; None where the solver finds none."""
+    import clarabel
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     try:
@@ -406,12 +418,7 @@ def quadratic_program(
             raise
         return None
     x, z = np.array(solution.x), np.array(solution.z)
-    if not np.isfinite(x).all() or not np.isfinite(z).all():
-        return None
-    d = np.clip(x[:n], low, high)
-    after = model_merit(peaks, d, groups=groups, rho=rho)
-    predicted = model_merit(peaks, np.zeros(n), groups=groups, rho=rho) - after
-    return d, float(predicted), [(peak, float(z[k])) for k, (peak, _) in enumerate(peaks[:n_peaks]) if z[k] > 1e-9]
+    return (x, z) if np.isfinite(x).all() and np.isfinite(z).all() else None
 
 
 def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float) -> float:

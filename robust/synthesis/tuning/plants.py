@@ -158,42 +158,48 @@ def see_plant(
     if known_on_lines:
         return see_measured(name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst)
     if is_single_set(model):
-        loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), w_P=None, delay=delay)
-        if loop.dt:
-            warn_of_unknown_hold(model, loop.dt)
-        if loop.aliases is not None and loop.aliases.inverse and worst:
-            raise ValueError(
-                f"{name} must have a sampled nominal for worst=True in the {model.form} form under a clock, got a "
-                "continuous one. Take sampled(nominal, dt), or another form"
-            )
-        perturbation = perturbation_of_disc(loop) if worst else None
-        if perturbation is not None and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]:
-            raise ValueError(
-                f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
-                "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
-            )
-        return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation)
+        return see_single_set(name, model, dt=dt, delay=delay, worst=worst)
     if worst and dt and not timebase(model.nominal):
         warn_of_unknown_hold(model, dt)
         model, delay = sampled_set(model, dt, delay).model, 0.0
     G = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
+    G, lines = behind_hold_and_delay(name, G, dt=dt, delay=delay), np.asarray(getattr(model, "omega", np.zeros(0)))
+    if not worst:
+        return ModelledPlant(system=G, lines=lines)
+    return ModelledPlant(
+        system=G, lines=lines, perturbation=perturbation_of_matrices(model), blocks=tuple(model.structure)
+    )
+
+
+def see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool) -> ModelledPlant:
+    """Return a set of one channel behind hold and delay."""
+    loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), w_P=None, delay=delay)
+    if loop.dt:
+        warn_of_unknown_hold(model, loop.dt)
+    if loop.aliases is not None and loop.aliases.inverse and worst:
+        raise ValueError(
+            f"{name} must have a sampled nominal for worst=True in the {model.form} form under a clock, got a "
+            "continuous one. Take sampled(nominal, dt), or another form"
+        )
+    perturbation = perturbation_of_disc(loop) if worst else None
+    if perturbation is not None and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]:
+        raise ValueError(
+            f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
+            "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
+        )
+    return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation)
+
+
+def behind_hold_and_delay(name: str, G: control.StateSpace, *, dt: float, delay: float) -> control.StateSpace:
+    """Return a system on the time base of the design."""
     step = timebase(G)
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of {name}, {step:g} s, got {dt:g} s")
     if step and not dt:
         raise ValueError(f"dt must be given for {name}, which is sampled at {step:g} s, got a continuous design")
     if step:
-        G = delayed(G, delay_samples("delay", delay, step) * step, order=0)
-    elif dt:
-        G = sampled(G, dt, delay)
-    else:
-        G = delayed(G, delay, order=DELAY_ORDER)
-    lines = np.asarray(getattr(model, "omega", np.zeros(0)))
-    if not worst:
-        return ModelledPlant(system=G, lines=lines)
-    return ModelledPlant(
-        system=G, lines=lines, perturbation=perturbation_of_matrices(model), blocks=tuple(model.structure)
-    )
+        return delayed(G, delay_samples("delay", delay, step) * step, order=0)
+    return sampled(G, dt, delay) if dt else delayed(G, delay, order=DELAY_ORDER)
 
 
 def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: float) -> ModelledPlant:

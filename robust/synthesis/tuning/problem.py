@@ -126,21 +126,14 @@ class TuningProblem:
     def evaluate_in_time(self, x: np.ndarray, *, peaks: bool, pole_slopes: bool) -> Evaluation:
         """Return `evaluate`, as long as there is time."""
         M = self.controller.matrix(x)
-        loops: list[ClosedLoop | None] = []
+        loops = self.close_loops(M)
+        if loops is None:
+            return Evaluation(x=x, excess=np.inf, poles=[], peaks=[])
         rows: list[tuple[float, int, int]] = []
-        for k, scene in enumerate(self.scenes):
-            if isinstance(scene, MeasuredLoop):
-                stable, clear = scene.stability_by_winding(M) if np.isfinite(M).all() else (False, False)
-                loops.append(None)
-                if not (stable and clear):
-                    return Evaluation(x=x, excess=np.inf, poles=[], peaks=[])
-                continue
-            loop = scene.close(M) if np.isfinite(M).all() else None
-            if loop is None or not np.isfinite(loop.A).all():
-                return Evaluation(x=x, excess=np.inf, poles=[], peaks=[])
-            loops.append(loop)
-            excesses = self.real_parts(loop.poles) + self.decay
-            rows += [(float(excesses[place]), k, int(place)) for place in self.movable_poles(k, loop.poles)]
+        for k, loop in enumerate(loops):
+            if loop is not None:
+                excesses = self.real_parts(loop.poles) + self.decay
+                rows += [(float(excesses[place]), k, int(place)) for place in self.movable_poles(k, loop.poles)]
         rows.sort(reverse=True)
         excess = rows[0][0] if rows else -np.inf
         slopes = self.controller.slopes(x) if (peaks or pole_slopes) else None
@@ -156,6 +149,21 @@ class TuningProblem:
         for scene, loop in zip(self.scenes, loops, strict=True):
             found += scene.peaks(M, slopes) if isinstance(scene, MeasuredLoop) else scene.peaks(loop, slopes)  # type: ignore[arg-type]
         return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=found)
+
+    def close_loops(self, M: np.ndarray) -> list[ClosedLoop | None] | None:
+        """Return the loops, None for one on lines; None where one has no solution, or does not wind as a stable one."""
+        if not np.isfinite(M).all():
+            return None
+        loops: list[ClosedLoop | None] = []
+        for scene in self.scenes:
+            loop = None
+            if isinstance(scene, MeasuredLoop):
+                if not all(scene.stability_by_winding(M)):
+                    return None
+            elif (loop := scene.close(M)) is None or not np.isfinite(loop.A).all():
+                return None
+            loops.append(loop)
+        return loops
 
     def real_parts(self, poles: np.ndarray) -> np.ndarray:
         """Return real parts in s of poles in the plane of the bilinear map."""

@@ -20,7 +20,7 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from robust.lti.lti import is_constant, timebase
-from robust.lti.norms import to_discrete
+from robust.lti.norms import discrete_matrices
 from robust.lti.realisation import multivariable
 from robust.lti.stability import assess_stability, poles_with_rounding
 from robust.lti.wiring import Port, join_by_name
@@ -562,11 +562,7 @@ def is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
 
 def system_of_loop(loop: ClosedLoop, dt: float) -> control.StateSpace:
     """Return the loop as a system: under a clock back from the plane of the bilinear map."""
-    A, B, C, D = loop.matrices
-    if dt:
-        root = np.sqrt(dt / 2)
-        A, B, C, D = to_discrete(A * dt / 2, B * root, C * root, D)
-    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
+    return control.StateSpace(*discrete_matrices(loop.matrices, dt), dt, remove_useless_states=False)
 
 
 def has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:

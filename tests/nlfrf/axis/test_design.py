@@ -12,7 +12,8 @@ from nlfrf.axis.loop import closed_loop_poles, crossover_frequency, plant_frf
 from nlfrf.rig import run
 
 N = 2000
-BAND = {"n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}
+BAND = {"fs": 4000, "n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}
+MS = multisine(**BAND)
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
 PORTS = ("position", "velocity", "force")
 
@@ -32,7 +33,7 @@ def spectrum(signal, begin, lines):
 )
 def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
     axis = free(name)
-    experiment = design_experiment(axis, **BAND, rms=20, amplitude=lambda f: 1 / f, port=port, n_discard=10)
+    experiment = design_experiment(axis, multisine(**BAND, amplitude=lambda f: 1 / f), rms=20, port=port, n_discard=10)
     trace = run(axis, experiment.set_points(0), oversampling=4)
     lines, begin = experiment.ms.lines.excited, experiment.n_discard * N
     U, Y = (spectrum(one, begin, lines) for one in (trace.force_set, trace.position))
@@ -58,7 +59,7 @@ def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
 )
 def test_every_part_of_the_drive_is_in_the_transfer(drive):
     axis = free("belt", **drive)
-    experiment = design_experiment(axis, **BAND, rms=20, n_discard=12)
+    experiment = design_experiment(axis, MS, rms=20, n_discard=12)
     trace = run(axis, experiment.set_points(0), oversampling=4)
     U = spectrum(trace.force_set, experiment.n_discard * N, experiment.ms.lines.excited)
     assert np.allclose(np.abs(U), experiment.force_amplitude, rtol=1e-4)
@@ -66,15 +67,15 @@ def test_every_part_of_the_drive_is_in_the_transfer(drive):
 
 def test_a_slower_position_loop_is_taken_as_its_mean():
     axis = free("belt", position_every=4)
-    experiment = design_experiment(axis, **BAND, rms=20, n_discard=12)
+    experiment = design_experiment(axis, MS, rms=20, n_discard=12)
     trace = run(axis, experiment.set_points(0))
     U = spectrum(trace.force_set, experiment.n_discard * N, experiment.ms.lines.excited)
     assert np.allclose(np.abs(U), experiment.force_amplitude, rtol=0.03)
 
 
 def test_phases_stay_random_on_a_special_odd_grid():
-    experiment = design_experiment(servo_axis("belt"), **BAND, rms=20, n_realizations=200)
-    plain = multisine(fs=4000, **BAND, n_realizations=200)
+    experiment = design_experiment(servo_axis("belt"), multisine(**BAND, n_realizations=200), rms=20)
+    plain = multisine(**BAND, n_realizations=200)
     assert experiment.ms.lines.kind == "special-odd"
     assert np.array_equal(experiment.ms.phase, plain.phase)
 
@@ -88,14 +89,14 @@ def test_phases_stay_random_on_a_special_odd_grid():
     ],
 )
 def test_without_a_level_the_limit_is_reached_and_not_passed(limits, which):
-    experiment = design_experiment(servo_axis("belt"), **BAND, limits=limits, n_realizations=3)
+    experiment = design_experiment(servo_axis("belt"), multisine(**BAND, n_realizations=3), limits=limits)
     limit = next(one for one in (limits.force, limits.velocity, limits.travel) if np.isfinite(one))
     assert np.isclose(getattr(experiment, which), limit)
 
 
 def test_in_motion_the_multisine_never_turns_the_axis_back():
     axis = servo_axis("belt")
-    experiment = design_experiment(axis, **BAND, base_velocity=0.1, strokes=1, limits=AxisLimits(velocity=1))
+    experiment = design_experiment(axis, MS, base_velocity=0.1, strokes=1, limits=AxisLimits(velocity=1))
     trace = run(axis, experiment.set_points(0))
     forward = slice(experiment.n_discard * N, experiment.block)
     assert trace.v[0, forward].min() > -1e-3
@@ -105,7 +106,7 @@ def test_in_motion_the_multisine_never_turns_the_axis_back():
 
 
 def test_the_base_motion_begins_and_ends_at_rest_without_a_jump():
-    experiment = design_experiment(servo_axis("belt"), **BAND, base_velocity=0.1, strokes=2, rms=20)
+    experiment = design_experiment(servo_axis("belt"), MS, base_velocity=0.1, strokes=2, rms=20)
     velocity = np.diff(experiment.base) * 4000
     played = experiment.set_points(0)["position"]
     assert np.abs(np.diff(velocity)).max() < 1.01 * 0.2 * np.pi / 2 / (N // 4)  # slope of a cosine from -0.1 to 0.1
@@ -116,21 +117,21 @@ def test_the_base_motion_begins_and_ends_at_rest_without_a_jump():
 
 def test_a_measured_loop_gives_the_spectrum_too():
     axis = free("belt")
-    first = design_experiment(replace(axis, motor_inertia=12.0), **BAND, rms=2, n_discard=10)
+    first = design_experiment(replace(axis, motor_inertia=12.0), MS, rms=2, n_discard=10)
     trace = run(axis, first.set_points(0), oversampling=4)
     kept = slice(10 * N, 12 * N)
     u, y = (one[kept].reshape(1, 2, N) for one in (trace.force_set, trace.position))
     record = nlfrf.Record(u=u, y=y, r=np.tile(first.ms.u[:, None], (1, 2, 1)), fs=4000, lines=first.ms.lines)
-    second = design_experiment(record, n_samples=N, f_min=6, f_max=290, rms=20, rng=2, n_discard=10)
+    second = design_experiment(record, multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20, n_discard=10)
     trace = run(axis, second.set_points(0), oversampling=4)
     U = spectrum(trace.force_set, 10 * N, second.ms.lines.excited)
     assert np.allclose(np.abs(U), second.force_amplitude, rtol=1e-3)
     f = first.ms.f
     bla = nlfrf.bla_from_frf(f, plant_frf(axis, f), std=1e-9, fs=4000, hold="zoh")
-    by_bla = design_experiment(axis, n_samples=N, f_min=6, f_max=290, rms=20, rng=2, plant=bla)
+    by_bla = design_experiment((axis, bla), multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20)
     assert np.allclose(by_bla.ms.amplitude, second.ms.amplitude, rtol=1e-3)
     with pytest.raises(ValueError, match="f_min and f_max must lie inside the lines of the record, 6 to 294 Hz"):
-        design_experiment(record, n_samples=N, f_min=2, f_max=290, rms=20)
+        design_experiment(record, multisine(fs=4000, n_samples=N, f_min=2, f_max=290), rms=20)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +156,7 @@ def test_a_measured_loop_gives_the_spectrum_too():
 )
 def test_what_cannot_fit_is_refused_with_its_number(more, message):
     with pytest.raises(ValueError, match=message):
-        design_experiment(servo_axis("belt"), **BAND, **more)
+        design_experiment(servo_axis("belt"), MS, **more)
 
 
 def test_sources_that_do_not_fit():
@@ -166,11 +167,17 @@ def test_sources_that_do_not_fit():
         lines=nlfrf.signals.LineGrid(excited=[1]),
     )
     with pytest.raises(ValueError, match="source must be of type ServoAxis or Record, got 1"):
-        design_experiment(1.0, **BAND, rms=1)
+        design_experiment(1.0, MS, rms=1)
     with pytest.raises(ValueError, match="with its reference r, got one without"):
-        design_experiment(record, n_samples=8, f_min=0.1, f_max=0.2, rms=1)
+        design_experiment(record, multisine(fs=1, n_samples=8, f_min=0.1, f_max=0.2), rms=1)
+    with pytest.raises(ValueError, match="ms must be sampled as the source is, at 1 Hz, got 4000 Hz"):
+        design_experiment(record, MS, rms=1)
+    with pytest.raises(ValueError, match="ms must be of type Multisine, got 1"):
+        design_experiment(servo_axis("belt"), 1.0, rms=1)
+    with pytest.raises(ValueError, match="ms must have one realisation, got 2"):
+        design_ramp(servo_axis("belt"), multisine(**BAND, n_realizations=2), rms=1)
     with pytest.raises(ValueError, match="span must be above 1"):
-        design_ramp(servo_axis("belt"), **BAND, rms=1, span=0.5)
+        design_ramp(servo_axis("belt"), MS, rms=1, span=0.5)
     with pytest.raises(ValueError, match="force must be"):
         AxisLimits(force=-1)
 
@@ -180,7 +187,7 @@ def test_sources_that_do_not_fit():
 
 @pytest.mark.parametrize("port", PORTS)
 def test_the_design_survives_its_file(tmp_path, port):
-    experiment = design_experiment(servo_axis("joint"), **BAND, base_velocity=0.5, strokes=1, rms=3, port=port)
+    experiment = design_experiment(servo_axis("joint"), MS, base_velocity=0.5, strokes=1, rms=3, port=port)
     nlfrf.save(experiment, tmp_path / "play.csv")
     again = nlfrf.load(tmp_path / "play.npz")
     for name in ("force_response", "position_response", "gains", "velocities"):
@@ -204,9 +211,8 @@ def test_from_the_design_to_the_frf_of_either_direction(tmp_path, name):
     """In motion the friction is a constant and a damping: the FRF is that of the machine without friction."""
     axis = servo_axis(name)
     velocity, rms = {"joint": (0.5, 5), "ball screw": (0.05, 300)}.get(name, (0.15, 30))
-    experiment = design_experiment(
-        free(name), n_samples=N, f_min=10, f_max=300, rms=rms, base_velocity=velocity, strokes=1, rng=1
-    )
+    ms = multisine(**BAND | {"f_min": 10})
+    experiment = design_experiment(free(name), ms, rms=rms, base_velocity=velocity, strokes=1)
     nlfrf.save(experiment, tmp_path / "play.csv")
     play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv")
     records = load_trace(tmp_path / "trace.csv", tmp_path / "play.npz")
@@ -225,9 +231,8 @@ def test_from_the_design_to_the_frf_of_either_direction(tmp_path, name):
 
 def test_realisations_are_files_and_are_found_in_any_order(tmp_path):
     axis = free("linear motor")
-    experiment = design_experiment(
-        axis, n_samples=1000, f_min=10, f_max=200, rms=10, n_realizations=3, rng=1, n_discard=6
-    )
+    ms = multisine(fs=4000, n_samples=1000, f_min=10, f_max=200, n_realizations=3, rng=1)
+    experiment = design_experiment(axis, ms, rms=10, n_discard=6)
     nlfrf.save(experiment, tmp_path / "play.csv")
     for m in (1, 2, 3):
         play_experiment(axis, tmp_path / f"play-{m}.csv", tmp_path / f"trace-{m}.csv")
@@ -266,8 +271,8 @@ def test_what_the_simulated_axis_does_not_play(tmp_path):
 @pytest.mark.parametrize("realizations", [1, 2])
 def test_a_drive_with_other_gains_than_its_design_is_not_played(tmp_path, realizations):
     axis = servo_axis("belt")
-    band = {"n_samples": 400, "f_min": 50, "f_max": 300, "rms": 5, "n_realizations": realizations, "rng": 1}
-    nlfrf.save(design_experiment(axis, **band), tmp_path / "play.csv")
+    ms = multisine(fs=4000, n_samples=400, f_min=50, f_max=300, n_realizations=realizations, rng=1)
+    nlfrf.save(design_experiment(axis, ms, rms=5), tmp_path / "play.csv")
     file = tmp_path / ("play.csv" if realizations == 1 else "play-2.csv")
     other = replace(axis, drive=replace(axis.drive, kv=60))
     with pytest.raises(ValueError, match=r"gains of the design in 'play.npz', kv = 30 1/s, kp = 33 .* got kv = 60 1/s"):
@@ -281,7 +286,8 @@ def test_a_drive_with_other_gains_than_its_design_is_not_played(tmp_path, realiz
 
 def test_a_trace_ends_where_a_limit_is_passed(tmp_path):
     axis = servo_axis("linear motor")
-    ramp = design_ramp(free("linear motor"), n_samples=1000, f_min=8, f_max=200, rms=100, n_levels=8, rng=1)
+    ms = multisine(fs=4000, n_samples=1000, f_min=8, f_max=200, rng=1)
+    ramp = design_ramp(free("linear motor"), ms, rms=100, n_levels=8)
     nlfrf.save(ramp, tmp_path / "play.csv")
     play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv", limits=AxisLimits(travel=1e-4))
     records = load_trace(tmp_path / "trace.csv", ramp)
@@ -329,4 +335,4 @@ def test_crossover_of_a_mass_under_a_velocity_loop():
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
 def test_gains_and_machines_that_the_loop_shows_to_be_wrong_are_warned_of(axis, message):
     with pytest.warns(nlfrf.DataWarning, match=message):
-        design_experiment(axis, **BAND, rms=5)
+        design_experiment(axis, MS, rms=5)

@@ -14,7 +14,7 @@ from nlfrf.rig import run
 from tests.support.backlash import play_backlash
 
 N = 1000
-BAND = {"n_samples": N, "f_min": 4, "f_max": 100, "rng": 1}
+MS = nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=100, rng=1)
 TOP = {"linear motor": 120, "belt": 150, "ball screw": 2500, "joint": 25}
 
 
@@ -39,14 +39,14 @@ def slipping(axis, x):
 def test_the_levels_are_those_at_which_the_axis_sticks_bends_and_slides(tmp_path, name):
     """Truth: no element slips, some do, all do. The first one may slip by a sixth at the highest peak."""
     axis = servo_axis(name)
-    ramp = design_ramp(without_friction(axis), **BAND, rms=TOP[name], n_levels=18)
+    ramp = design_ramp(without_friction(axis), MS, rms=TOP[name], n_levels=18)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     levels = find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
     assert levels.reason == ""
-    found = []
+    found, narrow = [], nlfrf.multisine(fs=4000, n_samples=N, f_min=8, f_max=90, rng=2)
     for rms, record in zip(levels.rms, levels.records, strict=True):
-        experiment = design_experiment(record, n_samples=N, f_min=8, f_max=90, rms=rms, n_discard=4, rng=2)
+        experiment = design_experiment(record, narrow, rms=rms, n_discard=4)
         trace = run(axis, experiment.set_points(0))
         found.append(slipping(axis, trace.x[:, 4 * N : 6 * N]))
     sticks, bends, slides = found
@@ -58,7 +58,7 @@ def test_the_levels_are_those_at_which_the_axis_sticks_bends_and_slides(tmp_path
 
 def test_the_stiffness_of_the_plateau_is_the_presliding_stiffness(tmp_path):
     axis = servo_axis("linear motor")
-    ramp = design_ramp(without_friction(axis), **BAND, rms=120, n_levels=18)
+    ramp = design_ramp(without_friction(axis), MS, rms=120, n_levels=18)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     levels = find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
@@ -72,7 +72,7 @@ def test_the_stiffness_of_the_plateau_is_the_presliding_stiffness(tmp_path):
 
 
 def judged(tmp_path, axis, **how):
-    ramp = design_ramp(without_friction(axis), **{**BAND, "n_levels": 10} | how)
+    ramp = design_ramp(without_friction(axis), MS, **{"n_levels": 10} | how)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     return find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
@@ -99,7 +99,7 @@ def test_a_ramp_that_does_not_show_all_three_says_why(tmp_path, how, reason):
 def test_levels_at_the_limit_of_the_current_are_not_read(tmp_path):
     axis = servo_axis("belt")
     tight = replace(axis, drive=replace(axis.drive, limit=200 / axis.force_constant))
-    ramp = design_ramp(without_friction(axis), **BAND, rms=150, n_levels=10)
+    ramp = design_ramp(without_friction(axis), MS, rms=150, n_levels=10)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(tight, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     with pytest.warns(DataWarning, match="u seems clipped"):
@@ -120,8 +120,8 @@ FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
 def levels_with_play(tmp_path, **machine):
     drive = nlfrf.axis.Drive(kp_unit="N/(m/s)", fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
     rough = nlfrf.rig.ServoAxis(motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, drive=drive)
-    band = {"n_samples": 1000, "f_min": 4, "f_max": 100, "rng": 1}
-    ramp = design_ramp(rough, **band, rms=200, n_levels=14, span=3e3)
+    ms = nlfrf.multisine(fs=2000, n_samples=1000, f_min=4, f_max=100, rng=1)
+    ramp = design_ramp(rough, ms, rms=200, n_levels=14, span=3e3)
     u, y = play_backlash(ramp, **BACKLASH, **FRICTION, **machine)
     table = np.column_stack([np.arange(u.size) / 2000, u, np.round(y / 1e-7) * 1e-7])
     write_table(tmp_path / "trace.csv", table, ["t [s]", "force set point [N]", "position [m]"])
@@ -142,9 +142,9 @@ def test_play_behind_the_friction_of_the_motor_is_not_seen(tmp_path):
 
 def test_what_is_no_ramp_is_refused(tmp_path):
     axis = without_friction(servo_axis("belt"))
-    still = design_experiment(axis, **BAND, rms=20)
+    still = design_experiment(axis, MS, rms=20)
     with pytest.raises(ValueError, match="experiment must be a ramp of levels, got one at rest"):
         find_levels([], still)
-    ramp = design_ramp(axis, **BAND, rms=20)
+    ramp = design_ramp(axis, MS, rms=20)
     with pytest.raises(ValueError, match="records must be those of a ramp"):
         find_levels([], ramp)

@@ -58,8 +58,8 @@ class Run:
 
     def __init__(self, folder, **how):
         self.folder = folder
-        band = {"n_samples": N, "f_min": 10, "f_max": 250, "rms": 30, "rng": 1}
-        self.experiment = design_experiment(ROUGH, **band, **how)
+        ms = nlfrf.multisine(fs=4000, n_samples=N, f_min=10, f_max=250, rng=1)
+        self.experiment = design_experiment(ROUGH, ms, rms=30, **how)
         nlfrf.save(self.experiment, folder / "play.csv")
         play_experiment(AXIS, folder / "play.csv", folder / "trace.csv")
         self.names, *rows = (folder / "trace.csv").read_text().splitlines()
@@ -158,7 +158,9 @@ def test_a_wrong_sign_of_the_position(at_rest, in_motion):
 def test_a_drive_without_the_feedforward_of_the_design_is_named(tmp_path, in_amperes):
     """The factors are those of force and position in N and m, whatever the header has, and the drive is named first."""
     drive = replace(ROUGH.drive, velocity_feedforward=0.0)
-    experiment = design_experiment(ROUGH, n_samples=N, f_min=4, f_max=250, rms=60, rng=1, base_velocity=0.15)
+    experiment = design_experiment(
+        ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=250, rng=1), rms=60, base_velocity=0.15
+    )
     nlfrf.save(experiment, tmp_path / "play.csv")
     (tmp_path / "play.npz").rename(tmp_path / "design.npz")  # which would refuse this drive
     play_experiment(replace(ROUGH, drive=drive), tmp_path / "play.csv", tmp_path / "trace.csv")
@@ -186,7 +188,7 @@ def test_a_drive_without_the_feedforward_of_the_design_is_named(tmp_path, in_amp
 
 
 def test_at_rest_another_force_than_designed_has_a_category_of_its_own(tmp_path):
-    experiment = design_experiment(ROUGH, n_samples=N, f_min=4, f_max=250, rms=2, rng=1)
+    experiment = design_experiment(ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=250, rng=1), rms=2)
     nlfrf.save(experiment, tmp_path / "play.csv")
     play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")
     with pytest.warns(
@@ -205,12 +207,12 @@ def test_a_wrong_unit_factor(at_rest, in_motion):
 
 
 def test_a_wrong_period_or_another_file(run):
-    band = {"f_min": 10, "f_max": 250, "rms": 30}
-    other = replace(run.experiment, ms=design_experiment(ROUGH, n_samples=N, rng=2, **band).ms)
+    band = {"fs": 4000, "f_min": 10, "f_max": 250}
+    other = replace(run.experiment, ms=design_experiment(ROUGH, nlfrf.multisine(n_samples=N, rng=2, **band), rms=30).ms)
     with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
         run.read(experiment=other)
     motion = {"base_velocity": 0.15, "strokes": 1} if np.any(run.experiment.velocities) else {}
-    longer = design_experiment(ROUGH, n_samples=N + 200, rng=1, **band, **motion)
+    longer = design_experiment(ROUGH, nlfrf.multisine(n_samples=N + 200, rng=1, **band), rms=30, **motion)
     with pytest.raises(ValueError, match="path must be the trace of what was played, got a force that follows"):
         run.read(experiment=longer)
 
@@ -288,12 +290,12 @@ def test_a_saturated_current(run, tmp_path):
 def test_a_level_so_low_that_friction_changes_the_loop(tmp_path):
     axis = servo_axis("linear motor")
     rough = replace(axis, motor_friction=None)
-    experiment = design_experiment(rough, n_samples=4000, f_min=5, f_max=250, rms=1.5, rng=1)
+    experiment = design_experiment(rough, nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=250, rng=1), rms=1.5)
     nlfrf.save(experiment, tmp_path / "play.csv")
     play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv")
     with pytest.warns(DataWarning, match="N rms at rest, not 1.5 as designed: .* this record as source"):
         (record,) = load_trace(tmp_path / "trace.csv", experiment)
-    again = design_experiment(record, n_samples=4000, f_min=5, f_max=240, rms=1.5, rng=2)
+    again = design_experiment(record, nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=240, rng=2), rms=1.5)
     nlfrf.save(again, tmp_path / "play2.csv")
     play_experiment(axis, tmp_path / "play2.csv", tmp_path / "trace.csv")
     (record,) = load_trace(tmp_path / "trace.csv", again)
@@ -302,7 +304,9 @@ def test_a_level_so_low_that_friction_changes_the_loop(tmp_path):
 
 
 def test_an_axis_that_turns_back_in_motion(tmp_path):
-    slow = design_experiment(ROUGH, n_samples=N, f_min=10, f_max=250, rms=10, base_velocity=0.05, rng=1)
+    slow = design_experiment(
+        ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=10, f_max=250, rng=1), rms=10, base_velocity=0.05
+    )
     fast = replace(slow, ms=replace(slow.ms, amplitude=8 * slow.ms.amplitude))
     nlfrf.save(fast, tmp_path / "play.csv")
     play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")

@@ -10,8 +10,10 @@ from scipy.signal import lfilter
 import nlfrf
 import robust
 from nlfrf.axis import Drive
+from nlfrf.axis.loop import port_frf
 from robust.drive import cascade
 from robust.drive.p_pi import with_set_point
+from robust.lti.lti import response_by_channel
 from robust.tuning import Biquad, LowPass, Notch
 from tests.support.linear_axis import PRESETS, frictionless, linear_plant, settings_of
 
@@ -177,6 +179,20 @@ def test_filters_are_exact_where_they_act():
     b, a = half.section(FS).reshape(2, 3)
     q = np.exp(-2j * np.pi * edges / FS)
     assert np.abs(np.polyval(b[::-1], q) / np.polyval(a[::-1], q)) == pytest.approx(np.sqrt(0.5), rel=1e-2)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("more", [{}, {"velocity_lag": 0.4e-3, "position_every": 4}], ids=["plain", "slow"])
+@pytest.mark.filterwarnings("ignore:the position loop runs once")
+def test_the_experiment_and_the_controller_are_of_one_loop(preset, more):
+    """What reaches the force of a port, as an experiment is designed, is that of the state space: G C/(1 + G C)."""
+    axis = frictionless(preset, filters=(Notch(omega=HZ * 300.0, depth=0.2),), **more)
+    f, G = np.array([3.0, 40.0, 700.0]), 1e-6 * np.array([1.0 - 2.0j, -0.3j, 0.1 + 0.1j])
+    fed = replace(axis, drive=replace(axis.drive, velocity_feedforward=0.7))
+    systems = cascade(axis.drive, output_unit=axis.units[1]), with_set_point(fed.drive, output_unit=axis.units[1])
+    C, r = (response_by_channel(system, 2 * np.pi * f)[0, 0] for system in systems)
+    assert port_frf(axis, G, port="force", f=f) == pytest.approx(1 / (1 + G * C), rel=1e-9)
+    assert port_frf(fed, G, port="position", f=f) == pytest.approx(r / (1 + G * C), rel=1e-9)
 
 
 def test_a_loop_of_two_encoders_is_checked():

@@ -87,14 +87,15 @@ def folder(tmp_path_factory):
 def played(folder):
     """Experiments on the linear motor under the gains that are checked: at rest, in motion, in motion in a low band."""
     axis = nlfrf.servo_axis("linear motor")
-    band = {"n_samples": 4000, "f_min": 5, "n_discard": 1, "rng": 1}
+    band = {"fs": 4000, "n_samples": 4000, "f_min": 5, "rng": 1}
     for name, f_max, more in (
         ("rest", 400, {"rms": 5}),
         ("motion", 400, {"rms": 60, "base_velocity": 0.2, "strokes": 1}),
         ("narrow", 60, {"rms": 30, "base_velocity": 0.2}),
         *((name, 100, {"rms": rms, "n_periods": 3}) for name, rms in LEVELS.items()),
     ):
-        nlfrf.save(nlfrf.axis.design_experiment(axis, f_max=f_max, **band, **more), folder / f"{name}.csv")
+        ms = nlfrf.multisine(f_max=f_max, **band)
+        nlfrf.save(nlfrf.axis.design_experiment(axis, ms, n_discard=1, **more), folder / f"{name}.csv")
         nlfrf.axis.play_experiment(axis, folder / f"{name}.csv", folder / f"{name}-trace.csv")
     return folder
 
@@ -590,8 +591,9 @@ def test_a_trace_in_motion_enters_by_its_design(run):
 def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
     axis = nlfrf.servo_axis("linear motor")
     limits = nlfrf.axis.AxisLimits(force=400, travel=0.5)
-    motion = {"base_velocity": 0.1, "strokes": 1, "limits": limits, "rng": seed}
-    experiment = nlfrf.axis.design_experiment(axis, n_samples=4000, f_min=5, f_max=400, **motion)
+    motion = {"base_velocity": 0.1, "strokes": 1, "limits": limits}
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rng=seed)
+    experiment = nlfrf.axis.design_experiment(axis, ms, **motion)
     nlfrf.save(experiment, folder / f"s{seed}.csv")
     nlfrf.axis.play_experiment(axis, folder / f"s{seed}.csv", folder / f"s{seed}-trace.csv")
     settings = load_gains(folder / "gains.toml")
@@ -673,7 +675,8 @@ def test_thin_margins_are_warned_of_and_not_safe(run, folder):
 def test_the_levels_of_a_pre_test_are_three_traces(folder):
     axis = nlfrf.servo_axis("linear motor")
     settings = load_gains(folder / "gains.toml")
-    ramp = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=50, n_levels=12, rng=1)
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=100, rng=1)
+    ramp = nlfrf.axis.design_ramp(axis, ms, rms=50, n_levels=12)
     nlfrf.save(ramp, folder / "ramp.csv")
     nlfrf.axis.play_experiment(axis, folder / "ramp.csv", folder / "ramp-trace.csv")
     records, names, conditions = read_experiments([folder / "ramp-trace.csv"], [ramp], settings)
@@ -688,7 +691,8 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     assert np.all(np.diff(forces) > 0)
     assert forces[0] == np.std(records[0].u)
     assert forces[-1] >= np.std(records[-1].u)
-    low = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=2, n_levels=4, rng=1)
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=100, rng=1)
+    low = nlfrf.axis.design_ramp(axis, ms, rms=2, n_levels=4)
     nlfrf.save(low, folder / "few.csv")
     nlfrf.axis.play_experiment(axis, folder / "few.csv", folder / "few-trace.csv")
     with pytest.raises(ValueError, match=r"design of a pre-test must show three levels, got few-trace\.csv: "):
@@ -698,7 +702,8 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
 @pytest.mark.usefixtures("played")
 def test_a_pre_test_that_shows_no_friction_leaves_it_unjudged(run, folder):
     axis = nlfrf.servo_axis("linear motor")
-    low = nlfrf.axis.design_ramp(axis, n_samples=4000, f_min=5, f_max=100, rms=2, n_levels=4, rng=1)
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=100, rng=1)
+    low = nlfrf.axis.design_ramp(axis, ms, rms=2, n_levels=4)
     nlfrf.save(low, folder / "short.csv")
     nlfrf.axis.play_experiment(axis, folder / "short.csv", folder / "short-trace.csv")
     code, page, _ = run("short-trace.csv motion-trace.csv gains.toml --design short.npz --design motion.npz")
