@@ -29,6 +29,7 @@ COMMANDS = (
     "bench_gamma",
     "bench_hinf_singular --problems 60",
     "bench_mu",
+    "bench_lmi",
     "bench_friction_proof --bursts 2",
     "bench_friction_attack --loops 100",
     "settling --runs 120",

@@ -42,12 +42,9 @@ from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import LoopClaim, Matrices, to_matrices
 from robust.proofs.exact.claim_files import differing_fields, read_claim, write_claim
+from robust.proofs.exact.interval_kyp import IntervalClaim, ScaledFile, verify_scaled_file
 from robust.proofs.exact.loops import Verification, verify_loop
-from robust.proofs.exact.scaled_kyp import (
-    ScaledClaim,
-    ScaledFile,
-    verify_scaled_file,
-)
+from robust.proofs.exact.scaled_kyp import ScaledClaim
 
 
 def certificate_path(report: Path, number: int = 0) -> Path:
@@ -70,7 +67,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
     proofs = [c for c in known.certificates if c.holds]
     found = [c.claim for c in proofs if isinstance(c.claim, LoopClaim)]
-    scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim)}
+    scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim | IntervalClaim)}
     how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
     warned = getattr(report, "warnings", ())
     if isinstance(report, RobustnessReport) and scaled and not found:

@@ -20,7 +20,8 @@ from robust.lti.lti import response, timebase
 from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.scaled_kyp import ScaledClaim, ScaledFile, scaling_matrices
+from robust.proofs.exact.interval_kyp import ScaledFile
+from robust.proofs.exact.scaled_kyp import ScaledClaim, scaling_matrices
 from robust.proofs.search.certificate import SCALED_KYP
 
 
@@ -113,11 +114,12 @@ def model_struct(model: UncertaintyModel) -> dict[str, object]:
 
 def proof_structs(content: RobustnessReport | ScaledFile) -> np.ndarray:
     """Return the proofs by P and one scaling as a cell array of structs."""
-    if isinstance(content, ScaledFile):
-        claims = content.claims
-    else:
-        proofs = [c for c in content.proofs.certificates if c.holds]
-        claims = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim)}
+    held = (
+        content.claims
+        if isinstance(content, ScaledFile)
+        else {c.subject: c.claim for c in content.proofs.certificates if c.holds}
+    )
+    claims = {subject: claim for subject, claim in held.items() if isinstance(claim, ScaledClaim)}
     if not claims:
         raise ValueError(f"content must hold a proof by {SCALED_KYP} to be written for MATLAB, got none")
     return cell_array([proof_struct(subject, claim) for subject, claim in claims.items()])

@@ -7,6 +7,7 @@ norms        norms, Riccati equations, the bilinear map
 realisation  whatever a user calls a system, an FRF or a weight, checked, as one state space; roots into sections
 sampling     plants behind hold and delay as a sampled controller sees them; controllers made discrete
 stability    stability from a realisation or by Nyquist
+truncation   systems of lower order: balanced, seen through weights, by coprime factors
 wiring       systems joined by the names of their signals, some of them left out as ports
 """
 

@@ -1,9 +1,10 @@
 """A level for the structured singular value proved at every frequency, not only on a grid.
 
-First one scaling for all frequencies is searched, whose proof anyone can repeat over the rationals
-(`robust.proofs.search.scaled_kyp`). Where none is found, the scaling found in the middle of an interval of the
-frequency axis is frozen there. What is left is a norm bound on a linear system, decided in floating point by its
-Hamiltonian (`robust.proofs.search.intervals`). Intervals that fail are split.
+First one scaling for all frequencies is searched (`robust.proofs.search.scaled_kyp`); where none is found, one for each
+interval of the frequency axis (`robust.mu.intervals`). Anyone can repeat either proof over the rationals. Repeated
+parameters may ask for thousands of intervals. There the scaling found in the middle of an interval is frozen, and what
+is left, a norm bound on a linear system, is decided in floating point by its Hamiltonian
+(`robust.proofs.search.intervals`), which the certificate says.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from robust.lti.lti import Matrices, response_by_channel, timebase
 from robust.lti.norms import continuous_image, real_block_crossings, well_conditioned
 from robust.lti.realisation import multivariable
 from robust.mu.blocks import BlockStructure, blocks_with_kinds, structure_for
+from robust.mu.intervals import certify_intervals
 from robust.mu.scalings import MuBound, upper_bound
 from robust.proofs.exact.scaled_kyp import LEVEL
 from robust.proofs.search.certificate import SOLVERS, Certificate, failed_certificate
@@ -58,8 +60,9 @@ def certify(
     -------
     Certificate
         One that does not hold says why: the system is not stable, the upper bound reaches the level at a frequency, or
-        time ran out. intervals : (I, 2) with the frequencies [rad/s] proved. By the method "scaled KYP" it is proved
-        over the rationals, and `verify` repeats that; by any other it is judged in floating point.
+        time ran out, with the interval that is left. intervals : (I, 2) with the frequencies [rad/s] proved. By "scaled
+        KYP" (one scaling) and "generalised KYP" (one an interval) it is proved over the rationals, and `verify` repeats
+        that; by any other method it is judged in floating point.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def certify(
     References
     ----------
     Packard & Doyle 1993 (the theorem); Boyd, El Ghaoui, Feron & Balakrishnan 1994, 8.1 (one scaling);
-    Boyd, Balakrishnan & Kabamba 1989 (the Hamiltonian); Young, Newlin & Doyle 1991
+    Iwasaki & Hara 2005 (intervals); Boyd, Balakrishnan & Kabamba 1989 (the Hamiltonian); Young, Newlin & Doyle 1991
     (real blocks as a norm).
 
     Examples
@@ -87,12 +90,16 @@ def certify(
     nominal = decide_stability(N)
     if not nominal.stable:
         return failed_certificate(LEVEL, level, f"the system is not stable: {nominal}")
-    deadline = time.monotonic() + require_positive("time_cap", time_cap)
+    time_cap = require_positive("time_cap", time_cap)
     # exact of N as it is, which was rounded when it was put together: the slack on the level is for that
-    found = certify_scaled(N, blocks_with_kinds(blocks), level * (1 - SLACK), solver=solver, time_cap=time_cap / 2)
-    if found is not None:
-        return replace(found, level=level)
-    return certify_by_intervals(N, blocks, level, time_cap=max(deadline - time.monotonic(), 1e-3))
+    slack, given = level * (1 - SLACK), blocks_with_kinds(blocks)
+    found = certify_scaled(N, given, slack, solver=solver, time_cap=time_cap / 2)
+    if found is None:
+        found = certify_intervals(N, given, slack, time_cap=time_cap / 4)
+    if not found.holds and not found.violated:
+        other = certify_by_intervals(N, blocks, level, time_cap=time_cap / 2)
+        found = other if other.holds else found
+    return replace(found, level=level)
 
 
 def certify_by_intervals(N: control.StateSpace, blocks: Blocks, level: float, *, time_cap: float) -> Certificate:
@@ -108,7 +115,7 @@ def certify_by_intervals(N: control.StateSpace, blocks: Blocks, level: float, *,
         frozen.size,
         initial_cuts(frozen.speeds),
         np.inf,
-        time_cap=max(deadline - time.monotonic(), 1e-3),
+        time_cap=time_cap / 2,
         most=MAX_INTERVALS,
         slack=SLACK_REAL if real else SLACK,
         changes=frozen.changes if real else None,

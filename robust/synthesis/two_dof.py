@@ -26,12 +26,12 @@ from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import rightmost_pole, stable_weight
 from robust.lti.sampling import discretize
 from robust.lti.stability import is_stable
+from robust.lti.truncation import balanced_candidates
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
 from robust.mu.gain import gain_bound
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
-from robust.synthesis.reduction import balanced_candidates
 
 REDUCTION_TOLERANCE = 0.01  # what leaving out states of F may change of T F
 ROUNDING = 1e-9  # of the largest singular value of T at zero frequency: below it T has no gain in a direction there

@@ -5,6 +5,7 @@ claim          what is claimed of a loop, with every number as given
 claim_files    claims as plain numbers and words, in files with a digest
 closed_loops   the norm of a plant closed through a controller, in many digits and in ball arithmetic
 conditions     what a claim asks at a frequency, in sums and products
+interval_kyp   a level of mu interval by interval, from P, Q and a scaling for each; files of several channels
 loops          the entry point for one loop: a claim in, `Verification` out
 matrices       matrix inequalities over the rationals: norms and definiteness decided
 polynomials    exact numbers, roots of polynomials, signs on a half line

@@ -62,8 +62,11 @@ def from_plain(kind: type[T], given: object) -> T:
 def part_from_plain(hint: Any, given: Any) -> Any:
     """Return a part of a claim of the type that its field has."""
     inner = get_args(hint)
-    if isinstance(hint, UnionType):  # X or None
-        return None if given is None else part_from_plain(inner[0], given)
+    if isinstance(hint, UnionType):  # X or None, or claims that their entries tell apart
+        fitting = [
+            one for one in inner if is_dataclass(one) and {each.name for each in fields(one)} == set(given or ())
+        ]
+        return part_from_plain((fitting or inner)[0], given) if given is not None else None
     if hint is np.ndarray:
         return np.array(given, dtype=float)
     if get_origin(hint) is Annotated:

@@ -12,8 +12,8 @@ they were found does not matter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from collections.abc import Sequence
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from flint import fmpq, fmpq_mat
@@ -21,11 +21,26 @@ from flint import fmpq, fmpq_mat
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import SQUARE
-from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.matrices import positive_definite
 from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
 
 KINDS = ("full", "repeated", "real")
+
+
+Block: TypeAlias = tuple[int, int, str]
+
+
+def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> list[int]:
+    """Return the sizes of the scalings of blocks that fit a system, or refuse them."""
+    outputs, inputs = sum(block[0] for block in blocks), sum(block[1] for block in blocks)
+    if system.D.shape != (outputs, inputs):
+        raise ValueError(f"blocks must add up to D, got {blocks} for shape {system.D.shape}")
+    for rows, cols, kind in blocks:
+        if kind not in KINDS or rows < 1 or cols < 1 or (kind != "full" and rows != cols):
+            raise ValueError(f"blocks must be (rows, cols, kind) of a known kind, got {(rows, cols, kind)}")
+    if not (np.isfinite(level) and level > 0):
+        raise ValueError(f"level must be positive, got {level}")
+    return [1 if kind == "full" else rows for rows, _, kind in blocks]
 
 
 @value
@@ -51,7 +66,7 @@ class ScaledClaim:
     """
 
     system: Matrices
-    blocks: tuple[tuple[int, int, str], ...]
+    blocks: tuple[Block, ...]
     level: float
     P: Annotated[np.ndarray, SQUARE]
     T: Annotated[np.ndarray, SQUARE]
@@ -59,16 +74,7 @@ class ScaledClaim:
     skews: tuple[np.ndarray, ...]
 
     def __post_init__(self) -> None:
-        n = self.system.order
-        outputs, inputs = sum(block[0] for block in self.blocks), sum(block[1] for block in self.blocks)
-        if self.system.D.shape != (outputs, inputs):
-            raise ValueError(f"blocks must add up to D, got {self.blocks} for shape {self.system.D.shape}")
-        for rows, cols, kind in self.blocks:
-            if kind not in KINDS or rows < 1 or cols < 1 or (kind != "full" and rows != cols):
-                raise ValueError(f"blocks must be (rows, cols, kind) of a known kind, got {(rows, cols, kind)}")
-        if not (np.isfinite(self.level) and self.level > 0):
-            raise ValueError(f"level must be positive, got {self.level}")
-        sizes = [1 if kind == "full" else rows for rows, _, kind in self.blocks]
+        n, sizes = self.system.order, require_blocks(self.system, self.blocks, self.level)
         wanted = {"P": [n], "T": [n], "scalings": sizes, "skews": sizes}
         for name, sides in wanted.items():
             given = (getattr(self, name),) if name in "PT" else getattr(self, name)
@@ -82,12 +88,6 @@ class ScaledClaim:
         """P of the states of the system, symmetric, rounded to doubles."""
         P = self.T.T @ self.P @ self.T
         return np.asarray((P + P.T) / 2)
-
-
-def verify_scaled(claim: ScaledClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove the claim again over the rationals; it takes milliseconds, whatever `time_cap` is."""
-    del time_cap
-    return summarise_claims(decide_scaled(claim), 0)
 
 
 def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
@@ -153,27 +153,3 @@ def stack(top: fmpq_mat, side: fmpq_mat, corner: fmpq_mat) -> fmpq_mat:
     lower = [a + b for a, b in zip(side.transpose().tolist(), corner.tolist(), strict=True)]
     n = top.nrows() + corner.nrows()
     return fmpq_mat(n, n, [x for row in [*upper, *lower] for x in row])
-
-
-@value
-class ScaledFile:
-    """What a file claims of a loop: claims by their subjects, with form and delay [s] of the set they are about."""
-
-    SCHEMA: ClassVar[str] = "robust-mu-certificate"
-    UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
-    LOOP: ClassVar[str] = (
-        "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point"
-    )
-
-    claims: dict[str, ScaledClaim]
-    form: str
-    delay: float
-
-
-def verify_scaled_file(given: ScaledFile) -> Verification:
-    """Prove every claim of a file again over the rationals."""
-    decided: dict[str, Decision] = {}
-    for subject, claim in given.claims.items():
-        found = decide_scaled(claim)
-        decided |= {"nominal stability": found[STABLE], subject: found[LEVEL]}
-    return summarise_claims(decided, 0)

@@ -18,7 +18,7 @@ from robust.proofs.exact.scaled_kyp import ScaledClaim
 if TYPE_CHECKING:
     import cvxpy
 
-EXACT, SCALED_KYP = "exact arithmetic", "scaled KYP"  # where nothing is left to floating point
+EXACT, SCALED_KYP, GENERALISED_KYP = "exact arithmetic", "scaled KYP", "generalised KYP"  # nothing in floating point
 
 
 @value
@@ -26,9 +26,9 @@ class Certificate:
     """What was proved, how, and if not, why not.
 
     A loop with one input and one output is proved in exact arithmetic from the matrices as they were given, one with
-    several by matrices that are checked over the rationals (scaled KYP); `verify` repeats that. Any other outcome is
-    judged in floating point, with slacks far above its rounding; of a norm (KYP) `verify` proves the same again to the
-    last bit.
+    several by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats that. Any
+    other outcome is judged in floating point, with slacks far above its rounding; of a norm (KYP) `verify` proves the
+    same again to the last bit.
 
     Fields
     ------
@@ -40,8 +40,8 @@ class Certificate:
     level : float
         The norm is below this level at every frequency.
     method : str
-        "exact arithmetic" and "scaled KYP" (P and X, see `robust.proofs.exact.scaled_kyp`; both proved, rigorous),
-        "KYP" (P from cvxpy), "Hamiltonian, interval by interval" (mu),
+        "exact arithmetic", "scaled KYP" (P and X, see `robust.proofs.exact.scaled_kyp`) and "generalised KYP" (P, Q and
+        X of every interval, see `robust.proofs.exact.interval_kyp`), all proved, rigorous; "KYP" (P from cvxpy),
         "periodic Riccati equation, Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) of a norm; where it is violated.
@@ -90,7 +90,7 @@ class Certificate:
     @property
     def judged(self) -> str:
         """In which arithmetic it was judged: "proved, rigorous" to the last bit, or "judged in floating point"."""
-        return "proved, rigorous" if self.method in (EXACT, SCALED_KYP) else "judged in floating point"
+        return "proved, rigorous" if self.method in (EXACT, SCALED_KYP, GENERALISED_KYP) else "judged in floating point"
 
     @property
     def P(self) -> np.ndarray | None:

@@ -19,7 +19,8 @@ from robust.lti.lti import Matrices, response_by_channel, timebase
 from robust.lti.norms import continuous_image, stabilising_riccati, well_conditioned_with
 from robust.proofs.exact import claim as exact
 from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim, decide_scaled, verify_scaled
+from robust.proofs.exact.interval_kyp import verify_level
+from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim, decide_scaled
 from robust.proofs.search.certificate import SCALED_KYP, SOLVERS, Certificate, solve_program
 
 MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
@@ -78,7 +79,7 @@ def certify_scaled(
                     intervals=np.array([[0.0, np.pi / timebase(system) if timebase(system) else np.inf]]),
                     reason="",
                     claim=claim,
-                    again=verify_scaled,
+                    again=verify_level,
                 )
         if time.monotonic() > deadline:
             break

@@ -29,6 +29,7 @@ def mixsyn(
     *,
     dt: float = 0.0,
     delay: float = 0.0,
+    gamma_min: float = 0.0,
     factor: float = 1.01,
     n_steps: int = MOST_STEPS,
 ) -> Design:
@@ -54,6 +55,8 @@ def mixsyn(
         it, hold and delay inside; weights go through the bilinear map. 0: the time base of the plant.
     delay : float
         Computation delay [s]; by a Padé approximation in continuous time.
+    gamma_min : float
+        Level that is good enough: nothing better is looked for.
     factor : float
         gamma asked for over the least one, at least 1.
     n_steps : int
@@ -107,7 +110,8 @@ def mixsyn(
         if w is not None
     ]
     G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
-    found = hinfsyn(weighted_plant(G, n_y, n_u=n_u, weights=stacked), n_y, n_u, factor=factor, n_steps=n_steps)
+    P = weighted_plant(G, n_y, n_u=n_u, weights=stacked)
+    found = hinfsyn(P, n_y, n_u, gamma_min=gamma_min, factor=factor, n_steps=n_steps)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     with_names(K, *names)
     reason = found.reason if found.found else f"not found: {found.reason}"

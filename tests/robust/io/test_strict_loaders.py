@@ -21,7 +21,7 @@ from robust.friction.exact.claim import FrictionClaim
 from robust.io import verify_certificate
 from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.claim_files import content_digest, read_claim
-from robust.proofs.exact.scaled_kyp import ScaledFile
+from robust.proofs.exact.interval_kyp import ScaledFile
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model
 from tests.robust.io.test_export import MODELS

@@ -20,8 +20,8 @@ from robust import (
 )
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
+from robust.lti.truncation import balanced_candidates, coprime_factor_candidates, weighted_candidates
 from robust.shaping import crossover_weight
-from robust.synthesis.reduction import balanced_candidates, coprime_factor_candidates, weighted_candidates
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W = control.tf([0.05, 0.1], [0.02, 1])
@@ -130,6 +130,28 @@ def test_performance_that_was_proved_is_proved_again(dt):
     assert again.verdict == "robust"
     assert again.proofs.robust_performance
     assert found.K.dt == K.dt
+
+
+@pytest.mark.parametrize("dt", [0, 0.01])
+def test_the_plant_alone_that_mixsyn_took(dt):
+    """SP 2.17 with a demand that is met with room: of four states three keep stability and |w_P S| < 1, proved."""
+    G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+    w_P = performance_weight(10, M_S=2, A=1e-3)
+    K = mixsyn(G, w_P, w_u=0.1, dt=dt).K
+    found = reduce_controller(K, G, w_P)
+    assert (found.order, found.kept, K.nstates) == (3, True, 4)
+    assert found.report.proofs.robust_performance
+    with pytest.raises(ValueError, match="K must be one of which something is proved"):
+        reduce_controller(-K, G, w_P)
+
+
+def test_a_plant_of_several_channels_alone():
+    G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.2], [0.1, 1.0]], np.zeros((2, 2)))
+    w_P = performance_weight(1.0, M_S=2, A=1e-2)
+    found = reduce_controller(mixsyn(G, w_P, w_u=0.1).K, G, w_P)
+    assert found.kept
+    assert found.order < 4
+    assert found.report.proofs.robust_performance
 
 
 def test_without_performance_the_loop_stays_where_it_was():

@@ -11,7 +11,8 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import from_plain, to_plain
-from robust.proofs.exact.scaled_kyp import ScaledClaim, verify_scaled
+from robust.proofs.exact.interval_kyp import verify_level
+from robust.proofs.exact.scaled_kyp import ScaledClaim
 from robust.proofs.search.certificate import SCALED_KYP
 from robust.proofs.search.scaled_kyp import certify_scaled
 from tests.support.scaled_loops import STRUCTURES, random_loop
@@ -31,8 +32,8 @@ def lag_claim(level, *, dt=0.0):
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_the_level_itself_fails_and_the_next_double_passes(dt):
-    assert not verify_scaled(lag_claim(1.0, dt=dt)).verified
-    assert verify_scaled(lag_claim(np.nextafter(1, 2), dt=dt)).verified
+    assert not verify_level(lag_claim(1.0, dt=dt)).verified
+    assert verify_level(lag_claim(np.nextafter(1, 2), dt=dt)).verified
 
 
 @pytest.mark.parametrize(
@@ -47,8 +48,8 @@ def test_the_level_itself_fails_and_the_next_double_passes(dt):
     ],
 )
 def test_what_is_changed_does_not_pass(change, reason):
-    assert verify_scaled(lag_claim(1.5)).verified
-    found = verify_scaled(replace(lag_claim(1.5), **change))
+    assert verify_level(lag_claim(1.5)).verified
+    found = verify_level(replace(lag_claim(1.5), **change))
     assert not found.verified
     assert reason in str(found)
 
@@ -73,8 +74,8 @@ def test_a_scaling_that_mixes_channels_of_two_blocks_is_no_scaling():
     system = Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 2)), C=np.zeros((2, 0)), D=np.array([[0.0, 4.0], [0.0, 0.0]]))
     known = {"system": system, "P": np.zeros((0, 0)), "T": np.zeros((0, 0)), "level": 0.1}
     two = ScaledClaim(blocks=(FULL, FULL), scalings=(ONE, 1e5 * ONE), skews=(0 * ONE,) * 2, **known)
-    assert verify_scaled(two).verified
-    assert not verify_scaled(ScaledClaim(blocks=((2, 2, "full"),), scalings=(ONE,), skews=(0 * ONE,), **known)).verified
+    assert verify_level(two).verified
+    assert not verify_level(ScaledClaim(blocks=((2, 2, "full"),), scalings=(ONE,), skews=(0 * ONE,), **known)).verified
     with pytest.raises(ValueError, match="scalings must fit"):
         ScaledClaim(blocks=((2, 2, "full"),), scalings=(np.diag([1.0, 1e5]),), skews=(0 * ONE,), **known)
 
@@ -87,14 +88,14 @@ def test_a_real_parameter_in_two_places_needs_its_skew_matrix():
     assert np.any(real.claim.skews[0])
     assert certify_scaled(N, [(2, 2, "repeated")], 0.999) is None
     assert certify_scaled(N, [(2, 2, "repeated")], 1.001).verify().verified
-    assert not verify_scaled(replace(real.claim, skews=(np.zeros((2, 2)),))).verified
+    assert not verify_level(replace(real.claim, skews=(np.zeros((2, 2)),))).verified
 
 
 def test_a_claim_survives_its_file_to_the_last_bit():
     claim = certify_scaled(random_loop(np.random.default_rng(5), 4, STRUCTURES[2], 0.1), STRUCTURES[2], 1e3).claim
     again = from_plain(ScaledClaim, to_plain(claim))
     assert to_plain(again) == to_plain(claim)
-    assert verify_scaled(again).verified
+    assert verify_level(again).verified
     with pytest.raises(ValueError, match="claim must have the entries"):
         from_plain(ScaledClaim, {"level": 1.0})
 

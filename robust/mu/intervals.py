@@ -1,0 +1,317 @@
+"""A level of mu proved interval by interval: scalings, P and Q for the generalised KYP lemma.
+
+An interval of x, omega or tan(omega dt / 2), is taken to [-1, 1] by v = (alpha x + beta)/(gamma x + delta), and one
+scaling is frozen on it. What is asked for then is a Q > 0 with
+
+    X_R - N* X_L N + K N + N* K* - (1 - v^2) g* Q g > 0      at every real v, g the states,
+
+so that Q costs something within the interval and gives back outside, where the scaling does not fit. Around v = 0 N
+moves along C A^-1: with Q along C and C A^-1 it costs less and gives back more the narrower the interval is, so that
+one which is cut often enough is proved where mu is below the level. P is the solution of a Riccati equation. Nothing
+of that is trusted: `robust.proofs.exact.interval_kyp` decides over the rationals.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import control
+import numpy as np
+from scipy.linalg import schur, solve_continuous_lyapunov
+
+from nlfrf._base.arguments import format_hertz
+from nlfrf._base.values import value
+from robust._base.states import Outcome
+from robust.lti.lti import Matrices, evaluate_transfer
+from robust.mu.scalings import conjugate_transpose, upper_bound
+from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.interval_kyp import ComplexMatrix, ExactLoop, IntervalClaim, IntervalProof, verify_level
+from robust.proofs.exact.scaled_kyp import LEVEL, Block
+from robust.proofs.search.certificate import GENERALISED_KYP, Certificate, failed_certificate
+from robust.proofs.search.scaled_kyp import ScalingSearch
+
+MOST_INTERVALS = 400
+NARROW = 1e-6  # relative width of an interval that is not cut any more, and of the slowest and the fastest pole
+WITHIN = np.array([-1.0, -0.6, 0.0, 0.6, 1.0])  # v at which scalings are looked for
+AROUND = np.tan(np.pi / 2 * np.linspace(-0.995, 0.995, 80))  # v at which Q is tried
+FARTHEST = 1e6  # v beyond which the response is that at infinity
+MODE_OFFSETS = (
+    0.1,
+    0.3,
+    0.6,
+    0.8,
+    0.9,
+    1.0,
+    1.1,
+    1.25,
+    1.7,
+    3.0,
+    10.0,
+)  # times the modulus of every pole: more of them
+SHARES = (0.05, 0.15, 0.4, 0.7)  # of what the scaling leaves that Q may cost, along C and along C A^-1
+#: Shares of the largest scaling that all may have: what little couples is scaled at will, and best not far apart.
+FLOORS, NEARLY = (0.1, 1e-2, 1e-3, 1e-5, 1e-9), 0.7
+LEAST_Q = 1e-3  # of what is left, by Q along each state
+MARGINS = (0.7, 0.3, 0.03, 1e-3)  # of what is left, asked for of all states together
+
+
+def certify_intervals(
+    system: control.StateSpace, blocks: Sequence[Block], level: float, *, time_cap: float
+) -> Certificate:
+    """Return a certificate of a level of a stable system with one scaling an interval.
+
+    system : continuous or discrete. blocks : (rows, cols, kind) of each. time_cap : seconds of the processor. One that
+    does not hold names the interval that is left.
+
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    >>> proof = certify_intervals(control.append(lag, 2 * lag), [(1, 1, "full"), (1, 1, "real")], 2.001, time_cap=10.0)
+    >>> print(proof.method, proof.verify(), sep=chr(10))
+    generalised KYP
+    stability: proved, rigorous
+    structured singular value: proved, rigorous
+    """
+    deadline, waiting, done = time.thread_time() + time_cap, [(0.0, np.inf)], []
+    if not system.nstates:
+        return failed_certificate(LEVEL, level, "no scaling was found, and without states there are no intervals")
+    search = IntervalSearch.of(system, tuple(blocks), level)
+    while waiting:
+        low, high = waiting.pop()
+        piece, (reached, where) = search.prove(low, high)
+        if piece is not None:
+            done.append((low, piece))
+            continue
+        if reached >= 1:
+            there = f"at {format_hertz(where)} the value there is {reached:.6g}"
+            return failed_certificate(LEVEL, level, f"the bound does not stay below the level: {there}")
+        start, end = (format_hertz(search.omega_of(x)) for x in (low, high))
+        if time.thread_time() > deadline or len(done) + len(waiting) >= MOST_INTERVALS or search.is_narrow(low, high):
+            return failed_certificate(
+                LEVEL, level, f"undecided from {start} to {end}, {len(done)} intervals are proved"
+            )
+        cut = search.cut_between(low, high)
+        waiting += [(cut, high), (low, cut)]
+    claim = replace(search.claim, cuts=np.array([low for low, _ in done[1:]]), pieces=tuple(one for _, one in done))
+    return Certificate(
+        subject=LEVEL,
+        outcome=Outcome.HOLDS,
+        level=level,
+        method=GENERALISED_KYP,
+        intervals=claim.intervals,
+        reason="",
+        claim=claim,
+        again=verify_level,
+    )
+
+
+@value(copy=False)
+class Frozen:
+    """A scaling: X of every block and K of the real ones, complex; X_L, X_R and K on the channels."""
+
+    X: tuple[np.ndarray, ...]
+    K: tuple[np.ndarray, ...]
+    left: np.ndarray
+    right: np.ndarray
+    skew: np.ndarray
+
+    def popov(self, N: np.ndarray) -> np.ndarray:
+        """(W, m, m) X_R - N* X_L N + K N + N* K*: positive where it proves the level."""
+        turned = self.skew @ N
+        return np.asarray(self.right - conjugate_transpose(N) @ self.left @ N + turned + conjugate_transpose(turned))
+
+    @property
+    def root(self) -> np.ndarray:
+        """R with R X_R R* = I."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.right)))
+
+
+@value(copy=False)
+class IntervalSearch:
+    """A stable system at level one in continuous time, whose intervals of x are to be proved.
+
+    Fields
+    ------
+    search : ScalingSearch
+        The system in balanced channels and good coordinates.
+    claim : IntervalClaim
+        What is claimed, with a piece that proves nothing.
+    loop : ExactLoop
+        What decides.
+    poles : ndarray
+        Of the system.
+    """
+
+    search: ScalingSearch
+    claim: IntervalClaim
+    loop: ExactLoop
+    poles: np.ndarray
+
+    @classmethod
+    def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> IntervalSearch:
+        """Return the search of a system."""
+        search, exact = ScalingSearch.of(system, blocks, level), to_matrices(system)
+        A = search.matrices[0]
+        sizes = [1 if kind == "full" else rows for rows, _, kind in blocks]
+        none, *nothing = (ComplexMatrix.of(np.zeros((size, size))) for size in (len(A), *sizes))
+        claim = IntervalClaim(
+            system=exact,
+            blocks=blocks,
+            level=level,
+            stability=solve_continuous_lyapunov(A.T, -np.eye(len(A))),
+            T=search.T
+            * level
+            / (np.sqrt(2) if exact.dt else 1),  # g is sqrt(2) times the state of the continuous image
+            cuts=np.zeros(0),
+            pieces=(IntervalProof(P=none, Q=none, scalings=tuple(nothing), skews=tuple(nothing)),),
+        )
+        return cls(search=search, claim=claim, loop=ExactLoop.of(claim), poles=np.linalg.eigvals(A))
+
+    def omega_of(self, x: float) -> float:
+        """Frequency [rad/s]."""
+        dt = self.claim.system.dt
+        return float(2 / dt * np.arctan(x)) if dt else x
+
+    def is_narrow(self, low: float, high: float) -> bool:
+        """Return whether an interval is not to be cut any more."""
+        speeds = np.abs(self.poles)
+        if np.isinf(high):
+            return bool(low > speeds.max() / NARROW)
+        return bool(high - low <= NARROW * low if low else high < NARROW * speeds.min())
+
+    def cut_between(self, low: float, high: float) -> float:
+        """Return where an interval is cut."""
+        if np.isinf(high):
+            return 6 * low or float(np.exp(np.log(np.maximum(np.abs(self.poles), 1e-300)).mean()))
+        return high / 6 if not low else float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
+
+    def prove(self, low: float, high: float) -> tuple[IntervalProof | None, tuple[float, float]]:
+        """Return the proof of one interval, or none; and the largest bound seen there over the level, and where."""
+        if not low and np.isinf(high):
+            return None, (0.0, 0.0)
+        turned, back_to_x = on_unit_interval(self.search.matrices, low, high)
+        response = evaluate_transfer(*turned, 1j * WITHIN)
+        bound = upper_bound(response, self.claim.blocks, target=1.0)
+        alpha, beta, gamma, delta = mobius(low, high)
+        v = WITHIN[bound.value.argmax()]
+        there = (delta * v - beta) / (alpha - gamma * v) if alpha > gamma * v else np.inf
+        reached = float(bound.value.max()), self.omega_of(there)
+        assert bound.scaling is not None  # of an upper bound
+        tried = [
+            self.freeze(*(each[:, :, k] for each in bound.scaling), floor=floor)
+            for floor in FLOORS
+            for k in range(len(WITHIN))
+        ]
+        left = [float(least_eigenvalues(one.root @ one.popov(response) @ one.root.conj().T).min()) for one in tried]
+        best = int(np.argmax(np.array(left) >= NEARLY * max(left)))  # of the highest floor that is nearly as good
+        if reached[0] >= 1 or not left[best] > 0:
+            return None, reached
+        units = self.search.balance**2
+        for P, Q in storages(turned, tried[best], left[best], self.around(low, high)):
+            piece = IntervalProof(
+                P=ComplexMatrix.of(back_to_x[0] * P),
+                Q=ComplexMatrix.of(back_to_x[1] * Q),
+                scalings=tuple(ComplexMatrix.of(d * X) for d, X in zip(units, tried[best].X, strict=True)),
+                skews=tuple(
+                    ComplexMatrix.of(d * self.claim.level * K) for d, K in zip(units, tried[best].K, strict=True)
+                ),
+            )
+            if self.loop.holds(piece, low, None if np.isinf(high) else high):
+                return piece, reached
+        return None, reached
+
+    def around(self, low: float, high: float) -> np.ndarray:
+        """Return v of frequencies in and around an interval, and around every pole, of both signs."""
+        alpha, beta, gamma, delta = mobius(low, high)
+        at_modes = np.abs(self.poles.imag)[:, None] + np.outer(self.poles.real, [-1, 0, 1])
+        x = np.concatenate([np.outer(np.abs(self.poles), MODE_OFFSETS).ravel(), at_modes.ravel()])
+        x = np.concatenate([x, -x, [0.0]])
+        with np.errstate(all="ignore"):
+            v = (alpha * x + beta) / (gamma * x + delta)
+        return np.concatenate([AROUND, v[np.abs(v) < FARTHEST]])
+
+    def freeze(self, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray, *, floor: float) -> Frozen:
+        """Return the scaling of a bound, with its structure to the last bit, above a share of the largest."""
+        left, right = D_L.conj().T @ D_L, D_R.conj().T @ D_R
+        skew, X, K, r, c = -1j * D_R.conj().T @ G @ D_L, [], [], 0, 0
+        least = floor * float(np.abs(np.diag(left)).max())
+        for rows, cols, kind in self.claim.blocks:
+            own = left[r : r + 1, r : r + 1].real + 0j if kind == "full" else left[r : r + rows, r : r + rows]
+            between = skew[c : c + cols, r : r + rows] if kind == "real" else np.zeros_like(own)
+            X.append((own + own.conj().T) / 2 + least * np.eye(len(own)))
+            K.append((between - between.conj().T) / 2)
+            r, c = r + rows, c + cols
+        size = float(np.exp(np.mean([np.log(np.trace(each).real / len(each)) for each in X])))
+        X, K = ([each / size for each in group] for group in (X, K))
+        left, right, skew = self.search.place(X, K)
+        return Frozen(X=tuple(X), K=tuple(K), left=left, right=right, skew=skew)
+
+
+def mobius(low: float, high: float) -> tuple[float, float, float, float]:
+    """Return alpha, beta, gamma, delta with v = (alpha x + beta)/(gamma x + delta) of -1 and 1 at the ends."""
+    if np.isinf(high):
+        return 1.0, -3 * low, 1.0, low
+    half = (high - low) / 2
+    return 1 / half, -(low + high) / (2 * half), 0.0, 1.0
+
+
+def on_unit_interval(matrices: Matrices, low: float, high: float) -> tuple[Matrices, tuple[float, float]]:
+    """Return the system by v, and the factors that take P and Q back to x."""
+    A, B, C, D = matrices
+    alpha, beta, gamma, delta = mobius(low, high)
+    one = np.eye(len(A))
+    back = np.linalg.inv(delta * one - 1j * gamma * A)
+    A_v = (alpha * A + 1j * beta * one) @ back
+    turned = A_v, alpha * B + 1j * gamma * A_v @ B, C @ back, D + 1j * gamma * C @ back @ B
+    return turned, (4 * low, 8 * low) if np.isinf(high) else (alpha, alpha**2)
+
+
+def least_eigenvalues(M: np.ndarray) -> np.ndarray:
+    """(W,) least eigenvalues of Hermitian matrices; -inf of those with numbers that are not finite."""
+    fine = np.isfinite(M).all(axis=(1, 2))
+    return np.where(fine, np.linalg.eigvalsh(np.where(fine[:, None, None], M, 0))[:, 0], -np.inf)
+
+
+def storages(turned: Matrices, scaling: Frozen, left: float, v: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield P and Q by v, with ever less margin; none where no Q of those tried does on the grid."""
+    A, B, C, D = turned
+    n, root = len(A), scaling.root
+    g = np.linalg.solve(1j * v[:, None, None] * np.eye(n) - A, np.broadcast_to(B @ root.conj().T, (len(v), *B.shape)))
+    size = np.maximum(np.linalg.norm(g, axis=2).max(axis=0), 1e-100)  # of each state, which is one from here on
+    A, B, C, g = A * size / size[:, None], B / size[:, None], C * size, g / size[:, None]
+    along = [L.conj().T @ scaling.left @ L for L in (C, C @ np.linalg.inv(A))]
+    costs = [(1 - v**2)[:, None, None] * (conjugate_transpose(g) @ W @ g) for W in along]
+    without = root @ scaling.popov(C @ (g @ np.linalg.inv(root.conj().T)) + D) @ root.conj().T
+    within = np.abs(v) < 1
+    units = [left / max(-float(least_eigenvalues(-each[within]).min()), 1e-100) for each in costs]
+    tried = [(p * units[0], q * units[1]) for p in SHARES for q in (0.0, *SHARES)]
+    worst = [float(least_eigenvalues(without - p * costs[0] - q * costs[1]).min()) for p, q in tried]
+    best = int(np.argmax(worst))
+    if not worst[best] > 0:
+        return
+    Q = tried[best][0] * along[0] + tried[best][1] * along[1]
+    Q = (Q + Q.conj().T) / 2 + LEAST_Q * worst[best] / n * np.eye(n)
+    for margin in MARGINS:
+        P = riccati_storage((A, B, C, D), scaling, Q, margin * worst[best] / n)
+        if P is not None:
+            yield P / np.outer(size, size), Q / np.outer(size, size)
+
+
+def riccati_storage(turned: Matrices, scaling: Frozen, Q: np.ndarray, margin: float) -> np.ndarray | None:
+    """Return P that solves the inequality with a margin for every state; None where there is none."""
+    A, B, C, D = turned
+    n = len(A)
+    top = Q - A.conj().T @ Q @ A + C.conj().T @ scaling.left @ C + margin * np.eye(n)
+    side = -A.conj().T @ Q @ B + C.conj().T @ (scaling.left @ D - scaling.skew.conj().T)
+    corner = -scaling.popov(D[None])[0] - B.conj().T @ Q @ B
+    if not least_eigenvalues(-corner[None])[0] > 0:
+        return None
+    try:
+        F = A - B @ np.linalg.solve(corner, side.conj().T)
+        G, H = B @ np.linalg.solve(corner, B.conj().T), top - side @ np.linalg.solve(corner, side.conj().T)
+        scale = np.sqrt(np.linalg.norm(H) / np.linalg.norm(G)) if H.any() and G.any() else 1.0
+        _, Z, stable = schur(np.block([[F, -G * scale], [-H / scale, -F.conj().T]]), output="complex", sort="lhp")
+        P = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T * scale
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return (P + P.conj().T) / 2 if stable == n and np.isfinite(P).all() else None

@@ -1,0 +1,329 @@
+"""A level of the structured singular value at every frequency, proved interval by interval (generalised KYP lemma).
+
+The axis of x, omega [rad/s] or tan(omega dt / 2), is cut into closed intervals [a, b] from zero to infinity. With
+states g, f = j x g, outputs y and inputs u, an interval is proved by Hermitian P and Q > 0, by scalings X that commute
+with the perturbation and by K with K* = -K on the real blocks, as soon as
+
+    f*P g + g*P f + (x - a)(b - x) g*Q g + y*X_L y - u*K y - y*K* u - level^2 u*X_R u < 0
+
+for all states and inputs, where x g stands for -j f: on the axis the first two terms are nothing, and on the interval
+the third is not negative (Iwasaki & Hara 2005). Up to infinity it is (x - a) g*Q g. That says nothing about stability,
+which has a matrix of its own. All of it is put together over the rationals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Annotated, ClassVar
+
+import numpy as np
+from flint import fmpq, fmpq_mat
+
+from nlfrf._base.values import value
+from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.claim_files import SQUARE
+from robust.proofs.exact.loops import Verification, summarise_claims
+from robust.proofs.exact.matrices import identity, positive_definite
+from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
+from robust.proofs.exact.scaled_kyp import LEVEL, STABLE, Block, ScaledClaim, decide_scaled, require_blocks
+
+
+@value
+class ComplexMatrix:
+    """A square complex matrix, by its parts."""
+
+    re: Annotated[np.ndarray, SQUARE]
+    im: Annotated[np.ndarray, SQUARE]
+
+    @classmethod
+    def of(cls, M: np.ndarray) -> ComplexMatrix:
+        """Return the matrix."""
+        return cls(re=np.array(M.real, dtype=float), im=np.array(M.imag, dtype=float))
+
+    @property
+    def exact(self) -> ExactMatrix:
+        """The same over the rationals."""
+        return ExactMatrix(re=to_rational_matrix(self.re), im=to_rational_matrix(self.im))
+
+
+@value(copy=False)
+class ExactMatrix:
+    """A complex matrix over the rationals."""
+
+    re: fmpq_mat
+    im: fmpq_mat
+
+    @classmethod
+    def real(cls, M: fmpq_mat) -> ExactMatrix:
+        """Return a real matrix."""
+        return cls(re=M, im=M * fmpq(0))
+
+    def __add__(self, other: ExactMatrix) -> ExactMatrix:
+        return ExactMatrix(re=self.re + other.re, im=self.im + other.im)
+
+    def __sub__(self, other: ExactMatrix) -> ExactMatrix:
+        return self + other.times(fmpq(-1))
+
+    def __mul__(self, other: ExactMatrix) -> ExactMatrix:
+        return ExactMatrix(re=self.re * other.re - self.im * other.im, im=self.re * other.im + self.im * other.re)
+
+    def times(self, factor: fmpq) -> ExactMatrix:
+        """Return a multiple."""
+        return ExactMatrix(re=self.re * factor, im=self.im * factor)
+
+    def times_j(self) -> ExactMatrix:
+        """Return j times the matrix."""
+        return ExactMatrix(re=self.im * fmpq(-1), im=self.re)
+
+    @property
+    def H(self) -> ExactMatrix:
+        """Conjugate transpose."""
+        return ExactMatrix(re=self.re.transpose(), im=self.im.transpose() * fmpq(-1))
+
+    @property
+    def is_hermitian(self) -> bool:
+        """Whether it is its conjugate transpose."""
+        return bool(self.re == self.re.transpose() and self.im == self.im.transpose() * fmpq(-1))
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether it is Hermitian and positive definite: [re, -im; im, re] is."""
+        return self.is_hermitian and positive_definite(stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]))
+
+
+def stack(parts: list[list[fmpq_mat]]) -> fmpq_mat:
+    """Return one matrix of rows of matrices."""
+    lines = [list(zip(*(M.tolist() for M in line), strict=True)) for line in parts]
+    return fmpq_mat([[x for part in row for x in part] for line in lines for row in line])
+
+
+@value
+class IntervalProof:
+    """P and Q (n, n) in the coordinates T g, and of each block X and K, as in `IntervalClaim`."""
+
+    P: ComplexMatrix
+    Q: ComplexMatrix
+    scalings: tuple[ComplexMatrix, ...]
+    skews: tuple[ComplexMatrix, ...]
+
+
+@value
+class IntervalClaim:
+    """What is claimed of a system, with the matrices that show it on each interval.
+
+    Fields
+    ------
+    system, blocks, level
+        As of `robust.proofs.exact.scaled_kyp.ScaledClaim`.
+    stability : (n, n) ndarray
+        In the coordinates T x it shows that the system is stable.
+    T : (n, n) ndarray
+        Coordinates.
+    cuts : (I - 1,) ndarray
+        Where the intervals of x meet, from zero to infinity: omega [rad/s], in discrete time tan(omega dt / 2).
+    pieces : tuple of IntervalProof
+        One for each interval. Of each block X is (1, 1) of a full one, (rows, rows) Hermitian of the others, and K
+        (rows, rows) with K* = -K of a real one, else zero.
+    """
+
+    system: Matrices
+    blocks: tuple[Block, ...]
+    level: float
+    stability: Annotated[np.ndarray, SQUARE]
+    T: Annotated[np.ndarray, SQUARE]
+    cuts: np.ndarray
+    pieces: tuple[IntervalProof, ...]
+
+    def __post_init__(self) -> None:
+        sizes = require_blocks(self.system, self.blocks, self.level)
+        n = self.system.order
+        if not n:
+            raise ValueError("system must have states for intervals of the frequency, got none")
+        if self.cuts.shape != (len(self.pieces) - 1,) or not is_increasing(self.cuts):
+            raise ValueError(f"cuts must be one less than pieces, positive and increasing, got {self.cuts}")
+        wanted = [(self.stability, n), (self.T, n)]
+        for piece in self.pieces:
+            if len(piece.scalings) != len(sizes) or len(piece.skews) != len(sizes):
+                raise ValueError("scalings and skews must be one a block, got another number")
+            parts = [(piece.P, n), (piece.Q, n), *zip(piece.scalings, sizes, strict=True)]
+            parts += zip(piece.skews, sizes, strict=True)
+            wanted += [(M, size) for part, size in parts for M in (part.re, part.im)]
+        if any(M.shape != (size, size) or not np.isfinite(M).all() for M, size in wanted):
+            raise ValueError("pieces must hold finite matrices that fit system and blocks, got something else")
+
+    @property
+    def intervals(self) -> np.ndarray:
+        """(I, 2) intervals [rad/s], the last one up to infinity or to the Nyquist frequency."""
+        ends = np.concatenate([[0.0], self.cuts, [np.inf]])
+        ends = 2 / self.system.dt * np.arctan(ends) if self.system.dt else ends
+        return np.column_stack([ends[:-1], ends[1:]])
+
+
+def is_increasing(cuts: np.ndarray) -> bool:
+    """Return whether cuts are finite, positive and increasing."""
+    return bool(np.isfinite(cuts).all() and np.all(np.diff(cuts) > 0) and np.all(cuts > 0))
+
+
+def decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
+    """Decide stability, and the level on every interval.
+
+    1/(s + 1) has mu of one at zero frequency; P = 1 shows that it is no larger anywhere, whatever small Q.
+
+    >>> def matrix(x): return ComplexMatrix.of(np.array([[x]]))
+    >>> lag = Matrices(A=-np.ones((1, 1)), B=np.ones((1, 1)), C=np.ones((1, 1)), D=np.zeros((1, 1)))
+    >>> one = IntervalProof(P=matrix(1.0), Q=matrix(1e-9), scalings=(matrix(1.0),), skews=(matrix(0.0),))
+    >>> known = dict(system=lag, blocks=((1, 1, "full"),), stability=np.ones((1, 1)), T=np.ones((1, 1)))
+    >>> known |= dict(cuts=np.array([0.5]), pieces=(one, one))
+    >>> [decide_intervals(IntervalClaim(level=x, **known))[LEVEL].holds for x in (0.99, 1.01)]
+    [False, True]
+    """
+    loop = ExactLoop.of(claim)
+    stable = loop.is_stable(claim.stability)
+    found = {STABLE: proved() if stable else undecided("the matrix for it does not pass")}
+    ends = pairwise([0.0, *claim.cuts.tolist(), None])
+    for piece, (low, high), (start, end) in zip(claim.pieces, ends, claim.intervals, strict=True):
+        if not loop.holds(piece, low or 0.0, high):
+            return found | {LEVEL: undecided(f"the inequality does not pass from {start:.6g} to {end:.6g} rad/s")}
+    return found | {LEVEL: proved()}
+
+
+@value(copy=False)
+class ExactLoop:
+    """A system over the rationals: what stands in the inequality, by its states and inputs (x, u).
+
+    Fields
+    ------
+    blocks : tuple
+        The structure.
+    g, f : ExactMatrix
+        In coordinates T: f = j x g on the axis. In discrete time g = (A + I) x + B u, f = (A - I) x + B u.
+    y, u : ExactMatrix
+        Outputs and inputs.
+    A, T : fmpq_mat
+        The system's, and the coordinates.
+    level : fmpq
+        The level.
+    discrete : bool
+        Whether A is of discrete time.
+    """
+
+    blocks: tuple[Block, ...]
+    g: ExactMatrix
+    f: ExactMatrix
+    y: ExactMatrix
+    u: ExactMatrix
+    A: fmpq_mat
+    T: fmpq_mat
+    level: fmpq
+    discrete: bool
+
+    @classmethod
+    def of(cls, claim: IntervalClaim) -> ExactLoop:
+        """Return the system of a claim."""
+        A, B, C, D, T = (to_rational_matrix(M) for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.T))
+        n, m, one = A.nrows(), D.ncols(), identity(A.nrows())
+        g, f = ([A + one, B], [A - one, B]) if claim.system.dt else ([one, B * fmpq(0)], [A, B])
+        return cls(
+            blocks=claim.blocks,
+            g=ExactMatrix.real(T * stack([g])),
+            f=ExactMatrix.real(T * stack([f])),
+            y=ExactMatrix.real(stack([[C, D]])),
+            u=ExactMatrix.real(stack([[fmpq_mat(m, n), identity(m)]])),
+            A=A,
+            T=T,
+            level=to_rational(claim.level),
+            discrete=claim.system.dt > 0,
+        )
+
+    def is_stable(self, given: np.ndarray) -> bool:
+        """Return whether a matrix P > 0 shows that the system is stable."""
+        P, A = self.T.transpose() * to_rational_matrix(given) * self.T, self.A
+        P = (P + P.transpose()) / fmpq(2)
+        falls = P - A.transpose() * P * A if self.discrete else (A.transpose() * P + P * A) * fmpq(-1)
+        return positive_definite(P) and positive_definite(falls)
+
+    def holds(self, piece: IntervalProof, low: float, high: float | None) -> bool:
+        """Return whether a piece proves its interval; high : None for infinity."""
+        P, Q, g, f, y, u = piece.P.exact, piece.Q.exact, self.g, self.f, self.y, self.u
+        if not (P.is_hermitian and Q.is_positive and has_structure(piece, self.blocks)):
+            return False
+        X_L, X_R, K = placed_scalings(piece, self.blocks, (y.re.nrows(), u.re.nrows()))
+        across = (f.H * Q * g).times_j().times(fmpq(1, 2))
+        along, square = across + across.H, g.H * Q * g  # x g*Q g and g*Q g on the axis
+        a = to_rational(low)
+        if high is None:
+            within = along - square.times(a)
+        else:
+            b = to_rational(high)
+            within = along.times(a + b) - f.H * Q * f - square.times(a * b)
+        storage, turned = f.H * P * g, u.H * K * y
+        gain = y.H * X_L * y - turned - turned.H - (u.H * X_R * u).times(self.level**2)
+        return (storage + storage.H + within + gain).times(fmpq(-1)).is_positive
+
+
+def has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
+    """Return whether each X is Hermitian and positive definite, and K* = -K on a real block, zero on any other."""
+    return all(
+        X.exact.is_positive and K.exact.times_j().is_hermitian and (kind == "real" or not (K.re.any() or K.im.any()))
+        for (_, _, kind), X, K in zip(blocks, piece.scalings, piece.skews, strict=True)
+    )
+
+
+def placed_scalings(
+    piece: IntervalProof, blocks: tuple[Block, ...], shape: tuple[int, int]
+) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix]:
+    """Return X_L on the outputs of the system, X_R on its inputs, K from outputs to inputs."""
+    outputs, inputs = shape
+    left, right, skew = (np.zeros((2, *size)) for size in ((outputs, outputs), (inputs, inputs), (inputs, outputs)))
+    r = c = 0
+    for (rows, cols, kind), X, K in zip(blocks, piece.scalings, piece.skews, strict=True):
+        at, into = slice(r, r + rows), slice(c, c + cols)
+        for part, (X_part, K_part) in enumerate(((X.re, K.re), (X.im, K.im))):
+            left[part, at, at] = X_part[0, 0] * np.eye(rows) if kind == "full" else X_part
+            right[part, into, into] = X_part[0, 0] * np.eye(cols) if kind == "full" else X_part
+            if kind == "real":
+                skew[part, into, at] = K_part
+        r, c = r + rows, c + cols
+    X_L, X_R, K_all = (
+        ExactMatrix(re=to_rational_matrix(re), im=to_rational_matrix(im)) for re, im in (left, right, skew)
+    )
+    return X_L, X_R, K_all
+
+
+# ---- What is claimed of several channels in a file, by one scaling or interval by interval.
+
+
+@value
+class ScaledFile:
+    """What a file claims of a loop: claims by their subjects, with form and delay [s] of the set they are about."""
+
+    SCHEMA: ClassVar[str] = "robust-mu-certificate"
+    UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
+    LOOP: ClassVar[str] = (
+        "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point"
+    )
+
+    claims: dict[str, ScaledClaim | IntervalClaim]
+    form: str
+    delay: float
+
+
+def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
+    """Decide stability and level of either claim."""
+    return decide_intervals(claim) if isinstance(claim, IntervalClaim) else decide_scaled(claim)
+
+
+def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) -> Verification:
+    """Prove the claim again over the rationals; it takes milliseconds an interval, whatever `time_cap` is."""
+    del time_cap
+    return summarise_claims(decide_level(claim), 0)
+
+
+def verify_scaled_file(given: ScaledFile) -> Verification:
+    """Prove every claim of a file again over the rationals."""
+    decided: dict[str, Decision] = {}
+    for subject, claim in given.claims.items():
+        found = decide_level(claim)
+        decided |= {"nominal stability": found[STABLE], subject: found[LEVEL]}
+    return summarise_claims(decided, 0)

@@ -1,0 +1,149 @@
+"""Scalings of D-K iteration moved along the gradient of the norm that the best controller for them reaches.
+
+Synthesis and scalings in turn go on by ever smaller steps where the norm would fall if both moved together. The least
+norm over all controllers is a function of the scalings alone. It falls by quasi-Newton steps (BFGS) in the logarithms
+of their gains, of the frequencies and dampings of their zeros and poles, by difference quotients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import control
+import numpy as np
+
+from robust.lti.connections import in_series
+from robust.lti.lti import timebase
+from robust.lti.norms import continuous_image, to_discrete
+from robust.synthesis.hinf.generalised_plant import dual_plant, has_zero_on_axis, normalise_plant, prepare_plant
+from robust.synthesis.hinf.hinfsyn import solve_riccati_pair
+
+STEP = 1e-4  # of a logarithm, for the difference quotient
+FIRST_STEP = 0.1  # of all logarithms together, before anything is known of the curvature
+SHORTENINGS = 8  # of a step, to a third each time
+EQUAL = 0.05  # logarithms of scalings that lie no farther apart everywhere are kept equal
+NEAR, FAR, LEVEL_TOLERANCE = 1e-3, 10.0, 1e-9  # widths of the bracket of a level, relative to it
+
+
+def descend(
+    least_norm: Callable[[list[control.StateSpace]], float], scaling: list[control.StateSpace]
+) -> Iterator[list[control.StateSpace]]:
+    """Yield ever better scalings, one for each step; none any more where no step is better.
+
+    least_norm : of scalings, the last one (of the performance, which stays one) left out.
+    """
+    dt = timebase(scaling[0])
+    groups = equal_scalings(scaling)
+    shapes = [sections_of(scaling[group[0]]) for group in groups]
+    x = np.concatenate([part for part, _ in shapes])
+    if not np.isfinite(x).all():
+        return
+    ends = np.cumsum([0, *(part.size for part, _ in shapes)])
+
+    def scalings(x: np.ndarray) -> list[control.StateSpace]:
+        found = list(scaling)
+        for group, (_, n), start, end in zip(groups, shapes, ends, ends[1:], strict=False):
+            for k in group:
+                found[k] = system_of_sections(x[start:end], n, dt)
+        return found
+
+    def norm(x: np.ndarray) -> float:
+        return least_norm(scalings(x))
+
+    now, slope, moved, inverse = norm(x), np.zeros(0), np.zeros(0), np.zeros((0, 0))
+    while np.isfinite(now):
+        before, slope = slope, np.array([norm(x + STEP * unit) - now for unit in np.eye(x.size)]) / STEP
+        if not np.isfinite(slope).all() or not slope.any():
+            return
+        if not before.size:
+            inverse = FIRST_STEP / np.linalg.norm(slope) * np.eye(x.size)
+        else:
+            inverse = updated_inverse(inverse, moved, slope - before)
+        step = -inverse @ slope
+        for _ in range(SHORTENINGS):
+            reached = norm(x + step)
+            if reached < now + 0.1 * (slope @ step):
+                break
+            step = step / 3
+        else:
+            return
+        moved, x, now = step, x + step, reached
+        yield scalings(x)
+
+
+def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float:
+    """Return the least norm that a controller of a regular problem reaches, from near it; inf of a singular one."""
+    plant = normalise_plant(prepare_plant(P, n_y, n_u))
+    if plant is None or any(map(has_zero_on_axis, (plant, dual_plant(plant)))):
+        return np.inf
+    width, low, high = NEAR, near * (1 - NEAR), near * (1 + NEAR)
+    while solve_riccati_pair(plant, high, quick=True) is None:
+        low, width = high, 4 * width
+        high *= 1 + width
+        if width > FAR:
+            return np.inf
+    while low > 0 and solve_riccati_pair(plant, low, quick=True) is not None:
+        high, width = low, 4 * width
+        low = max(low * (1 - width), 0.0)
+    while high - low > LEVEL_TOLERANCE * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if solve_riccati_pair(plant, middle, quick=True) is None else (low, middle)
+    return high
+
+
+def updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Return the inverse Hessian of BFGS after a step and the change of the gradient, where that is of use."""
+    along = float(moved @ change)
+    if not along > 1e-10 * np.linalg.norm(moved) * np.linalg.norm(change):
+        return inverse
+    left = np.eye(moved.size) - np.outer(moved, change) / along
+    return np.asarray(left @ inverse @ left.T + np.outer(moved, moved) / along)
+
+
+def equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
+    """Return which blocks have the same scaling, as fits of the same data nearly have; without the last."""
+    dt = timebase(scaling[0])
+    x = 1j * np.geomspace(1e-6, 1e6, 200)
+    points = (1 + x) / (1 - x) if dt else x
+    sizes = [np.log(np.abs([one(point) for point in points])).ravel() for one in scaling[:-1]]
+    groups: list[list[int]] = []
+    for k, size in enumerate(sizes):
+        same = [group for group in groups if np.abs(sizes[group[0]] - size).max() < EQUAL]
+        if same:
+            same[0].append(k)
+        else:
+            groups.append([k])
+    return groups
+
+
+def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
+    """Return the parameters of a stable minimum-phase system, log gain, zeros and poles, and its order."""
+    A, B, C, D = continuous_image(system)
+    zeros, poles = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)), np.linalg.eigvals(A)
+    parts = [np.log(np.abs(D[0])), root_parameters(zeros), root_parameters(poles)]
+    return np.concatenate(parts), len(A)
+
+
+def root_parameters(roots: np.ndarray) -> np.ndarray:
+    """Log frequency and log damping of each pair of stable roots, real ones paired too; log frequency of one left."""
+    pairs = roots[roots.imag > 0]
+    real = np.sort(-roots[roots.imag == 0].real)
+    found = [(np.abs(p), -p.real / np.abs(p)) for p in pairs]
+    found += [(np.sqrt(a * b), (a + b) / (2 * np.sqrt(a * b))) for a, b in zip(real[0::2], real[1::2], strict=False)]
+    logs = [np.log(x) for pair in found for x in pair]
+    return np.array(logs + ([np.log(real[-1])] if real.size % 2 else []))
+
+
+def system_of_sections(parameters: np.ndarray, order: int, dt: float) -> control.StateSpace:
+    """Return the system of these parameters."""
+    whole = control.StateSpace([], [], [], [[np.exp(parameters[0])]], 0)
+    zeros, poles = np.exp(parameters[1 : 1 + order]), np.exp(parameters[1 + order :])
+    for k in range(0, order - 1, 2):
+        (w, z), (v, p) = zeros[k : k + 2], poles[k : k + 2]
+        A = [[0.0, v], [-v, -2 * p * v]]
+        C = [[(w**2 - v**2) / v, 2 * (z * w - p * v)]]
+        whole = in_series(whole, control.StateSpace(A, [[0.0], [1.0]], C, [[1.0]], 0))
+    if order % 2:
+        whole = in_series(whole, control.StateSpace([[-poles[-1]]], [[1.0]], [[zeros[-1] - poles[-1]]], [[1.0]], 0))
+    matrices = whole.A, whole.B, whole.C, whole.D
+    return control.StateSpace(*to_discrete(*matrices), dt) if dt else whole
