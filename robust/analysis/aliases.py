@@ -306,25 +306,6 @@ def largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, *, c: np.ndarray, d
     return (np.sqrt((a + d) ** 2 + (b - c) ** 2) + np.sqrt((a - d) ** 2 + (b + c) ** 2)) / 2
 
 
-@value
-class FoldedCurves:
-    """Hold the robustness curves of a loop, every alias included, at frequencies (W,).
-
-    Fields
-    ------
-    rs : (W,) ndarray
-        In proportion to |w|; one where the condition of the table is just met.
-    S_worst : (W,) ndarray
-        Largest |S_p|; inf where the set is not stable. Of an operator in an inverse form that of its LTI members.
-    performance_margin : (W,) ndarray or None
-        Factor by which the uncertainty may grow until |w_P| max |S_p| = 1.
-    """
-
-    rs: np.ndarray
-    S_worst: np.ndarray
-    performance_margin: np.ndarray | None = None
-
-
 @value(copy=False)
 class AliasedLoop:
     """Hold a loop at frequencies omega (W,): S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) of the aliases."""
@@ -413,8 +394,13 @@ def evaluate_aliases(
     return AliasedLoop(aliases=aliases, omega=omega, S=S, KS=KS, h=h, hG=hG, F=F)
 
 
-def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> FoldedCurves:
-    """Compute rs, max |S_p| and the performance margin (W,) of a loop, every alias included."""
+def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Compute rs, max |S_p| and the performance margin (W,) of a loop, every alias included.
+
+    rs is in proportion to |w| and one where the condition of the table is just met; |S_p| is inf where the set is not
+    stable, and that of its LTI members for an operator in an inverse form; the margin is the factor by which the
+    uncertainty may grow until |w_P| max |S_p| = 1.
+    """
     aliases, S = aliased.aliases, np.abs(aliased.S)
     wanted = None if w_P is None else np.abs(w_P) * S
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -425,14 +411,10 @@ def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> FoldedCurves:
         if not aliases.inverse:
             worst = np.where(rs < 1, S / (1 - rs), np.inf)
             growth = None if wanted is None else np.maximum((1 - wanted) / rs, 1e-12)
-            return FoldedCurves(rs=rs, S_worst=worst, performance_margin=growth)
+            return rs, worst, growth
         here = aliased.least_return_difference(np.ones(S.size))
         worst = np.where(here > 0, S / here, np.inf)
-    return FoldedCurves(
-        rs=rs,
-        S_worst=worst,
-        performance_margin=None if wanted is None else np.maximum(aliased.largest_uncertainty_factor(wanted), 1e-12),
-    )
+    return rs, worst, None if wanted is None else np.maximum(aliased.largest_uncertainty_factor(wanted), 1e-12)
 
 
 @value

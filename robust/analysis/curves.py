@@ -16,6 +16,7 @@ from robust.analysis.findings import Margins, ReportCurves
 from robust.lti.connections import largest_allowed_factor, worst_sensitivity
 from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
+from robust.mu.parameters import Crossing
 
 
 @value
@@ -231,3 +232,29 @@ def peaks_on_lines(curves: Curves) -> Peaks:
             factors = curves.performance_margin if met.all() else np.where(met, 1.0, 0.0)
             known["margin_rp"] = float(factors.min()), float(omega[factors.argmin()])
     return Peaks(**known)
+
+
+@value(copy=False)
+class MuCurves:
+    """Hold upper bounds of mu (W,) for stability and (nan without it) performance, and the breaking parameters."""
+
+    omega: np.ndarray
+    mu: np.ndarray
+    mu_rp: np.ndarray
+    parameters: Crossing | None
+    hit_time_cap: bool
+
+    @property
+    def peak(self) -> float:
+        """Return the largest bound for stability."""
+        return float(self.mu.max())
+
+    @property
+    def omega_peak(self) -> float:
+        """Return where it is [rad/s]."""
+        return float(self.omega[self.mu.argmax()])
+
+    @property
+    def peak_rp(self) -> float:
+        """Return the largest bound for performance, nan without it."""
+        return float(self.mu_rp.max())

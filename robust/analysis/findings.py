@@ -9,7 +9,6 @@ import numpy as np
 from nlfrf._base.values import ArrayField, value
 from robust._base.states import Stability, Verdict
 from robust._base.types import SystemField
-from robust.models.sets.forms import FORMS, loop_discs
 from robust.proofs.search.certificate import Certificate
 
 #: How one loop is proved.
@@ -94,14 +93,6 @@ class ReportCurves:
     def L(self) -> np.ndarray:
         """Return (W,) the loop gain G K, of one loop."""
         return np.asarray(self.G * self.K)
-
-    def discs(self, form: str, *, folded: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Return (W,) centre and (W,) radius of the disc that L fills over the set; `folded` with every alias."""
-        shaping = 1.0 if self.shaping is None else self.shaping
-        centre, radius = loop_discs(form, self.radius, G=self.G, K=self.K, W=shaping)
-        if folded and not FORMS[form].inverse:  # L + K sum_k h_k F_k Delta_k
-            radius = self.rs * np.abs(1 + centre)
-        return centre, radius
 
 
 @value

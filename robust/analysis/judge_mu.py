@@ -12,8 +12,8 @@ from dataclasses import replace
 import control
 import numpy as np
 
-from nlfrf._base.values import value
 from robust._base.types import Blocks
+from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Effort, Findings, Margins, Proofs, ReportCurves, decide_verdict
 from robust.analysis.loop import Loop
 from robust.analysis.loop_of_channels import LoopOfChannels
@@ -21,7 +21,6 @@ from robust.analysis.text import (
     ALIASES_NOT_PROVED,
     NO_MU,
     NOTHING_PROVED,
-    MuPeak,
     explain_mu,
     structure_proof_sentences,
 )
@@ -103,14 +102,14 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
         robust_performance=len(certificates) == 2 and certificates[1].holds,
         violated=broken <= 1,
     )
-    at, proved = float(curves.omega[curves.mu.argmax()]), structure_proof_sentences(system, proofs)
+    proved = structure_proof_sentences(system, proofs)
     return Findings(
         verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,
         curves=ReportCurves(omega=curves.omega, rs=curves.mu, rp=curves.mu_rp, np_=np.full(curves.omega.size, np.nan)),
         margins=Margins(
             rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
-            omega_rs=at,
+            omega_rs=curves.omega_peak,
             rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
             omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
             broken=broken,
@@ -119,7 +118,7 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
         proofs=proofs,
         reason=explain_mu(
             system,
-            MuPeak(size=curves.peak, omega=at, late=curves.hit_time_cap),
+            curves,
             broken=broken,
             proofs=proofs,
             cut=cut,
@@ -128,27 +127,6 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
         proved=proved[0],
         not_proved=proved[1],
     )
-
-
-@value(copy=False)
-class MuCurves:
-    """Hold upper bounds of mu (W,) for stability and (nan without it) performance, and the breaking parameters."""
-
-    omega: np.ndarray
-    mu: np.ndarray
-    mu_rp: np.ndarray
-    parameters: Crossing | None
-    hit_time_cap: bool
-
-    @property
-    def peak(self) -> float:
-        """Return the largest bound for stability."""
-        return float(self.mu.max())
-
-    @property
-    def peak_rp(self) -> float:
-        """Return the largest bound for performance, nan without it."""
-        return float(self.mu_rp.max())
 
 
 def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) -> MuCurves:

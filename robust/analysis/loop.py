@@ -122,10 +122,6 @@ class Loop:
         """Return the same loop around another plant, as the controller sees it."""
         return replace(self, G=G, undelayed_plant=G, plant_delay=0.0, given_plant=G, delay=0.0, continuous_plant=None)
 
-    def add_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
-        """Return a plant on the time base of the loop, with its delay [s]."""
-        return delayed(plant, delay, order=DELAY_ORDER)
-
     def closed_loop(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
         """Return a closed-loop transfer function of the nominal loop."""
         return control.StateSpace(*closed_loop(self.G, self.K, outputs, inputs), self.dt)
@@ -176,13 +172,8 @@ class Loop:
         found = loop_curves(self.form, omega, G=G, K=K, w=w, w_P=w_P, W=W)
         if self.aliases is None:
             return found
-        folded = fold_aliases(self.with_aliases(found), w_P)
-        return replace(
-            found,
-            folded_rs=folded.rs,
-            folded_S_worst=folded.S_worst,
-            folded_performance_margin=folded.performance_margin,
-        )
+        rs, S_worst, margin = fold_aliases(self.with_aliases(found), w_P)
+        return replace(found, folded_rs=rs, folded_S_worst=S_worst, folded_performance_margin=margin)
 
     @cached_property
     def aliases(self) -> Aliases | None:
@@ -406,7 +397,7 @@ def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> contro
     """Return a plant as the controller of the loop sees it: sampled, or with its delay."""
     if loop.dt and not timebase(plant):
         return sampled(plant, loop.dt, delay)
-    return loop.add_delay(plant, delay)
+    return delayed(plant, delay, order=DELAY_ORDER)
 
 
 def perturbed_sensitivity(

@@ -292,37 +292,31 @@ class LoopLevel:
     def __str__(self) -> str:
         top, _, bottom = self.unit.rpartition("/")
         parts = [describe_rms(self, name, unit.removeprefix("1")) for name, unit in (("u", bottom), ("y", top))]
-        return f"{'; '.join(parts)}. {CONSEQUENCES[find_consequence(self.u_state, self.y_state)]}"
+        return f"{'; '.join(parts)}. {describe_consequence(self.u_state, self.y_state)}"
 
 
-class Consequence(enum.Enum):
-    """What the states of input and output mean together for the set."""
-
-    HOLDS = enum.auto()
-    LEAVES = enum.auto()
-    DISAGREES = enum.auto()
-    UNKNOWN = enum.auto()
-
-
-CONSEQUENCES = {
-    Consequence.HOLDS: "The set was measured at this level, not at those below it that the loop passes as it comes to "
-    "rest.",
-    Consequence.LEAVES: "The set was not measured at this level, and its verdict says nothing of the machine there. "
-    "Measure there too, and give all levels to uncertainty.",
-    Consequence.DISAGREES: "Input and output disagree, as the loop has another spectrum than the record had: the set "
-    "was not measured at this level. Measure with the spectrum of the loop, or at levels that hold both.",
-    Consequence.UNKNOWN: "The levels that were measured are not known, so nothing is said of them. Make the model "
-    "anew from its records, or give them as bla.",
-}
+HOLDS = "The set was measured at this level, not at those below it that the loop passes as it comes to rest."
+LEAVES = (
+    "The set was not measured at this level, and its verdict says nothing of the machine there. Measure there too, and "
+    "give all levels to uncertainty."
+)
+DISAGREES = (
+    "Input and output disagree, as the loop has another spectrum than the record had: the set was not measured at this "
+    "level. Measure with the spectrum of the loop, or at levels that hold both."
+)
+NOT_KNOWN = (
+    "The levels that were measured are not known, so nothing is said of them. Make the model anew from its records, or "
+    "give them as bla."
+)
 
 
-def find_consequence(u: LevelState, y: LevelState) -> Consequence:
-    """Return what the states of input and output mean together."""
+def describe_consequence(u: LevelState, y: LevelState) -> str:
+    """Return what the states of input and output mean together for the set."""
     if LevelState.UNKNOWN in (u, y):
-        return Consequence.UNKNOWN
+        return NOT_KNOWN
     if u is not y:
-        return Consequence.DISAGREES
-    return Consequence.HOLDS if u is LevelState.INSIDE else Consequence.LEAVES
+        return DISAGREES
+    return HOLDS if u is LevelState.INSIDE else LEAVES
 
 
 def describe_rms(level: LoopLevel, name: str, unit: str) -> str:

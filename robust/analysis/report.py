@@ -23,6 +23,7 @@ from robust.analysis.text import (
     describe_worst_sensitivity,
     format_stability_margin,
 )
+from robust.models.sets.forms import FORMS, loop_discs
 
 
 @value
@@ -103,7 +104,11 @@ class RobustnessReport(Findings):
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (W,) centre and (W,) radius of the disc that L fills over the set."""
-        return self.curves.discs(self.form, folded=bool(self.folding))
+        curves, shaping = self.curves, 1.0 if self.curves.shaping is None else self.curves.shaping
+        centre, radius = loop_discs(self.form, curves.radius, G=curves.G, K=curves.K, W=shaping)
+        if self.folding and not FORMS[self.form].inverse:  # with every alias, L + K sum_k h_k F_k Delta_k
+            radius = curves.rs * np.abs(1 + centre)
+        return centre, radius
 
     @property
     def classical(self) -> ClassicalMargins:

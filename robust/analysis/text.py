@@ -9,10 +9,9 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
-from nlfrf._base.values import value
 from robust._base.states import Demand, Stability, Verdict
 from robust.analysis.aliases import RsBreakdown
-from robust.analysis.curves import Peaks
+from robust.analysis.curves import MuCurves, Peaks
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
 from robust.models.sets.forms import FORMS
@@ -331,17 +330,14 @@ def format_stability_margin(measure: str, margin: float, omega: float) -> str:
     return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {format_margin_factor(margin)}"
 
 
-@value
-class MuPeak:
-    """The largest upper bound of mu for stability, where it is [rad/s], and whether the time cap ended the search."""
-
-    size: float
-    omega: float
-    late: bool
-
-
 def explain_mu(
-    system: UncertainSystem, peak: MuPeak, *, broken: float, proofs: Proofs, cut: ParameterMargin | None, certify: bool
+    system: UncertainSystem,
+    curves: MuCurves,
+    *,
+    broken: float,
+    proofs: Proofs,
+    cut: ParameterMargin | None,
+    certify: bool,
 ) -> str:
     """Return the reason of the verdict by mu; `cut` is what came of the box of parameters, cut up."""
     if broken <= 1:
@@ -351,12 +347,12 @@ def explain_mu(
         linear = any(block.perturbation == "statistical" for block in system.blocks.values())
         with_linear = "the loop is stable with every linear plant of the set"
         return (with_linear if linear else "every perturbation of the set leaves the loop stable") + samples
-    if peak.size >= 1:
-        reached = f"the upper bound of mu reaches {peak.size:.4g} at {format_hertz(peak.omega)}"
-        late = " by the time cap" if peak.late else ""
+    if curves.peak >= 1:
+        reached = f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
+        late = " by the time cap" if curves.hit_time_cap else ""
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
         return f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
-    below = f"mu stays below {peak.size:.4g} on the grid"
+    below = f"mu stays below {curves.peak:.4g} on the grid"
     if not certify:
         return f"{below}, and no proof was asked for (certify=False)"
     return f"{below}, but no proof was found: {proofs.certificates[0].reason}"
