@@ -83,7 +83,7 @@ def run(command: str, *arguments: object) -> tuple[int, str, str]:
 
 def write_files(axis: Any, folder: Path) -> None:
     """axis.toml and gains.toml, from the data sheet."""
-    load = f"load_inertia = {axis.load!r}\nstiffness = {axis.stiffness!r}\ndamping = {axis.damping!r}\n" * bool(
+    load = f"load_inertia = {axis.load!r}\nstiffness = {axis.stiffness!r}\ndamping = {float(axis.damping)!r}\n" * bool(
         axis.load
     )
     (folder / "axis.toml").write_text(
