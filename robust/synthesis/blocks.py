@@ -431,11 +431,11 @@ class Filter(TunableBlock):
         omega = numbers["omega"]
         rate = 2 / dt * np.tan(omega * dt / 2) if dt else omega
         (direct, *top), (_, *bottom) = self.polynomials(numbers)
-        n = len(bottom)
-        A = np.eye(n, k=1, dtype=np.result_type(*bottom, rate))
-        A[-1] = [-a for a in reversed(bottom)]
         C = np.array([[b - direct * a for b, a in zip(reversed(top), reversed(bottom), strict=True)]])
-        return rate * A, rate * np.eye(n)[:, -1:], C, np.array([[direct]])
+        if len(bottom) == 1:
+            return np.array([[-rate * bottom[0]]]), np.array([[rate]]), C, np.array([[direct]])
+        A = np.array([[0.0, rate], [-rate * bottom[1], -rate * bottom[0]]])
+        return A, np.array([[0.0], [rate]]), C, np.array([[direct]])
 
     def section(self, fs: float) -> np.ndarray:
         """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1: as a drive runs it."""
