@@ -1,11 +1,16 @@
 """Servo axes that share no code with the packages, through files and commands, as `docs/howto/servo_axis.md` has it.
 
     python -m benchmarks.bench_stranger [--kind random] [--first 0] [--count 40] [--folder FOLDER] [--rig axis_rig.py]
+        [--attack friction]
 
 The rig is a file of its own, outside this project: `play`, `random_axis`, `hunting_axis`, `with_load` and `rests`. Each
 axis has a folder with its files, played once; a second run checks the same traces again. The data sheet of an axis has
 its true mass and force constant, and its gains. What is printed is the table of counts; every axis without a verdict is
 listed with its reason.
+
+An attack plays what the files leave out: friction that has grown by 30 % when the axis moves (`friction`), a low-pass
+of 0.5 ms that the file does not name (`filter`), a ripple of 30 % of the Coulomb friction (`ripple`). The truth is that
+of the axis as it is in the end. Backlash is not in the rig.
 """
 
 from __future__ import annotations
@@ -20,6 +25,7 @@ import re
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -31,6 +37,13 @@ RIG = Path(__file__).parents[2] / "shared" / "axis_rig" / "axis_rig.py"
 SMALL = 1e-7  # m: a swing below it is rest
 NEVER = 1e9  # s: a reset time of no integral part
 FAR = 20.0  # times T4 of the true numbers: a bound above it says nothing
+#: What an axis is in the end that the files leave out, by what it was.
+ATTACKS: dict[str, Callable[[Any], dict[str, float]]] = {
+    "none": lambda axis: {},
+    "friction": lambda axis: {"Fc": 1.3 * axis.Fc, "Fs": 1.3 * axis.Fs},
+    "filter": lambda axis: {"lag": axis.lag + 5e-4},
+    "ripple": lambda axis: {"ripple": 0.3 * axis.Fc},
+}
 
 
 def load_rig(path: Path) -> ModuleType:
@@ -102,7 +115,7 @@ delay = "{axis.delay_periods / axis.fs!r} s"
     )
 
 
-def play(rig: ModuleType, axis: Any, folder: Path) -> None:
+def play(rig: ModuleType, axis: Any, folder: Path, attack: str = "none") -> None:
     """Both experiments, designed and played; a folder that has them is left as it is."""
     if (folder / "ramp-trace.csv").exists():
         return
@@ -152,7 +165,8 @@ def play(rig: ModuleType, axis: Any, folder: Path) -> None:
             raise RuntimeError(said)
     for name, trace in (("moving", "trace"), ("ramp", "ramp-trace")):
         data = np.loadtxt(folder / f"{name}.csv", delimiter=",", skiprows=1)
-        u, y, _ = rig.play(axis, data[:, 1])
+        grows = attack == "friction" and name == "ramp"  # after the pre-test
+        u, y, _ = rig.play(axis if grows else replace(axis, **ATTACKS[attack](axis)), data[:, 1])
         table = np.c_[data[:, 0], u, y]
         head = "t [s],force set point [N],position [m]"
         np.savetxt(folder / f"{trace}.csv", table, delimiter=",", header=head, comments="", fmt="%.10g")
@@ -317,15 +331,17 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--folder", type=Path, default=Path("build") / "stranger")
     parser.add_argument("--rig", type=Path, default=RIG)
+    parser.add_argument("--attack", default="none", choices=tuple(ATTACKS))
     given = parser.parse_args()
     rig, counts = load_rig(given.rig), Counts()
     listed: dict[str, list[float]] = {}
     for name in ("within over error of hunters", "width of Fs", "Fs read", "K0 used over the true one", "seconds"):
         listed[name] = []
     for seed in range(given.first, given.first + given.count):
-        axis, folder = axis_of(rig, given.kind, seed), given.folder / f"{given.kind}-{seed}"
+        axis, folder = axis_of(rig, given.kind, seed), given.folder / given.attack / f"{given.kind}-{seed}"
         try:
-            play(rig, axis, folder)
+            play(rig, axis, folder, given.attack)
+            axis = replace(axis, **ATTACKS[given.attack](axis))
             print(f"{seed:3d} {compare(rig, axis, folder, counts, listed)}", flush=True)
         except RuntimeError as error:
             print(f"{seed:3d} {axis.law} not played: {error}", flush=True)

@@ -179,16 +179,10 @@ def to_json(thing: object, most: float = np.inf) -> str:
 
 def to_plain(thing: object, most: float = np.inf) -> Json:
     """Return a value in terms of JSON: dictionaries, lists, texts, numbers; systems as matrices, others as text."""
-    if thing is None or isinstance(thing, str | bool | int):
-        return thing
-    if isinstance(thing, Enum):
-        return to_plain(thing.value, most)
-    if isinstance(thing, np.generic):
-        return to_plain(thing.item(), most)
-    if isinstance(thing, float):
-        return thing if np.isfinite(thing) else None
-    if isinstance(thing, complex):
-        return [to_plain(thing.real), to_plain(thing.imag)]
+    if isinstance(thing, Enum | np.generic):
+        return to_plain(thing.value if isinstance(thing, Enum) else thing.item(), most)
+    if thing is None or isinstance(thing, str | bool | int | float | complex):
+        return plain_scalar(thing)
     if isinstance(thing, np.ndarray) and thing.size > most:
         return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
@@ -205,6 +199,13 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
     if all(hasattr(thing, name) for name in "ABCD") and hasattr(thing, "dt"):
         return {name: to_plain(getattr(thing, name), most) for name in ("A", "B", "C", "D", "dt")}
     return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
+
+
+def plain_scalar(thing: str | complex | None) -> Json:
+    """Return a text, a truth or a number as JSON has it: complex ones as [re, im], what is not finite as null."""
+    if isinstance(thing, complex):
+        return [plain_scalar(thing.real), plain_scalar(thing.imag)]
+    return None if isinstance(thing, float) and not np.isfinite(thing) else thing
 
 
 def simple_properties(thing: object) -> dict[str, object]:

@@ -51,6 +51,7 @@ class FrictionRegime(Enum):
     SLIDES = "slides"
     TOO_SMALL = "too small: encoder steps"
     LIMITED = "at the limit of the force"
+    OPEN = "left open"
 
 
 @value
@@ -174,7 +175,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     read = [read_level(one) for one in records]
     stiffness = np.array([one.stiffness for one in read])
     position = np.array([one.position for one in read])
-    states, reason = judge_levels(read, (records[0].u_unit or experiment.force_unit, experiment.position_unit))
+    units = (records[0].u_unit or experiment.force_unit, experiment.position_unit)
+    states, reason = judge_levels(read, units, experiment.gains)
     chosen = [] if reason else choose_levels(states, stiffness)
     shape = experiment.force_amplitude / np.sqrt(np.sum(experiment.force_amplitude**2) / 2)
     set_point = np.array([level_of_spectrum(record, shape) for record in records])
@@ -192,14 +194,23 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
 
 
 class Level(NamedTuple):
-    """What is read of one level: rms of force and position, stiffness, its share of the force on the lowest lines."""
+    """What is read of one level.
+
+    Rms of force and position, stiffness, its share of the force on the lowest lines, rms of the position in steps of
+    the encoder, and whether the force is at a limit.
+    """
 
     force: float
     position: float
     stiffness: float
     stiffness_share: float
-    readable: bool
+    steps: float
     limited: bool
+
+    @property
+    def readable(self) -> bool:
+        """Whether the encoder resolves the motion, and the force is what was asked for."""
+        return not self.limited and self.steps > STEPS
 
 
 def read_level(record: Record) -> Level:
@@ -215,17 +226,23 @@ def read_level(record: Record) -> Level:
     steps = np.abs(np.diff(record.y.ravel()))
     steps = steps[steps > 1e-9 * np.ptp(record.y)]
     limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
-    readable = not limited and position > STEPS * steps.min()
     share = float(found[0] * np.linalg.norm(Y[low]) / np.linalg.norm(U[low]))
-    return Level(force, position, float(found[0]), share, readable, limited)
+    return Level(force, position, float(found[0]), share, position / float(steps.min()), limited)
 
 
-def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[FrictionRegime], str]:
-    """Return the state of each level, and why no three of them can be taken."""
-    states = [FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL for one in read]
+def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
+    """Return the state of each level, and why no three of them can be taken.
+
+    gains : (S,) set point of each level; the lowest have no record where nothing moved.
+    """
+    states = [
+        FrictionRegime.OPEN if one.readable else FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL
+        for one in read
+    ]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
-    if reason := reason_against_reading(read, units):
+    below = what_lies_below(read, units, gains) if len(good) > 3 else ""
+    if reason := reason_against_reading(read, units, below):
         return states, reason
     k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
     first, last = plateau_of(k, position)
@@ -234,7 +251,7 @@ def judge_levels(read: list[Level], units: tuple[str, str]) -> tuple[list[Fricti
             states[i] = FrictionRegime.BENDS
         return states, (
             f"no level sticks: no two levels, one twice the other, have one stiffness; it goes from {k[0]:.3g} to "
-            f"{k[1]:.3g} {unit} on the lowest. Begin the ramp below {read[good[0]].force:.3g} {force} rms: raise span"
+            f"{k[1]:.3g} {unit} on the lowest. {below}"
         )
     return judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
 
@@ -273,8 +290,29 @@ def judge_breaking_away(
     return states, ""
 
 
-def reason_against_reading(read: list[Level], units: tuple[str, str]) -> str:
-    """Return why the levels show no friction that falls with the level; empty where they may."""
+def what_lies_below(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> str:
+    """Return what is known below the lowest level that can be read, and what shows more."""
+    first = next(k for k, one in enumerate(read) if one.readable)
+    lowest, missing = f"{read[first].force:.3g} {units[0]} rms", gains.size - len(read)
+    steps = np.append(np.zeros(missing), [one.steps for one in read])
+    below = np.arange(gains.size) < missing + first
+    finer = "A lower level shows no more, a finer encoder does; the force of the friction is read without it"
+    # nothing but friction holds an axis that moves less than its share of the motion at the highest level
+    held = int(np.count_nonzero(below & (2 * STEPS * gains[-1] < read[-1].steps * gains) & (steps < STEPS)))
+    if held:
+        return (
+            f"At {held} of {gains.size} levels friction holds the axis within {STEPS:g} steps of the encoder, and from "
+            f"{lowest} on it lets go. {finer}"
+        )
+    unresolved = below.any() or read[first].steps < PLATEAU_SPAN * STEPS
+    return finer if unresolved else f"Begin the ramp below {lowest}: raise --span"
+
+
+def reason_against_reading(read: list[Level], units: tuple[str, str], below: str) -> str:
+    """Return why the levels show no friction that falls with the level; empty where they may.
+
+    below : what lies below the lowest.
+    """
     good = [one for one in read if one.readable]
     if len(good) < 4:
         limited = sum(one.limited for one in read)
@@ -283,10 +321,8 @@ def reason_against_reading(read: list[Level], units: tuple[str, str]) -> str:
             f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
         )
     if not any(one.stiffness_share > MIN_STIFFNESS_SHARE for one in good):
-        return (
-            f"friction holds the axis at no level, from {good[0].force:.3g} {units[0]} rms on: the force goes into "
-            "its mass. Begin the ramp lower: raise span"
-        )
+        least = f"{good[0].force:.3g} {units[0]} rms"
+        return f"no level that can be read sticks: from {least} on the force moves a mass. {below}"
     k = np.array([one.stiffness for one in good])
     stiffest = int(np.argmax(k))
     if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:

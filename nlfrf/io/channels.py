@@ -437,25 +437,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     if reader is None:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
         raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
-    try:
-        reader = reader_by_start(path, reader)
-        arrays, units, clocks, notes = (
-            read_in_own_process(str(reader.contents.__file__), path)
-            if isinstance(reader.contents, ModuleType)
-            else reader.contents(path)
-        )
-    except MemoryError:
-        raise ValueError(f"path must be a readable {suffix} file, got {path.name!r}: too large to read") from None
-    except ModuleNotFoundError as missing:
-        raise ValueError(
-            f"path must be a file that can be read here: {path.name!r} needs {missing.name}, which is not installed: "
-            f"pip install 'nlfrf[{reader.extra}]'; {OTHER_WAY}"
-        ) from None
-    except Exception as error:  # readers of damaged files raise nearly anything
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(
-            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHER_WAY}"
-        ) from None
+    arrays, units, clocks, notes = read_contents(path, suffix, reader)
     arrays, units, clocks, notes = clean_names(arrays, units, clocks=clocks, notes=notes)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
@@ -476,6 +458,27 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     return Channels(
         path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
     )
+
+
+def read_contents(path: Path, suffix: str, reader: Reader) -> Contents:
+    """Return what the reader of a file finds in it; whatever ends it is one clear error."""
+    try:
+        reader = reader_by_start(path, reader)
+        if isinstance(reader.contents, ModuleType):
+            return read_in_own_process(str(reader.contents.__file__), path)
+        return reader.contents(path)
+    except MemoryError:
+        raise ValueError(f"path must be a readable {suffix} file, got {path.name!r}: too large to read") from None
+    except ModuleNotFoundError as missing:
+        raise ValueError(
+            f"path must be a file that can be read here: {path.name!r} needs {missing.name}, which is not installed: "
+            f"pip install 'nlfrf[{reader.extra}]'; {OTHER_WAY}"
+        ) from None
+    except Exception as error:  # readers of damaged files raise nearly anything
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(
+            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHER_WAY}"
+        ) from None
 
 
 def reader_by_start(path: Path, reader: Reader) -> Reader:

@@ -751,7 +751,7 @@ def fit_machine(
             return machine, nominal, timing
         reason = reason or leads
         for fit in scan.fits:
-            if not reason_of_lead(fit.G, machine, timing):
+            if not (reason_of_lead(fit.G, machine, timing) or cancels_unstable_pole(fit.G)):
                 not_leading.append((fit.cost, machine, fit, timing))
     if not not_leading:
         raise ValueError(reason)

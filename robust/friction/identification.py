@@ -426,6 +426,11 @@ ANOTHER_MACHINE = {
         "measure in motion (identify_sliding)"
     ),
 }
+#: What to do where one mass explains the level that sticks, and none that slips.
+ANOTHER_FRICTION = (
+    "It explains the lowest level, so that it is the friction that is another: it creeps before it slips (LuGre, "
+    "Dahl), or slips at other forces. What it does without a law shows in motion: robust drive check with such a trace"
+)
 
 
 def questions_of(
@@ -456,13 +461,14 @@ def questions_of(
     worst, limit = max(zip(balances, limits, strict=True), key=lambda one: one[0].unexplained / one[1])
     if worst.unexplained > limit:
         model = "motor and load" if two else "one mass"
+        slips = not two and balances[-1].unexplained < limit
         found.append(
             OpenQuestion(
                 kind=Gap.OTHER_MACHINE,
                 description=(
                     f"{model} with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or of Fs) at "
                     f"{worst.force:.3g} {N} rms unexplained, more than {100 * limit:g} % beyond noise. "
-                    f"{ANOTHER_MACHINE[two]}"
+                    f"{ANOTHER_FRICTION if slips else ANOTHER_MACHINE[two]}"
                 ),
             )
         )
@@ -494,8 +500,8 @@ def questions_of(
             OpenQuestion(
                 kind=Gap.FLEXIBLE,
                 description=(
-                    f"the machine is not rigid in the band: {mode}. What is read holds for no one mass, so "
-                    f"that mass and friction are off by several per cent. {ANOTHER_MACHINE[two]}"
+                    f"the machine is no rigid mass with Maxwell slip in the band: {mode}. What is read holds for "
+                    f"no one mass, so that mass and friction are off by several per cent. {ANOTHER_MACHINE[two]}"
                 ),
             )
         )
@@ -530,16 +536,17 @@ def questions_of(
                 ),
             )
         )
-    forces = [level.force for level in levels]
-    distinct = 1 + sum(high > SAME_LEVEL * low for high, low in pairwise(forces))
+    # where friction slides the motion grows, and the force hardly does
+    rises = [max(high.force / low.force, high.half_swing / low.half_swing) for high, low in pairwise(levels)]
+    distinct = 1 + sum(rise > SAME_LEVEL for rise in rises)
     if distinct < min(3, len(levels)):
-        listed = ", ".join(f"{force:.3g}" for force in forces)
+        listed = ", ".join(f"{level.force:.3g}" for level in levels)
         found.append(
             OpenQuestion(
                 kind=Gap.EQUAL_LEVELS,
                 description=(
                     f"levels of {listed} {N} rms count as {distinct}, as neighbours differ by less than {SAME_LEVEL:g} "
-                    "times. Measure at three that differ: sticking, bending, sliding"
+                    "times in force and motion. Measure at three that differ: sticking, bending, sliding"
                 ),
             )
         )
@@ -630,7 +637,8 @@ def sign_of_mode(
         tried.append(gain_of(as_real([c / std for c, std in zip(columns, weights, strict=True)]), Q, left))
     worth = max((worth for worth, amount in tried if amount > 0), default=0.0)
     if worth > WORTH:
-        return f"a load that gives way behind the motor improves the fit (F ratio {worth:.3g}, chance {WORTH:g})"
+        load = "a load that gives way behind the motor, or friction that lets go more slowly,"
+        return f"{load} improves the fit (F ratio {worth:.3g}, chance {WORTH:g})"
     return None
 
 
@@ -726,7 +734,7 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
     units = units_of(records[0])
     stuck = stuck_stiffness(fine, stds, candidate) if free and not refuted else 0.0
     mode = None
-    if not (two or refuted):
+    if not two and max(one.unexplained for one in balances) < MOST_UNEXPLAINED:  # of what is left of more anything is
         mode = sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
     damping = numbers["damping"], 3 * spread["damping"]

@@ -43,7 +43,7 @@ REVIEWED = {
     "nlfrf._base.arguments:wrap_lines": "lines of what is printed, broken to fit a screen",
     "nlfrf._base.arguments:format_paragraph": "the same",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
-    "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
+    "nlfrf.io.channels:read_contents": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_in_own_process": "the name of the exception that ended another process",
     "nlfrf.bla.bla:covariance_of": "how the level was read, a token that files keep",
     "nlfrf.records.excited_lines:excited_lines_on_grid": "the name of a grid",

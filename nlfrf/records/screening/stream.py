@@ -21,6 +21,17 @@ MAX_SLOW = 0.3
 NEIGHBOURS, MIN_SMOOTH, MAX_STANDSTILL = 3, 0.9, 0.2
 
 
+def find_turn(low: float, high: float, whole: bool) -> float:
+    """Return the turn that a position from low to high spans: of an angle, or of a counter if whole; 0 of none."""
+    for turn in (*TURNS, *(2.0**bits for bits in COUNTER_BITS if whole)):
+        starts = [
+            start for start in (0.0, -turn / 2) if start - 1e-6 * turn <= low and high <= start + turn * (1 + 1e-6)
+        ]
+        if starts and MIN_SPAN * turn < high - low:
+            return turn
+    return 0.0
+
+
 def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
     """Return a signal (n,) without the jumps by a whole turn of a position that wraps, and warn of them.
 
@@ -31,15 +42,9 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
     """
     low, high = float(x.min()), float(x.max())
     whole = high - low > MIN_SPAN * 2 ** COUNTER_BITS[0] and np.array_equal(x, np.round(x))
-    fits = [
-        turn
-        for turn in (*TURNS, *(2.0**bits for bits in COUNTER_BITS if whole))
-        for start in (0.0, -turn / 2)
-        if MIN_SPAN * turn < high - low and start - 1e-6 * turn <= low and high <= start + turn * (1 + 1e-6)
-    ]
-    if not fits:
+    if not (turn := find_turn(low, high, whole)):
         return x
-    turn, steps = fits[0], np.diff(x)
+    steps = np.diff(x)
     jumps = np.flatnonzero(np.abs(steps) > turn / 2)
     if not jumps.size:
         return x

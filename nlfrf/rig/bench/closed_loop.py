@@ -40,7 +40,6 @@ from nlfrf.rig.laws.laws import UserLawData, pack_law
 MAX_HALVINGS = 6
 MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
 MAX_BATCH_SAMPLES = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
-OVERSAMPLING = 4  # integration steps per sample where nothing else is asked for
 UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
 
 
@@ -464,7 +463,7 @@ def run_loops(
     disturbance: ArrayLike | None = None,
     noise: ArrayLike | None = None,
     initial: ArrayLike = (0.0, 0.0),
-    oversampling: int = OVERSAMPLING,
+    oversampling: int = 4,
     executor: Executor | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,

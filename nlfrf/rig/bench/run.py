@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_kind, require_known, short_form
-from nlfrf.rig.bench.closed_loop import OVERSAMPLING, as_controller, run_axes_loop, run_one_loop, steps_per_sample
+from nlfrf.rig.bench.closed_loop import as_controller, run_axes_loop, run_one_loop, steps_per_sample
 from nlfrf.rig.bench.motion import run_law, run_rig
 from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.servo import ServoAxis, run_axis
@@ -30,12 +30,9 @@ def run(
 ) -> Trajectory:
     """Run a machine through any signal: a force, a reference of the controller around it, set points of its drive.
 
-    | machine | signal | begins |
-    |---|---|---|
-    | `Rig` | force on the mass [N] | at rest |
-    | `Rig` with a controller | reference of the measured positions [m] | at `initial` |
-    | `ServoAxis` | set points of its drive | at `initial` |
-    | friction law | velocity [m/s], straight between samples: hysteresis loops, Stribeck curves | at rest |
+    A `Rig` moves under a force [N], from rest. With a controller around it the signal is the reference of the measured
+    positions [m]. A `ServoAxis` follows set points of its drive. A friction law alone takes a velocity [m/s], straight
+    between samples, from rest: hysteresis loops, Stribeck curves.
 
     Parameters
     ----------
@@ -110,7 +107,7 @@ def run(
     """
     given = {"controller": controller, "fs": fs, "hold": hold, "initial": initial}
     given |= {"disturbance": disturbance, "noise": noise}
-    steps = (OVERSAMPLING if controller is not None else 1) if oversampling is None else oversampling
+    steps = (4 if controller is not None else 1) if oversampling is None else oversampling
     begin = (0.0, 0.0) if initial is None else initial
     if isinstance(machine, ServoAxis):
         _require_unused("a servo axis", given, ("controller", "fs", "hold", "disturbance"))

@@ -83,7 +83,7 @@ def judged(tmp_path, axis, **how):
     [
         ({"rms": 1.2, "span": 60}, "the axis does not break away: its stiffness stays at .* N/m at .* N rms"),
         ({"rms": 15, "span": 1000}, "the axis does not slide yet: its stiffness still changes from .* to .* N/m"),
-        ({"rms": 150, "span": 10}, "no level sticks: .* raise span|friction holds the axis at no level"),
+        ({"rms": 150, "span": 10}, "no level sticks: .* raise --span|no level that can be read sticks"),
         (
             {"rms": 0.2, "span": 1000},
             "of [0-9]* levels can be read, 4 are needed: . move less than 2 steps of the encoder",
@@ -109,8 +109,26 @@ def test_levels_at_the_limit_of_the_current_are_not_read(tmp_path):
 
 
 def test_an_axis_without_friction_has_no_levels(tmp_path):
-    levels = judged(tmp_path, without_friction(servo_axis("belt")), rms=100)
-    assert levels.reason.startswith("friction holds the axis at no level")
+    axis = without_friction(servo_axis("belt"))
+    levels = judged(tmp_path, axis, rms=100)
+    assert levels.reason.startswith("no level that can be read sticks: ")
+    assert "friction holds" not in levels.reason
+    small = [state is FrictionRegime.TOO_SMALL for state in levels.states]
+    assert small == (levels.position_rms < 2 * axis.resolution).tolist()  # what it resolves is left open
+
+
+@pytest.mark.parametrize(
+    ("resolution", "said"),
+    [(5e-8, "At [1-9] of 10 levels friction holds the axis within 2 steps of the encoder"), (1e-6, "no level sticks")],
+)
+def test_friction_that_is_stiffer_than_the_encoder_shows_is_not_looked_for_lower(tmp_path, resolution, said):
+    """Rigid friction holds the axis at all, and at no level that is seen."""
+    rigid = nlfrf.friction.Coulomb(Fc=15.0, Fs=20.0, vs=0.01)
+    axis = replace(servo_axis("linear motor"), motor_friction=rigid, resolution=resolution)
+    levels = judged(tmp_path, axis, rms=60, span=1e4)
+    assert re.search(said, levels.reason)
+    assert "a finer encoder" in levels.reason
+    assert "span" not in levels.reason
 
 
 BACKLASH = {"m1": 7.0, "m2": 15.0, "k": 1.3e6, "c": 100.0, "kv": 30.0, "kp": 700.0, "tn": 0.05, "lag": 0.5e-3}

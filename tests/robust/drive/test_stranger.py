@@ -31,6 +31,16 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     assert friction["reason"]
 
 
+def test_a_pole_that_a_zero_cancels_makes_no_loop_unstable(tmp_path):
+    """The best fit that does not lead had an unstable pole 0.7 % from a zero: all was lost, and the axis hunts."""
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    bench_stranger.play(rig, rig.hunting_axis(25), tmp_path)
+    found = bench_stranger.check(tmp_path)[1]
+    assert found["linear"]["verdict"] == "statistically robust"
+    assert found["friction"]["outcome"] == "settles"
+    assert found["friction"]["simulated"] == "hunts"
+
+
 def test_an_axis_that_hunts_is_named_with_its_amplitude_and_the_advice_helps(tmp_path):
     rig = bench_stranger.load_rig(bench_stranger.RIG)
     axis = rig.hunting_axis(14)

@@ -29,10 +29,10 @@ def plant(s):
 
 BLA = replace(
     make_bla(plant, F, f0=0.25, sigma_distortion=0.05 * np.abs(plant(2j * np.pi * F)), rng=0, hold="band-limited"),
-    u_name="force",
-    y_name="position",
-    u_unit="N",
-    y_unit="m",
+    inputs=("force",),
+    outputs=("position",),
+    input_units=("N",),
+    output_units=("m",),
 )
 FIT = fit_nominal(BLA, n_poles=2, n_zeros=0)
 MODEL = uncertainty(BLA, FIT, order=3)

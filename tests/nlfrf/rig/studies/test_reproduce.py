@@ -117,7 +117,8 @@ def test_level_study_grows_as_the_degree_of_the_distortion():
     peaks = [bla.f[np.argmax(np.abs(bla.G))] for bla in study.blas]
     assert peaks[0] == pytest.approx(60.3, abs=1)
     assert peaks[2] == pytest.approx(45.5, abs=1.5)
-    cube = [replace(study.blas[0], var_distortion=study.blas[0].var_distortion * g**4) for g in (1, 10)]
+    first = study.blas[0]
+    cube = [replace(first, cov=replace(first.cov, distortion=first.cov.distortion * g**4)) for g in (1, 10)]
     assert np.allclose(LevelStudy(rms=np.array([1.0, 10.0]), blas=cube).growth, 40)
 
 

@@ -304,21 +304,21 @@ def truth():
 def test_levels_in_units_with_a_prefix_are_refused(unit):
     """Read as m/N they would make a machine that is off by that factor, and a proof for it."""
     y_unit, u_unit = unit.split("/")
-    blas = [replace(level(80e3, force), y_unit=y_unit, u_unit=u_unit) for force in (0.1, 0.3, 3.0)]
+    blas = [replace(level(80e3, force), output_units=(y_unit,), input_units=(u_unit,)) for force in (0.1, 0.3, 3.0)]
     with pytest.raises(ValueError, match=r"blas must be in m/N .* got"):
         robust.friction.friction_class(blas)
 
 
 def test_levels_in_si_units_are_no_reason_to_refuse():
     for u_unit, y_unit in (("N", "m"), ("Nm", "rad"), ("V", "V"), ("", "")):
-        require_si("blas", replace(level(80e3, 0.1), y_unit=y_unit, u_unit=u_unit).unit)
+        require_si("blas", replace(level(80e3, 0.1), output_units=(y_unit,), input_units=(u_unit,)).unit)
 
 
 IN_METRES = re.compile(r"kN/m|\bkg\b(?! m\^2)|Ns/m|\d m\b|\bN\b")
 
 
 def turning(bla):
-    return replace(bla, y_unit="rad", u_unit="Nm")
+    return replace(bla, output_units=("rad",), input_units=("Nm",))
 
 
 def test_levels_of_an_axis_that_turns_are_read_in_its_own_units(flexible_levels):
@@ -341,7 +341,9 @@ def test_levels_of_an_axis_that_turns_are_read_in_its_own_units(flexible_levels)
             [turning(level(-k, f, m=-1)) for k, f in ((80e3, 2.0), (143e3, 0.1), (144e3, 0.03))]
         )
     with pytest.raises(ValueError, match="blas must be of one axis, got positions in m and in rad"):
-        robust.friction.friction_class([turning(straight[0]), *(replace(bla, y_unit="m") for bla in straight[1:])])
+        robust.friction.friction_class(
+            [turning(straight[0]), *(replace(bla, output_units=("m",)) for bla in straight[1:])]
+        )
 
 
 def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(measured_levels, tmp_path):
