@@ -24,7 +24,7 @@ def model_of(case):
     """The set of a case; None where its weight reaches one in the coprime form, which holds every plant."""
     lines = LINES if not case["G"].dt else np.array([0.1, 0.2]) * min(1.0, 1 / case["G"].dt)
     radius = 0.5 * np.abs(tf_response(case["w"], lines))
-    more = {"W2": case["W2"]} if "W2" in case else {}
+    more = {"scaling": (1.0, case["W2"])} if "W2" in case else {}
     kind = case.get("perturbation", "LTI")
     return UncertaintyModel(case["G"], case["w"], case["form"], lines, radius, perturbation=kind, **more)
 

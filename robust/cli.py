@@ -255,7 +255,7 @@ def design(
     robust.save(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    gains = pid.format_gains(result.K, plant.origin.unit, plc=True)
+    gains = pid.format_gains(result.K, getattr(plant, "origin", plant).unit, plc=True)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
@@ -326,7 +326,7 @@ def check(
                 signals=signals,
             )
         report = replace(report, peak=require_positive("peak", peak))
-        gains = pid.format_gains(K, getattr(plant, "unit", ""))
+        gains = pid.format_gains(K, plant.origin.unit)
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         text, drawing = files[path]
         if text is not None:

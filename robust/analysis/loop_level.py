@@ -162,7 +162,7 @@ RMS_OF_SWING = 1 / np.sqrt(8)
 #: Share of the power in the measured band from which on the report does not mention the rest.
 MIN_SHARE_IN_BAND = 0.5
 #: Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense around every mode.
-PANEL_NODES, PANELS = 5, 4
+PANEL_NODES, PANELS = 7, 4
 WIDE = 200  # further frequencies, over nine decades below the end of a noise
 
 

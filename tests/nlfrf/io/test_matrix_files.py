@@ -53,7 +53,7 @@ def test_files_that_are_not_whole_are_refused(frm, tmp_path):
         assert "\n" not in str(error.value)
         return str(error.value)
 
-    assert "without 'gamma'" in refusal(gamma=None)
+    assert "without 'cov.gamma'" in refusal(**{"cov.gamma": None})
     assert "G must be numbers of shape (3, 2, 26)" in refusal(G=whole["G"][:, :, 1:])
     assert "G must be numbers" in refusal(G=whole["G"].astype(str))
     assert "levels must be one an output, 3 of them, got 2" in refusal(**{"levels.2.f_excited": None})

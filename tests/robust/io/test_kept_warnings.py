@@ -15,6 +15,7 @@ import robust
 from nlfrf import DataWarning, Record, identify, multisine
 from robust import DesignWarning, UncertaintyModel, check, fit_nominal, uncertainty
 from robust.io.certificates import class_from_files, prove_all, save_proofs
+from robust.models import Origin
 from robust.reports import command
 from robust.reports import parts as report_parts
 from robust.reports.shaping_page.generated_text import PartSources
@@ -134,7 +135,8 @@ def test_the_page_of_an_older_model_shows_what_its_bla_knows(run, tmp_path, monk
 
 
 def test_what_the_check_itself_warns_of_is_in_its_report():
-    model = replace(uncertainty(identify(recorded()), PLANT, order=2, above="flat"), hold="unknown")
+    model = uncertainty(identify(recorded()), PLANT, order=2, above="flat")
+    model = replace(model, origin=replace(model.origin, hold="unknown"))
     report, said = shown(check, model, control.ss([], [], [], [[0.05]], 1 / 512))
     assert "hold of the record must be known" in said[0]
     assert report.warnings == tuple(said)
@@ -191,7 +193,13 @@ def test_a_certificate_keeps_them_and_verify_prints_them(run, tmp_path):
 
 def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path):
     model = UncertaintyModel(
-        MASS, 0.1, "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.05]), unit="m/N", warnings=(HOSTILE,)
+        MASS,
+        0.1,
+        "multiplicative",
+        np.array([1.0, 2.0]),
+        np.array([0.05, 0.05]),
+        origin=Origin(unit="m/N"),
+        warnings=(HOSTILE,),
     )
     robust.save(model, tmp_path / "m.json")
     basis, said = shown(class_from_files, [tmp_path / "m.json"], tmp_path / "K.json", stiffness=64e3)
