@@ -185,7 +185,7 @@ def test_examples_are_short_and_have_a_title():
 #: Examples that `make test` runs, one path each; `make docs` runs the others.
 FIRST = {
     *("00_thirty_lines", "01_identify_then_design", "03_identify_one_record", "09_pid_from_the_frf"),
-    *("18_proof_with_friction", "20_tune_a_cascade"),
+    "18_proof_with_friction",
 }
 EACH = [pytest.param(name, marks=() if name in FIRST else pytest.mark.docs) for name in names()]
 

@@ -52,7 +52,7 @@ def by_basedpyright(folder):
     return {one["range"]["start"]["line"] + 1 for one in diagnostics if one["severity"] == "error"}
 
 
-@pytest.mark.parametrize("errors", [by_mypy, by_basedpyright])
+@pytest.mark.parametrize("errors", [pytest.param(by_mypy, marks=pytest.mark.docs), by_basedpyright])
 def test_a_checker_finds_the_mistakes_and_nothing_else(errors, tmp_path):
     lines = SCRIPT.strip().splitlines()
     (tmp_path / "script.py").write_text("\n".join([*lines, *MISTAKES]) + "\n")

@@ -27,7 +27,7 @@ def spectrum(signal, begin, lines):
     return 2 / N * np.fft.rfft(signal[begin : begin + N])[lines]
 
 
-@pytest.mark.attack(every=2)
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize(
     ("name", "port"), [*((name, "position") for name in PRESETS), ("belt", "velocity"), ("ball screw", "force")]
 )

@@ -333,6 +333,7 @@ def test_a_model_with_several_ports():
 # ---- The attack of benchmarks/friction_ports.py, a part of it.
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("number", [1, 4, 7])
 def test_what_is_proved_comes_to_rest_on_the_simulated_axis(number):
     case, rng = draw_case(number), np.random.default_rng([number, 9])
