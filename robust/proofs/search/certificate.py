@@ -139,15 +139,20 @@ def failed_certificate(
 # ---- Convex programs, solved under a time cap by solvers that may fail in any way.
 
 
-def solve_program(problem: cvxpy.Problem, solver: str, time_cap: float | None = None, *, eps: float = 1e-7) -> str:
+SCS_STEPS = 20_000  # some seconds for 32 states
+
+
+def solve_program(
+    problem: cvxpy.Problem, solver: str, time_cap: float | None = None, *, eps: float = 1e-7, steps: int = SCS_STEPS
+) -> str:
     """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
 
     problem : cvxpy.Problem; solver : its name there; time_cap : seconds, None: its steps are counted, not its time;
-    eps : tolerance of SCS.
+    eps, steps : tolerance of SCS, and how many steps it takes where no time caps it.
     """
     caps = {
         "CLARABEL": {} if time_cap is None else {"time_limit": time_cap},
-        "SCS": {"eps": eps, **({"max_iters": SCS_STEPS} if time_cap is None else {"time_limit_secs": time_cap})},
+        "SCS": {"eps": eps, **({"max_iters": steps} if time_cap is None else {"time_limit_secs": time_cap})},
     }
     try:
         with warnings.catch_warnings():
@@ -161,4 +166,3 @@ def solve_program(problem: cvxpy.Problem, solver: str, time_cap: float | None = 
 
 
 SOLVERS = ("CLARABEL", "SCS")
-SCS_STEPS = 20_000  # some seconds for 32 states
