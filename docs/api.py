@@ -48,7 +48,7 @@ FIRST = (
     *("robust.reports.write_report", "robust.io.export_matlab"),
 )
 #: Modules of pictures: every plot_ function is public.
-PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
+PICTURES = ("nlfrf.plot", "robust.plot")
 
 
 def things() -> list[tuple[str, str, Any]]:

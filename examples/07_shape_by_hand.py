@@ -15,8 +15,7 @@ import numpy as np
 
 import nlfrf
 import robust
-from robust.plot import plot_check
-from robust.shaping_plot import plot_loop_bounds
+from robust.plot import plot_check, plot_loop_bounds
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/07"), help="folder for the pictures")

@@ -29,9 +29,11 @@ from robust.plot.models import (
     plot_validation,
     plot_weight,
 )
+from robust.plot.shaping import LoopPicture, plot_loop_bounds
 from robust.plot.tuning import plot_limits
 
 __all__ = [
+    "LoopPicture",
     "RestCase",
     "plot_bounds",
     "plot_budget",
@@ -42,6 +44,7 @@ __all__ = [
     "plot_friction_force",
     "plot_limits",
     "plot_loop",
+    "plot_loop_bounds",
     "plot_nominal",
     "plot_nyquist",
     "plot_orders",

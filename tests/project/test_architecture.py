@@ -56,7 +56,6 @@ FACES = {
         "robust.plot",
         "robust.margins",
         "robust.shaping",
-        "robust.shaping_plot",
         "robust.tuning",
     ),
 }

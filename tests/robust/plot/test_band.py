@@ -15,7 +15,7 @@ from nlfrf import plot as measured_pictures
 from robust import UncertaintyModel, check, fit_nominal, ncfsyn, uncertainty, validate
 from robust import plot as pictures
 from robust.analysis import sample_loops
-from robust.shaping_plot import plot_loop_bounds
+from robust.plot import plot_loop_bounds
 from tests.support.bla import make_bla
 from tests.support.pictures import labels
 from tests.support.printed import unwrapped

@@ -10,8 +10,8 @@ from matplotlib import pyplot as plt
 
 from robust import UncertaintyModel, performance_weight
 from robust.lti.lti import response
+from robust.plot import plot_loop_bounds
 from robust.shaping import lag, lead, loop_bounds
-from robust.shaping_plot import plot_loop_bounds
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 
