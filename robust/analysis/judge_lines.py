@@ -64,7 +64,7 @@ class LoopOnLines:
 
     @property
     def given(self) -> Given:
-        """Return what is known of the loop beside what a judge finds."""
+        """Return what model and controller fix: class, demand, delay, band and unit."""
         unit, band = getattr(origin_of(self.source), "unit", ""), self.omega[[0, -1]]
         return Given(perturbation=self.perturbation, demand=self.w_P, delay=self.delay, band=band, unit=unit)
 

@@ -104,7 +104,7 @@ class Loop:
 
     @property
     def given(self) -> Given:
-        """Return what is known of the loop beside what a judge finds."""
+        """Return what model and controller fix: class, demand, delay, band and unit."""
         return Given(
             perturbation=self.model.perturbation,
             demand=self.w_P,

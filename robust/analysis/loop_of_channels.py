@@ -46,7 +46,7 @@ class LoopOfChannels:
 
     @property
     def given(self) -> Given:
-        """Return what is known of the loop beside what a judge finds."""
+        """Return what model and controller fix: class, demand, delay, band and unit."""
         band, perturbation = self.model.omega[[0, -1]], self.model.perturbation
         return Given(perturbation=perturbation, demand=self.w_P, delay=float(self.delay), band=band)
 

@@ -32,7 +32,7 @@ def split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.n
 
 
 def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """(way, order, system) for every order: of the strictly stable part of a system, the rest beside it."""
+    """(way, order, system) for every order: of the strictly stable part of a system, with the rest added."""
     A, B, C, D = K
     kept, (A, B, C) = split_modes(A, B, C)
     P, Q = solve_continuous_lyapunov(A, -B @ B.T), solve_continuous_lyapunov(A.T, -C.T @ C)

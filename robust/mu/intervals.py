@@ -37,21 +37,10 @@ NARROW = 1e-6  # relative width of an interval that is not cut any more, and of 
 WITHIN = np.array([-1.0, -0.6, 0.0, 0.6, 1.0])  # v at which scalings are looked for
 AROUND = np.tan(np.pi / 2 * np.linspace(-0.995, 0.995, 80))  # v at which Q is tried
 FARTHEST = 1e6  # v beyond which the response is that at infinity
-MODE_OFFSETS = (
-    0.1,
-    0.3,
-    0.6,
-    0.8,
-    0.9,
-    1.0,
-    1.1,
-    1.25,
-    1.7,
-    3.0,
-    10.0,
-)  # times the modulus of every pole: more of them
+#: Times the modulus of every pole: further frequencies at which Q is tried.
+MODE_OFFSETS = (0.1, 0.3, 0.6, 0.8, 0.9, 1.0, 1.1, 1.25, 1.7, 3.0, 10.0)
 SHARES = (0.05, 0.15, 0.4, 0.7)  # of what the scaling leaves that Q may cost, along C and along C A^-1
-#: Shares of the largest scaling that all may have: what little couples is scaled at will, and best not far apart.
+#: Shares of the largest scaling that all may have: what couples little may take any, and similar ones serve best.
 FLOORS, NEARLY = (0.1, 1e-2, 1e-3, 1e-5, 1e-9), 0.7
 LEAST_Q = 1e-3  # of what is left, by Q along each state
 MARGINS = (0.7, 0.3, 0.03, 1e-3)  # of what is left, asked for of all states together
@@ -159,9 +148,8 @@ class IntervalSearch:
             blocks=blocks,
             level=level,
             stability=solve_continuous_lyapunov(A.T, -np.eye(len(A))),
-            T=search.T
-            * level
-            / (np.sqrt(2) if exact.dt else 1),  # g is sqrt(2) times the state of the continuous image
+            # g is sqrt(2) times the state of the continuous image
+            T=search.T * level / (np.sqrt(2) if exact.dt else 1),
             cuts=np.zeros(0),
             pieces=(IntervalProof(P=none, Q=none, scalings=tuple(nothing), skews=tuple(nothing)),),
         )

@@ -19,6 +19,7 @@ positive (or negative) keeps its sign and is searched for in logarithms.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, TypeAlias
@@ -97,7 +98,7 @@ class Parameter:
 
 
 @value
-class TunableBlock:
+class TunableBlock(ABC):
     """What all blocks share: signals, free parameters, bounds. Subclasses are values with numbers as fields."""
 
     #: Fields with numbers, which keep their sign unless they are entries of a matrix.
@@ -194,12 +195,12 @@ class TunableBlock:
             return max(low, dt / 2 / MAX_SAMPLED_RATE), high
         return low, high
 
+    @abstractmethod
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return A, B, C, D for these numbers, which may be complex; complex analytic in them.
 
         In s, or under a clock dt [s] in 2/dt (z - 1)/(z + 1).
         """
-        raise NotImplementedError
 
     def system(self, dt: float = 0.0) -> control.StateSpace:
         """Return the block as a system with the names of its signals, sampled where dt [s] is given.
@@ -422,9 +423,9 @@ class Filter(TunableBlock):
 
     omega: float
 
+    @abstractmethod
     def polynomials(self, numbers: Numbers) -> Coefficients:
         """Return coefficients of numerator and denominator in p, highest power first, the first of these one."""
-        raise NotImplementedError
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return states in units of omega, so that the rows of A are alike; under a clock of its image."""

@@ -62,7 +62,7 @@ def from_plain(kind: type[T], given: object) -> T:
 def part_from_plain(hint: Any, given: Any) -> Any:
     """Return a part of a claim of the type that its field has."""
     inner = get_args(hint)
-    if isinstance(hint, UnionType):  # X or None, or claims that their entries tell apart
+    if isinstance(hint, UnionType):  # X or None, or claims that differ in their entries
         fitting = [
             one for one in inner if is_dataclass(one) and {each.name for each in fields(one)} == set(given or ())
         ]

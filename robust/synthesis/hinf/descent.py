@@ -21,7 +21,7 @@ from robust.synthesis.hinf.hinfsyn import solve_riccati_pair
 STEP = 1e-4  # of a logarithm, for the difference quotient
 FIRST_STEP = 0.1  # of all logarithms together, before anything is known of the curvature
 SHORTENINGS = 8  # of a step, to a third each time
-EQUAL = 0.05  # logarithms of scalings that lie no farther apart everywhere are kept equal
+EQUAL = 0.05  # largest difference of the logarithms of scalings that are kept equal
 NEAR, FAR, LEVEL_TOLERANCE = 1e-3, 10.0, 1e-9  # widths of the bracket of a level, relative to it
 
 
