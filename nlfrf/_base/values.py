@@ -187,18 +187,21 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
         return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
         return [to_plain(one, most) for one in thing] if thing.ndim else to_plain(thing.item(), most)
-    if isinstance(thing, Mapping):
-        return {str(key): to_plain(held, most) for key, held in thing.items()}
-    if hasattr(thing, "_fields"):
-        return {name: to_plain(getattr(thing, name), most) for name in thing._fields}
-    if isinstance(thing, list | tuple):
+    if isinstance(thing, list | tuple) and not hasattr(thing, "_fields"):
         return [to_plain(one, most) for one in thing]
-    if is_dataclass(thing):
-        fields = {name: to_plain(getattr(thing, name), most) for name in field_names(thing)}
-        return {**fields, **{name: to_plain(held, most) for name, held in simple_properties(thing).items()}}
-    if all(hasattr(thing, name) for name in "ABCD") and hasattr(thing, "dt"):
-        return {name: to_plain(getattr(thing, name), most) for name in ("A", "B", "C", "D", "dt")}
+    if (named := named_parts(thing)) is not None:
+        return {name: to_plain(held, most) for name, held in named.items()}
     return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
+
+
+def named_parts(thing: object) -> dict[str, object] | None:
+    """Return entries, fields with simple properties, or matrices by name; None of what has no named parts."""
+    if isinstance(thing, Mapping):
+        return {str(key): held for key, held in thing.items()}
+    if is_dataclass(thing):
+        return {name: getattr(thing, name) for name in field_names(thing)} | simple_properties(thing)
+    names = getattr(thing, "_fields", ("A", "B", "C", "D", "dt"))
+    return {name: getattr(thing, name) for name in names} if all(hasattr(thing, name) for name in names) else None
 
 
 def plain_scalar(thing: str | complex | None) -> Json:

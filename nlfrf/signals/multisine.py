@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeAlias, overload
+from typing import TYPE_CHECKING, TypeAlias, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -124,6 +124,26 @@ class Multisine:
         return np.fft.irfft(spectrum, n_samples, axis=1)
 
 
+class SignalOptions(TypedDict, total=False):
+    """What `multisine` takes of a signal for any number of inputs, by the names of its arguments."""
+
+    amplitude: Amplitude | None
+    lines: LineGrid | np.ndarray | None
+    n_log: int | None
+    n_realizations: int
+    rng: Rng
+    hold: str
+
+
+class OrthogonalOptions(SignalOptions, total=False):
+    """The same for several inputs alone."""
+
+    design: str
+    transform: str
+    mixing: ArrayLike | None
+    n_draws: int
+
+
 @overload
 def multisine(
     kind: str = ...,
@@ -133,12 +153,7 @@ def multisine(
     f_min: float,
     f_max: float,
     rms: float = ...,
-    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
-    lines: LineGrid | np.ndarray | None = ...,
-    n_log: int | None = ...,
-    n_realizations: int = ...,
-    rng: Rng = ...,
-    hold: str = ...,
+    **options: Unpack[SignalOptions],
 ) -> Multisine: ...
 
 
@@ -151,17 +166,8 @@ def multisine(
     f_min: float,
     f_max: float,
     rms: float | Sequence[float] | np.ndarray = ...,
-    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
-    lines: LineGrid | np.ndarray | None = ...,
-    n_log: int | None = ...,
-    n_realizations: int = ...,
     n_inputs: int,
-    design: str = ...,
-    transform: str = ...,
-    mixing: ArrayLike | None = ...,
-    n_draws: int = ...,
-    rng: Rng = ...,
-    hold: str = ...,
+    **options: Unpack[OrthogonalOptions],
 ) -> OrthogonalMultisine: ...
 
 
@@ -173,7 +179,7 @@ def multisine(
     f_min: float,
     f_max: float,
     rms: float | Sequence[float] | np.ndarray = 1.0,
-    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
+    amplitude: Amplitude | None = None,
     lines: LineGrid | np.ndarray | None = None,
     n_log: int | None = None,
     n_realizations: int = 1,

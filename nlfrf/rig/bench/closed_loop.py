@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, overload
+from typing import Any, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -421,36 +421,25 @@ def run_one_loop(
     return to_trajectories(runs, out)[0]
 
 
+class StackOptions(TypedDict, total=False):
+    """How a stack of loops is driven and computed, by the names of the arguments of `run_loops`."""
+
+    disturbance: ArrayLike | None
+    noise: ArrayLike | None
+    initial: ArrayLike
+    oversampling: int
+    executor: Executor | None
+    progress: Progress | None
+    resume: str | os.PathLike[str] | None
+
+
 @overload
-def run_loops(
-    rig: Rig,
-    r: ArrayLike,
-    controllers: object,
-    *,
-    disturbance: ArrayLike | None = ...,
-    noise: ArrayLike | None = ...,
-    initial: ArrayLike = ...,
-    oversampling: int = ...,
-    executor: Executor | None = ...,
-    progress: Progress | None = ...,
-    resume: str | os.PathLike[str] | None = ...,
-) -> list[Trajectory]: ...
+def run_loops(rig: Rig, r: ArrayLike, controllers: object, **options: Unpack[StackOptions]) -> list[Trajectory]: ...
 
 
 @overload
 def run_loops(
-    rig: Rig,
-    r: ArrayLike,
-    controllers: object,
-    *,
-    of: Callable[[Trajectory], Result],
-    disturbance: ArrayLike | None = ...,
-    noise: ArrayLike | None = ...,
-    initial: ArrayLike = ...,
-    oversampling: int = ...,
-    executor: Executor | None = ...,
-    progress: Progress | None = ...,
-    resume: str | os.PathLike[str] | None = ...,
+    rig: Rig, r: ArrayLike, controllers: object, *, of: Callable[[Trajectory], Result], **options: Unpack[StackOptions]
 ) -> list[Result]: ...
 
 
