@@ -277,7 +277,7 @@ def identify(
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
-        refuse_beside_design(
+        refuse_options_of_design(
             period=period, discard=discard, resample=resample, reference=references, opinion=opinion, units=units
         )
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
@@ -292,7 +292,7 @@ def identify(
     identify_each(records, how, named, opinion=opinion, csv=csv, json=json, decimal=decimal)
 
 
-def refuse_beside_design(**given: object) -> None:
+def refuse_options_of_design(**given: object) -> None:
     """Refuse options that say what the design of an experiment on a drive says."""
     if extra := [name for name, one in given.items() if one]:
         raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")

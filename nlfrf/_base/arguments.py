@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
 from textwrap import wrap
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -163,7 +163,18 @@ class DataWarning(UserWarning):
 #: Texts of the warnings so far, in order, of each function at work that `keep_warnings` decorates.
 WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=())
 Given = ParamSpec("Given")
-Made = TypeVar("Made")
+
+
+class Warned(Protocol):
+    """A value that keeps what was warned of while it was made."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Text of each warning."""
+
+
+Made = TypeVar("Made", bound="Warned | Sequence[Warned]")
+Kept = TypeVar("Kept", bound=Warned)
 
 
 def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
@@ -189,23 +200,23 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
         texts = dict.fromkeys(text for one in given for text in getattr(one, "warnings", ()))
         token = WARNED.set((*WARNED.get(), texts))
         try:
-            made: Any = make(*args, **kwargs)
+            made = make(*args, **kwargs)
         finally:
             WARNED.reset(token)
-        several = isinstance(made, list | tuple)
-        kept: Any = type(made)(add_warnings(one, texts) for one in made) if several else add_warnings(made, texts)
-        return kept
+        if isinstance(made, list | tuple):
+            return cast("Made", type(made)(add_warnings(one, texts) for one in made))
+        return cast("Made", add_warnings(cast("Warned", made), texts))
 
     return keeping
 
 
-def add_warnings(made: Any, texts: Iterable[str]) -> Any:
+def add_warnings(made: Kept, texts: Iterable[str]) -> Kept:
     """Return a value that keeps these warnings too, each once; the value itself where it has them all."""
     warned = tuple(dict.fromkeys((*texts, *made.warnings)))
-    return made if warned == made.warnings else replace(made, warnings=warned)
+    return made if warned == made.warnings else replace(made, warnings=warned)  # type: ignore[type-var]  # a value is a dataclass
 
 
-def repeat_warnings(read: Any) -> Any:
+def repeat_warnings(read: Kept) -> Kept:
     """Warn again of what a value was warned of that comes from a file; return the value."""
     for text in read.warnings:
         data_warning(text)

@@ -207,7 +207,7 @@ class Channels:
         """What a variable says of the clock of these channels, else a time channel; where both do, the two agree."""
         scalar = self.scalar_clock(next(iter(names), ""), known)
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
-        time = self.time_beside(next(iter(n.values()))) if len(n) == 1 else self.time
+        time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
         if scalar is None and self.time and not time and not known:
             raise ValueError(
                 f"fs must be given: the time channel {self.time!r} has {self.arrays[self.time].size} samples, and "
@@ -243,13 +243,13 @@ class Channels:
         full = self.full_name(name)
         clock = self.clocks.get(full, self.clocks.get(""))
         if clock is None and full in self.arrays:
-            clock = self.time_beside(full)
+            clock = self.nearest_time_channel(full)
         if not clock or not isinstance(clock, str):
             return None
         second = self.second_of(clock)
         return None if second is None else second * np.ravel(self.arrays[clock]).astype(float, copy=False)
 
-    def time_beside(self, name: str) -> str:
+    def nearest_time_channel(self, name: str) -> str:
         """Return the time channel as long as a channel, first one in the same struct; empty where there is none."""
         as_long = [time for time in self.times if self.arrays[time].size == self.arrays[name].size]
         home = name.rpartition(".")[0]
