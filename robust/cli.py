@@ -213,6 +213,7 @@ def design(
     from_options.require_delay(delay, sample_time)
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
+    result: robust.Design
     if method == "pid":
         plant = (
             models.load_bla(model) if model.suffix.lower() in from_options.BLA_SUFFIXES else models.load_model(model)
@@ -655,7 +656,7 @@ def synthesise(
     *,
     dt: float,
     delay: float,
-) -> tuple[robust.UncertaintyModel, robust.synthesis.Synthesis]:
+) -> tuple[robust.UncertaintyModel, robust.Design]:
     """Return a model from its file and its controller by H-infinity; peak, error and factor are the demands."""
     if bandwidth is None:
         raise ValueError(f"bandwidth must be given [Hz] for {method}")
@@ -668,16 +669,16 @@ def synthesise(
         raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
     if method == "mixsyn":
         w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-        result = robust.mixsyn(plant, w_P, dt=dt, delay=delay)
+        found = robust.mixsyn(plant, w_P, dt=dt, delay=delay)
     else:
         G = plant.nominal
         if dt and G.dt and abs(dt / G.dt - 1) > 1e-9:
             raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
         G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=PADE_ORDER)
-        result = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
-    if not result.met:
-        raise ValueError(f"model must let a controller be found: {result.reason}")
-    return plant, result
+        found = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
+    if not found.met:
+        raise ValueError(f"model must let a controller be found: {found.reason}")
+    return plant, found
 
 
 def controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:
