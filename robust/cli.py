@@ -215,9 +215,7 @@ def design(
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
-        plant = (
-            models.load_bla(model) if model.suffix.lower() in from_options.BLA_SUFFIXES else models.load_model(model)
-        )
+        plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
             result = robust.design_frf(

@@ -917,9 +917,12 @@ def doubt_of_margins(report: RobustnessReport) -> Doubt | None:
     """Why a loop that is stable with the whole set is not safe: it is close to instability."""
     if not report.thin_margins:
         return None
-    # where the gain is nearer to its lower limit, kv and 1/tn are too high for this kp
-    cure = "raise kp, or lower kv and lengthen tn" if report.gain_is_too_low else "lower kp, or kv"
-    return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cure}")
+    cures = {  # where the gain is nearer to its lower limit, kv and 1/tn are too high for this kp
+        "higher": "raise kp, or lower kv and lengthen tn",
+        "lower": "lower kp, or kv",
+        "": "lower kv, or lengthen tn",
+    }
+    return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cures[report.better_gain]}")
 
 
 def doubt_of_approximation(settings: Drive) -> Doubt | None:
