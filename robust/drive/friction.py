@@ -109,11 +109,16 @@ class DriveFriction:
         return bool(self.proofs) and all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
 
     @property
+    def refuted(self) -> bool:
+        """Whether a friction of the class is proved to keep the axis from rest."""
+        return any(proof.verdict is FrictionVerdict.REFUTED for proof in self.proofs)
+
+    @property
     def outcome(self) -> str:
         """What is proved: "rests", "settles", "refuted" (a friction of the class never rests), or "open"."""
         if self.proved:
             return "rests"
-        if any(proof.verdict is FrictionVerdict.REFUTED for proof in self.proofs):
+        if self.refuted:
             return "refuted"
         return "settles" if np.isfinite(self.within) else "open"
 
@@ -174,7 +179,7 @@ class DriveFriction:
                     f"{'no' if seen.hunts else 'not always'}: it hunts in {seen.count} of {seen.ended} simulated runs"
                 )
             hunts = f"yes, {seen.describe_swing()}" if seen.hunts else "not seen in simulation"
-        if self.outcome == "refuted":
+        if self.refuted:
             rests += ". A friction of the class is proved to keep the axis from rest; this one may be another"
         if not self.proved and seen is not None and seen.hunts:
             change = seen.advice or "none of the changes that were tried brings rest, or half the amplitude"

@@ -300,7 +300,7 @@ class FrictionFit:
         for question in self.questions:
             known = question.kind is Gap.HIGHEST_LEVEL_STICKS and not self.stiffness and np.isfinite(self.stds["K0"])
             if question.kind is not Gap.STICTION and not known:
-                return " ".join(question.description.split())
+                return question.description
         return ""
 
     def assumed_class(self, *, stiction: float = 1.5, margin: float = 1.25) -> FrictionClass:
