@@ -577,6 +577,9 @@ def check_gains(
             help="Largest friction force [N] or [Nm] where the axis may hunt: how far it then moves; else as was read."
         ),
     ] = None,
+    within: Annotated[
+        float | None, typer.Option(help="Distance [m] or [rad] within which the axis is to stay: the page says if.")
+    ] = None,
     spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
     masses: Annotated[int, typer.Option(help="2: friction is read of a motor and a load, which takes minutes.")] = 1,
     out: Annotated[
@@ -619,6 +622,7 @@ def check_gains(
                 require_design(traces)
             raise
     how: Any = {"peak": peak, "actual": actual, "stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
+    how["within"] = within
     with progress_display("checking", even=False) as advance:
         found = drive_check.check_drive(records, settings, names=names, conditions=conditions, progress=advance, **how)
     say(found)

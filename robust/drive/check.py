@@ -166,6 +166,8 @@ class DriveCheck:
         Why the gains are not safe though the verdict may be good, or why the model cannot judge them.
     given : Drive or None
         The settings as given: those of `settings` have delay and lag of the trace where it refutes the given ones.
+    asked : float or None
+        The distance from its rest [m] or [rad] within which the axis is asked to stay.
     """
 
     settings: Drive
@@ -178,6 +180,7 @@ class DriveCheck:
     actual: bool
     doubts: tuple[Doubt, ...] = ()
     given: Drive | None = None
+    asked: float | None = None
 
     @property
     def linear_passed(self) -> bool:
@@ -205,25 +208,29 @@ class DriveCheck:
     def findings(self) -> tuple[str, ...]:
         """What the verdict means for the axis, then why and on which conditions, a sentence each."""
         stable = f"The linear loop is stable with every linear plant of the set, |S| at most {self.report.peak:g}"
-        friction = self.friction.conclusion
         if self.safe:
             rests = "The axis comes to rest with every friction of the class below"
             return "PASSED, linear loop and friction: the axis may run with these gains", stable, rests
+        if self.linear_passed and self.friction.proofs:
+            return f"NOT PASSED, friction: rest is not proved; the axis {self.friction.headline}", stable
         if self.linear_passed:
-            failed = "NOT PASSED: " * bool(self.friction.proofs)
-            return f"{failed}linear loop passed; friction {friction}", stable
+            return f"linear loop passed; friction not judged: the axis {self.friction.headline}", stable
         why: str = self.doubts[0].kind if self.doubts else self.report.reason
         more = ("The verdict below only says that no linear plant of the set is unstable",)
-        return (
-            f"NOT PASSED: linear loop: {why}",
-            *(more if self.report.proofs.robustly_stable else ()),
-            f"Friction was {friction}",
-        )
+        return f"NOT PASSED, linear loop: {why}", *(more if self.report.proofs.robustly_stable else ())
 
     @property
     def conclusion(self) -> str:
         """What the verdict is on, linear loop and friction, and why."""
         return ". ".join(self.findings)
+
+    @property
+    def answers(self) -> dict[str, str]:
+        """What is asked of an axis first: whether it rests, within how much, whether it hunts, what to change."""
+        answers = self.friction.answers(self.settings.base_unit, self.asked)
+        if not self.linear_passed:
+            answers["change"] = "the linear loop first: see the warnings" if self.doubts else self.report.reason
+        return {question: answer for question, answer in answers.items() if answer}
 
     def to_values(self) -> dict[str, Any]:
         """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
@@ -231,33 +238,39 @@ class DriveCheck:
         friction.outcome : "rests", "settles" (within `within` [m]), "refuted" or "open": what is proved.
         friction.simulated : "rests" or "hunts", with amplitude [m], advice and the laws that the records leave.
         """
-        found, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
-        assert isinstance(found, dict)
-        assert isinstance(found["friction"], dict)
-        found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst}
+        fields, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
+        assert isinstance(fields, dict)
+        friction = fields.pop("friction")
+        assert isinstance(friction, dict)
         known = fit if force is None and fit is not None else None if force is None else force.sliding
         simulated = self.friction.simulated
         mass = None if known is None or not np.isfinite(known.stds["mass"]) else known.mass
         interval = [None, None] if force is None else force.Fs.tolist()
         if force is None and fit is not None and np.isfinite(fit.stds["Fs"]):
             interval = list(fit.interval("Fs"))
-        found["friction"] |= to_plain(
-            {
-                "outcome": self.friction.outcome,
-                "laws": None if simulated is None else simulated.laws,
-                "simulated": None if simulated is None else "hunts" if simulated.hunts else "rests",
-                "simulated_amplitude": None if simulated is None else simulated.amplitude * simulated.hunts,
-                "advice": None if simulated is None else simulated.advice,
-                "within": self.friction.within,
-                "reason": self.friction.note,
-                "mass": mass,
-                "mass_interval": None if mass is None or known is None else known.interval("mass"),
-                "delay": None if known is None else known.delay,
-                "Fs_interval": interval,
-                "K0_used": self.friction.K0_used,
-            }
-        )
-        return found
+        asked = {
+            "outcome": self.friction.outcome,
+            "within": self.friction.within,
+            "reason": self.friction.note,
+            "simulated": None if simulated is None else "hunts" if simulated.hunts else "rests",
+            "simulated_amplitude": None if simulated is None else simulated.amplitude * simulated.hunts,
+            "advice": None if simulated is None else simulated.advice,
+            "laws": None if simulated is None else simulated.laws,
+            "mass": mass,
+            "mass_interval": None if mass is None or known is None else known.interval("mass"),
+            "delay": None if known is None else known.delay,
+            "Fs_interval": interval,
+            "K0_used": self.friction.K0_used,
+        }
+        plain = to_plain(asked)
+        assert isinstance(plain, dict)
+        return {
+            "verdict": self.verdict.value,
+            "answers": self.answers,
+            "linear": {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst},
+            "friction": plain | {name: held for name, held in friction.items() if name not in plain},
+            **{name: held for name, held in fields.items() if name != "verdict"},
+        }
 
     @property
     def stiffness(self) -> str | None:
@@ -292,9 +305,13 @@ class DriveCheck:
 
     def __str__(self) -> str:
         warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
+        first, more = wrap(f"{self.findings[0]}.", SCREEN_WIDTH), self.findings[1:]
+        answers = [row for question, answer in self.answers.items() for row in format_paragraph(question, answer)]
         ratio, linear = ratio_unit(self.settings.base_unit, self.unit), replace(self.report, peak=np.inf)
         parts = {
-            "gains": "\n".join([*(row for one in self.findings for row in wrap(f"{one}.", SCREEN_WIDTH)), *warned]),
+            "gains": "\n".join(
+                [*first, *answers, *(row for one in more for row in wrap(f"{one}.", SCREEN_WIDTH)), *warned]
+            ),
             "drive": f"{self.settings}\n{describe_parameters(self.settings)}",
             "traces": "\n".join([*self.traces, self.assumption]),
             f"linear loop, from {self.base} ({ratio})": str(linear),  # its thin margins are among the warnings
@@ -519,6 +536,7 @@ def check_drive(
     Fs: float | None = None,
     spring: bool = False,
     masses: int = 1,
+    within: float | None = None,
     fit: FrictionFit | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> DriveCheck:
@@ -551,6 +569,8 @@ def check_drive(
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
         2 to read the friction of a motor and a load, which takes minutes.
+    within : float, optional
+        Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
     fit : FrictionFit, optional
         What was read from these traces at rest before, as `friction.fit` of a check of other gains: reading it again
         takes seconds. `spring` and `masses` are then those of the fit.
@@ -567,6 +587,8 @@ def check_drive(
     """
     require_kind("settings", settings, Drive)
     peak = require_positive("peak", peak)
+    if within is not None:
+        require_positive("within", within)
     if settings.encoder == "both":
         raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
     unit, base = records[0].u_unit, settings.base_unit
@@ -673,6 +695,7 @@ def check_drive(
         actual=actual,
         doubts=tuple(filter(None, doubts)),
         given=given,
+        asked=within,
     )
 
 
