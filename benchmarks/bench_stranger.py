@@ -46,10 +46,10 @@ ATTACKS: dict[str, Callable[[Any], dict[str, float]]] = {
     "backlash": lambda axis: {},
 }
 #: Play of the attack [m], and the line of the rig that reads the encoder, which it stands before.
-BACKLASH, ENCODER = 2e-6, "            y = round(x1 / res) * res\n"
+BACKLASH, ENCODER = 2e-6, "        y = round(x1 / res) * res\n"
 PLAYED = f"""\
-            back = min(max(back, x1 - {BACKLASH / 2}), x1 + {BACKLASH / 2}) if n_ else x1
-            y = round(back / res) * res
+        back = min(max(back, x1 - {BACKLASH / 2}), x1 + {BACKLASH / 2}) if n_ else x1
+        y = round(back / res) * res
 """
 
 
