@@ -48,7 +48,7 @@ from robust.friction.in_motion import fit_linear
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
-from robust.models.fit.orders import OrderScan, scan_orders
+from robust.models.fit.orders import scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
 
@@ -56,8 +56,8 @@ from robust.models.sets.model import UncertaintyModel
 ORDERS = range(2, 6)
 #: An unstable pole above this share of the last line is a lead, and no machine that falls over.
 LEAD = 0.3
-#: Largest change of G that a pole and a zero make which cancel.
-CANCELLED = 0.05
+#: By which an unstable pole raises the logarithm of the likelihood where scatter does so once in a hundred times.
+SURE = 3.32
 #: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
 MOST_RISE = 0.75
 #: Mean of unit phasors above which F lines agree on a lead; that of random phases is 0 +- 1/sqrt(2 F).
@@ -426,12 +426,17 @@ def read_experiments(
         Traces that are more or fewer than those of the designs; pre-tests only, which do not show three levels; as
         `read_trace` and `nlfrf.axis.load_trace`.
     """
+    if len(designs) == len(traces):  # that of each trace: of an experiment of several realisations once
+        of_trace, designs = list(designs), []
+        while of_trace:
+            designs.append(of_trace[0])
+            of_trace = of_trace[of_trace[0].ms.n_realizations :]
     counts = [design.ms.n_realizations for design in designs]
     repeats = len(traces) // counts[0] if len(designs) == 1 else 1
     if sum(counts) * repeats != len(traces):
         raise ValueError(
-            f"design must be one for all traces, or one a trace, got {len(designs)} for {sum(counts)} traces and "
-            f"{len(traces)} traces"
+            f"design must be one for all traces, or that of each trace, got {len(designs)} of {sum(counts)} "
+            f"realisations in all, and {len(traces)} traces"
         )
     records, names, conditions, unread, warned_texts, left = [], [], [], [], [], list(traces)
     levels_at_rest: list[nlfrf.Record] = []
@@ -451,8 +456,8 @@ def read_experiments(
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
-        # of a ramp every velocity is zero
-        speeds = design.velocities if motion is BaseMotion.MOVING else np.zeros(len(found))
+        strokes = list(design.groups.values())  # those of one direction are realisations of one record
+        speeds = [design.velocities[one[0]] if motion is BaseMotion.MOVING else 0.0 for one in strokes[: len(found)]]
         gains = compare_gains(design, settings)
         conditions += [Conditions(gains=gains, motion=motion, velocity=float(speed)) for speed in speeds]
     if not records:
@@ -767,15 +772,13 @@ def fit_machine(
         if late:
             reason = reason or late
             continue
-        scan = scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False)
-        nominal = choose_fit(scan)
-        leads = "" if actual else reason_of_lead(nominal.G, machine, timing)
+        best, others = fit_orders(machine)
+        leads = "" if actual else reason_of_lead(best.G, machine, timing)
         if not leads:
-            return machine, nominal, timing
+            return machine, best, timing
         reason = reason or leads
-        for fit in scan.fits:
-            if not (reason_of_lead(fit.G, machine, timing) or cancels_unstable_pole(fit.G)):
-                not_leading.append((fit.cost, machine, fit, timing))
+        rows = [(one.cost, machine, one, timing) for one in others if not reason_of_lead(one.G, machine, timing)]
+        not_leading += rows
     if not not_leading:
         raise ValueError(reason)
     return min(not_leading, key=lambda one: one[0])[1:]
@@ -807,27 +810,18 @@ def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive)
     )
 
 
-def choose_fit(scan: OrderScan) -> NominalFit:
-    """The fit of the best order without an unstable pole that a zero cancels: one is fitted to scatter now and then.
+def fit_orders(machine: nlfrf.Bla) -> tuple[NominalFit, tuple[NominalFit, ...]]:
+    """Return the fit of a machine, and those of every order: stable, unless an unstable pole is more than scatter.
 
-    The loop keeps such a pole, so it would be called unstable by less than the FRF can tell.
+    A free axis has its pole at zero, and a few lines above it cannot tell on which side. A loop that is stable with the
+    one and not with the other would be judged by scatter. A pole of friction that falls with speed is kept.
     """
-    kept = [k for k, fit in enumerate(scan.fits) if not cancels_unstable_pole(fit.G)]
-    if not kept:
-        return scan.fit
-    rows = {name: getattr(scan, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
-    return replace(scan, **rows, fits=tuple(scan.fits[k] for k in kept)).fit
-
-
-def cancels_unstable_pole(G: control.StateSpace) -> bool:
-    """Whether a zero z stands so close to an unstable pole p that both change G(jw) by at most |z - p| / Re p < 5 %.
-
-    >>> s = control.tf("s")
-    >>> cancels_unstable_pole(control.ss((s - 1.01) / (s - 1) / s**2)), cancels_unstable_pole(control.ss(1 / (s - 1)))
-    (True, False)
-    """
-    zeros, poles = G.zeros(), G.poles()
-    return any(np.any(np.abs(zeros - p) < CANCELLED * p.real) for p in poles if p.real > 0)
+    free, held = (
+        scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=stable) for stable in (False, True)
+    )
+    if free.criterion.min() + SURE < held.criterion.min():
+        return free.fit, free.fits
+    return held.fit, held.fits
 
 
 def reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:
@@ -946,9 +940,12 @@ def doubt_of_margins(report: RobustnessReport) -> Doubt | None:
     """Why a loop that is stable with the whole set is not safe: it is close to instability."""
     if not report.thin_margins:
         return None
-    # where the gain is nearer to its lower limit, kv and 1/tn are too high for this kp
-    cure = "raise kp, or lower kv and lengthen tn" if report.gain_is_too_low else "lower kp, or kv"
-    return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cure}")
+    cures = {  # where the gain is nearer to its lower limit, kv and 1/tn are too high for this kp
+        "higher": "raise kp, or lower kv and lengthen tn",
+        "lower": "lower kp, or kv",
+        "": "lower kv, or lengthen tn",
+    }
+    return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cures[report.better_gain]}")
 
 
 def doubt_of_approximation(settings: Drive) -> Doubt | None:

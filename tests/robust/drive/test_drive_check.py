@@ -399,7 +399,7 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
         ("rest-trace.csv gains.toml --design rest.npz --discard 2", "discard must be left out for an experiment"),
         (
             "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz --design motion.npz",
-            "design must be one for all traces, or one a trace, got 2 for 2 traces and 3 traces",
+            "design must be one for all traces, or that of each trace, got 2 of 2 realisations in all, and 3 traces",
         ),
         (
             "moving.npz gains.toml --fs 1000",
