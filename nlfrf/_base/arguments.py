@@ -233,6 +233,14 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
             )
 
 
+class MissingArgumentError(ValueError):
+    """An argument, `parameter`, that has to be given and is not."""
+
+    def __init__(self, parameter: str, why: str) -> None:
+        super().__init__(f"{parameter} must be given: {why}")
+        self.parameter = parameter
+
+
 def require_positive(name: str, number: object) -> float:
     """Return the number as a float, or a refusal unless it is finite and above zero."""
     found = require_real(name, number)
