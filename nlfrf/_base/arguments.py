@@ -11,12 +11,15 @@ from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
 from textwrap import wrap
-from typing import ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 
 from nlfrf._base.numbers import all_finite
-from nlfrf._base.types import Seed
+from nlfrf._base.values import SCREEN_WIDTH
+
+if TYPE_CHECKING:
+    from nlfrf._base.types import Seed
 
 # ---- How things are said to people: a frequency in Hz, anything at all at the end of a message.
 
@@ -86,27 +89,6 @@ def join_names(names: Sequence[str]) -> str:
     ('1', '1 and 3', '1, 3 and 4')
     """
     return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
-
-
-SCREEN_WIDTH = 100  # columns of everything that is printed
-
-
-def wrap_lines(text: str) -> str:
-    """Wrap the lines of a text that are wider than a screen; what continues a line is indented by two more.
-
-    A command to be copied ("run: ...") stays on its line.
-
-    >>> print(wrap_lines("  limits: " + "a word and " * 10))
-      limits: a word and a word and a word and a word and a word and a word and a word and a word and
-        a word and a word and
-    """
-    rows = []
-    for line in text.split("\n"):
-        indent = " " * (len(line) - len(line.lstrip()))
-        fits = len(line) <= SCREEN_WIDTH or line.startswith("run:")
-        how = {"subsequent_indent": f"{indent}  ", "break_long_words": False, "break_on_hyphens": False}
-        rows += [line] if fits else wrap(line, SCREEN_WIDTH, **how)  # type: ignore[arg-type]
-    return "\n".join(rows)
 
 
 def format_paragraph(label: str, text: str) -> list[str]:
@@ -249,6 +231,14 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
                 f"{where} must have no entry {name!r}{f', did you mean {near[0]}?' if near else '.'} "
                 f"It may have {', '.join(sorted(known))}"
             )
+
+
+class MissingArgumentError(ValueError):
+    """An argument, `parameter`, that has to be given and is not."""
+
+    def __init__(self, parameter: str, why: str) -> None:
+        super().__init__(f"{parameter} must be given: {why}")
+        self.parameter = parameter
 
 
 def require_positive(name: str, number: object) -> float:

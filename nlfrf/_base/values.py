@@ -14,15 +14,15 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import wraps
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 
-from nlfrf._base.arguments import wrap_lines
-from nlfrf._base.types import Json
-
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+    from nlfrf._base.types import Json
 
 # ---- A value on one line for a prompt.
 
@@ -76,6 +76,27 @@ def short_repr(thing: object) -> str:
 def is_written_out(array: np.ndarray) -> bool:
     """Return whether `short_repr` shows the numbers of an array, not its shape."""
     return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
+
+
+SCREEN_WIDTH = 100  # columns of everything that is printed
+
+
+def wrap_lines(text: str) -> str:
+    """Wrap the lines of a text that are wider than a screen; what continues a line is indented by two more.
+
+    A command to be copied ("run: ...") stays on its line.
+
+    >>> print(wrap_lines("  limits: " + "a word and " * 10))
+      limits: a word and a word and a word and a word and a word and a word and a word and a word and
+        a word and a word and
+    """
+    rows = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()))
+        fits = len(line) <= SCREEN_WIDTH or line.startswith("run:")
+        how = {"subsequent_indent": f"{indent}  ", "break_long_words": False, "break_on_hyphens": False}
+        rows += [line] if fits else wrap(line, SCREEN_WIDTH, **how)  # type: ignore[arg-type]
+    return "\n".join(rows)
 
 
 T = TypeVar("T")

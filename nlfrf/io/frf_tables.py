@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, require_positive
+from nlfrf._base.arguments import MissingArgumentError, data_warning, require_positive
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.from_frf import bla_from_frf
 from nlfrf.io.channels import Channels, read_channels
@@ -147,7 +147,7 @@ def load_frf(
     std = table.std if relative_std is None else require_positive("relative_std", relative_std) * np.abs(table.G)
     missing = "relative_std" if table.coherence is None else "n_averages"
     if std is None and (table.coherence is None or n_averages is None):
-        raise ValueError(f"{missing} must be given: {NEEDS[missing]}")
+        raise MissingArgumentError(missing, NEEDS[missing])
     top, slash, bottom = table.unit.rpartition("/")
     return bla_from_frf(
         table.f,

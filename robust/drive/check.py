@@ -21,7 +21,6 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import (
-    SCREEN_WIDTH,
     format_hertz,
     format_paragraph,
     ratio_unit,
@@ -30,7 +29,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.units import POSITIONS
-from nlfrf._base.values import to_plain, value
+from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
 from nlfrf.axis import Drive
 from robust._base.states import State, Verdict
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
