@@ -21,10 +21,12 @@ import shlex
 import sys
 import tempfile
 import time
+import traceback
 import warnings
 from collections import Counter, defaultdict
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
@@ -76,18 +78,34 @@ class Result:
     commands: str = ""
 
 
+@cache
+def reader_of(file):
+    """Return the module of a reader, by its path alone as its own process loads it."""
+    spec = importlib.util.spec_from_file_location("reader", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 @contextmanager
 def readers_in_this_process():
-    """Read formats of foreign libraries here: to start a process for each takes a hundred times as long."""
-    modules: dict = {}
+    """Read formats of foreign libraries here: to start a process for each takes a hundred times as long.
+
+    What the library raises is refused by its last line, and what it warns of is nobody's, as from its own process.
+    """
 
     def read(file, path):
-        if file not in modules:
-            spec = importlib.util.spec_from_file_location("reader", file)
-            modules[file] = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(modules[file])
-        stream = io.BytesIO()
-        send(modules[file].contents(path), stream)
+        stream, said = io.BytesIO(), ""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                send(reader_of(file).contents(path), stream)
+        except ModuleNotFoundError:
+            raise
+        except Exception as error:
+            said = traceback.format_exception_only(error)[-1].strip().splitlines()[-1]
+        if said:  # raised here, so that nothing keeps the file open
+            raise ValueError(said.removeprefix("ValueError: "))
         stream.seek(0)
         return receive(stream, path.stat().st_size)
 

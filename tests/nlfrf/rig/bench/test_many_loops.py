@@ -77,6 +77,7 @@ def refusing(response):
     return 0.0
 
 
+@pytest.mark.attack
 def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
     monkeypatch.setattr(loop_results, "to_trajectories", None)  # here, not there
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:

@@ -106,6 +106,7 @@ def test_the_smallest_weights_hold_every_matrix_and_none_that_are_near_are_small
             assert np.trace(other + right).real * excess >= size * (1 - 1e-4)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("weights", ["diagonal", "full"])
 @pytest.mark.parametrize("form", ["additive", "output", "inverse-input"])
 def test_every_plant_of_the_family_lies_inside_at_frequencies_that_were_not_looked_at(form, weights):
@@ -172,6 +173,7 @@ def test_a_plant_that_is_not_square_has_an_additive_set():
         robust.uncertainty(plants, form="output")
 
 
+@pytest.mark.attack
 def test_matrix_weights_are_near_the_smallest_ones_and_below_diagonal_ones():
     """Deviations along one direction that is no channel: two diagonal weights cost more than the matrices."""
     s = [control.tf([k], [1, 1]) for k in (0.8, 1.2, 1.3)]

@@ -61,6 +61,7 @@ def test_the_elements_are_the_widest_of_all_levels():
     assert both.joint.frf == min(both.joint.frf, 1.0) > 0.5
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("form", ["additive", "input"])
 def test_every_plant_that_one_level_allows_is_in_the_block_of_all(form):
     both, rng = around(form), np.random.default_rng(0)
