@@ -197,6 +197,30 @@ def test_functions_of_a_universal_file(tmp_path):
     assert found.command.startswith("nlfrf identify ")
 
 
+@pytest.mark.parametrize("form", ["RI", "MA", "DB"])
+def test_parameters_of_a_touchstone_file(tmp_path, form):
+    """Rows of version 1: the frequency in the stated unit, S11 S21 S12 S22, each as the form has it (IBIS, 2009)."""
+    pytest.importorskip("skrf")
+    parts = {
+        "RI": lambda x: (x.real, x.imag),
+        "MA": lambda x: (abs(x), np.degrees(np.angle(x))),
+        "DB": lambda x: (20 * np.log10(abs(x)), np.degrees(np.angle(x))),
+    }
+    order = (0.1 * G, G, 0.01 * G.conj(), 0.2 * G)
+    rows = [[f / 1e3, *(part for one in order for part in parts[form](one[k]))] for k, f in enumerate(F)]
+    text = "\n".join(" ".join(f"{float(number):.15g}" for number in row) for row in rows)
+    path = tmp_path / "amplifier.s2p"
+    path.write_text(f"! analyser\n# kHz S {form} R 50\n{text}\n")
+    bla = nlfrf.io.load_frf(path, relative_std=0.02, channel="S21")
+    np.testing.assert_allclose(bla.f, F, rtol=1e-12)
+    np.testing.assert_allclose(bla.G, G, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"channel must name one of the FRFs .* 'S 11', 'S 12', 'S 21', 'S 22'"):
+        nlfrf.io.load_frf(path, relative_std=0.02)
+    path.write_text(f"# kHz Z {form} R 50\n{text}\n")
+    with pytest.raises(ValueError, match="it holds Z-parameters: export S-parameters"):
+        nlfrf.io.load_frf(path, relative_std=0.02, channel="Z21")
+
+
 def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # noqa: F811
     """The command that inspect prints runs, with what nobody else can know in place of the words in capitals."""
     write(tmp_path / "bode.csv", TABLES["Keysight"])
