@@ -13,23 +13,17 @@ from __future__ import annotations
 
 import argparse
 import enum
-import importlib.util
-import io
 import itertools
 import re
 import shlex
 import sys
 import tempfile
 import time
-import traceback
 import warnings
 from collections import Counter, defaultdict
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from unittest import mock
 
 import numpy as np
 from typer.testing import CliRunner
@@ -37,11 +31,9 @@ from typer.testing import CliRunner
 import nlfrf
 import robust
 from benchmarks.drawn_files import KINDS, Case, draw, draw_kind
+from benchmarks.readers_here import readers_in_this_process
 from nlfrf import cli as measuring
-from nlfrf._base.own_process import receive, send
-from nlfrf.io import channels
 from nlfrf.io.channels import read_channels
-from nlfrf.io.readers import matlab
 from robust import cli as controlling
 
 COMMAND_SHARE = 0.05  # of the files, on which the commands are run, too
@@ -76,44 +68,6 @@ class Result:
     said: list[str] = field(default_factory=list)
     detail: str = ""
     commands: str = ""
-
-
-@cache
-def reader_of(file):
-    """Return the module of a reader, by its path alone as its own process loads it."""
-    spec = importlib.util.spec_from_file_location("reader", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@contextmanager
-def readers_in_this_process():
-    """Read formats of foreign libraries here: to start a process for each takes a hundred times as long.
-
-    What the library raises is refused by its last line, and what it warns of is nobody's, as from its own process.
-    """
-
-    def read(file, path):
-        stream, said = io.BytesIO(), ""
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                send(reader_of(file).contents(path), stream)
-        except ModuleNotFoundError:
-            raise
-        except Exception as error:
-            said = traceback.format_exception_only(error)[-1].strip().splitlines()[-1]
-        if said:  # raised here, so that nothing keeps the file open
-            raise ValueError(said.removeprefix("ValueError: "))
-        stream.seek(0)
-        return receive(stream, path.stat().st_size)
-
-    with (
-        mock.patch.object(channels, "read_in_own_process", read),
-        mock.patch.object(matlab, "read_in_own_process", read),
-    ):
-        yield
 
 
 def compare(case, bla):

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from benchmarks.doors import readers_in_this_process
 from robust.io.from_matlab import load_matlab_system
 from robust.io.models import load_controller
 from robust.lti.lti import response
@@ -15,13 +14,6 @@ T = 1e-3
 OMEGA = np.geomspace(1, 3000, 50)
 PI = control.ss([[1.0]], [[1.0]], [[20.0]], [[800.0]], T)
 MATRICES = {"A": PI.A, "B": PI.B, "C": PI.C, "D": PI.D}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def read_here():
-    """Files are read in this process."""
-    with readers_in_this_process():
-        yield
 
 
 def cell(held):

@@ -48,6 +48,7 @@ def test_the_nominal_of_one_matrix_twice_is_that_of_it_once():
     assert twice.cost == pytest.approx(2 * once.cost, rel=1e-6)
 
 
+@pytest.mark.attack
 def test_the_elements_are_the_widest_of_all_levels():
     alone = [robust.uncertainty(measured(*level), fitted()) for level in ((LOW, 1), (HIGH, 2))]
     both = around("elements")
