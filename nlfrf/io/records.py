@@ -172,14 +172,14 @@ def keep_whole_periods(
         Input or reference of the first file.
     fs : float
         Sampling frequency [Hz].
-    asked : Asked
+    options : Cutting
         How they are to be cut.
     paths : sequence of str
         The files.
 
     Returns
     -------
-    Asked
+    Cutting
         How what is left is to be cut.
 
     Raises

@@ -139,7 +139,6 @@ class OrthogonalOptions(SignalOptions, total=False):
     """The same for several inputs alone."""
 
     design: str
-    transform: str
     mixing: ArrayLike | None
     n_draws: int
 
@@ -185,7 +184,6 @@ def multisine(
     n_realizations: int = 1,
     n_inputs: int = 1,
     design: str = "orthogonal",
-    transform: str = "dft",
     mixing: ArrayLike | None = None,
     n_draws: int = 1,
     rng: Rng = None,
@@ -222,8 +220,6 @@ def multisine(
     design : str
         "orthogonal": n_u experiments make a set, every one of which excites all inputs on all lines. "zippered": one
         experiment, in which each line drives one input; on a random-odd grid.
-    transform : str
-        What tells the experiments of a set apart: "dft" (any n_u) or "hadamard" (signs; 1, 2, 4, 8, 12, ...).
     mixing : (n_u, n_u) ndarray, optional
         u = mixing @ (orthogonal signals): for logical axes, or V S^-1 of a first measurement where the plant is ill
         conditioned. `rms` is that of the signals before mixing.
@@ -279,7 +275,6 @@ def multisine(
             rms=rms_per_input(rms, n_inputs),
             n_realizations=n_realizations,
             design=design,
-            transform=transform,
             mixing=mixing,
             n_draws=require_integer("n_draws", n_draws, least=1),
             hold=hold,

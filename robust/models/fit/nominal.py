@@ -91,7 +91,7 @@ class MatrixFitProblem:
         The matrix.
     left, right : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
         What whitens its error.
-    kind : dict
+    options : dict
         n_poles, rank, direct and stable.
     """
 
