@@ -355,6 +355,29 @@ def identify_experiment(
     finish_command(dict(zip(labels, blas, strict=True)), True, json)
 
 
+@app.command()
+def frf(
+    file: Annotated[Path, typer.Argument(help="FRF of another program: table, universal file, Touchstone, array.")],
+    out: Out,
+    relative_std: Annotated[
+        float | None, typer.Option(help="Its standard deviation over |G|, from repeated sweeps: 0.1 dB is 0.012.")
+    ] = None,
+    averages: Annotated[
+        float | None, typer.Option(help="Independent averages behind its coherence, or sweeps.")
+    ] = None,
+    channel: Annotated[str, typer.Option(help="Of a file with several FRFs: which, as in CH2.")] = "",
+    hold: Annotated[
+        str, typer.Option(help="How its input ran between samples: zoh, band-limited, unknown.")
+    ] = "unknown",
+    json: Json = False,
+) -> None:
+    """Read an FRF of another program as a BLA (.npz), for every command that takes one."""
+    bla = nlfrf.io.load_frf(file, relative_std=relative_std, n_averages=averages, channel=channel, hold=hold)
+    nlfrf.save(bla, out)
+    printer(json)(bla)
+    finish_command(bla, True, json)
+
+
 @axis.command("design")
 def design_for_drive(
     source: Annotated[Path, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")],

@@ -17,15 +17,16 @@ def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     `rows` (..., 3, n) holds b, first and second; x is (..., 2).
     """
-    first = rows[..., 1, :]
-    along = np.vecdot(first[..., None, :], rows)
+    first = rows[..., 1:2, :]
+    along = np.vecdot(first, rows)
     n_first = np.maximum(along[..., 1].real, TINY)
     along /= n_first[..., None]
-    b, second = (rows[..., i, :] - along[..., i, None] * first for i in (0, 2))
-    n_second = power(second)
-    n_second = np.where(n_second > 1e-20 * n_first, n_second, np.inf)
+    left = rows[..., ::2, :] - along[..., ::2, None] * first
+    b, second = left[..., 0, :], left[..., 1, :]
+    across, n_second = np.moveaxis(np.vecdot(second[..., None, :], left), -1, 0)
+    n_second = np.where(n_second.real > 1e-20 * n_first, n_second.real, np.inf)
     x = np.empty((*n_first.shape, 2), dtype=rows.dtype)
-    x_second = np.divide(np.vecdot(second, b), n_second, out=x[..., 1])
+    x_second = np.divide(across, n_second, out=x[..., 1])
     np.subtract(along[..., 0], along[..., 2] * x_second, out=x[..., 0])
     b -= x_second[..., None] * second
     return x, b

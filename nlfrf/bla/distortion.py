@@ -60,9 +60,10 @@ ENOUGH_ROUGHNESS_LINES = 20  # lines over which roughness shows most of the dist
 #: Of the degrees of freedom that a level loses to a factor which all outputs have in common, the share that the law of
 #: the matrix keeps: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of that factor of 0.06 and 0.15.
 COMMON_ERROR = 0.5
-#: Where the scaled F that stands for the mixture has its quantiles.
+#: Log of the tail probabilities at which the scaled F that stands for the mixture has its quantiles.
 LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
-N_NEWTON_STEPS = 3, 2  # of Newton's method; more change no radius by 1e-4
+LOG_TAILS = np.array(LOG_TAIL_PROBABILITIES)[:, None]
+N_NEWTON_STEPS = 3  # of Newton's method; more change no radius by 5e-4
 
 
 class DistortionVariance(NamedTuple):
@@ -130,14 +131,12 @@ class WindowCoordinates:
         Position of each detection line of a window from its excited line, in standard deviations of the slope.
     x_rough : (F,) ndarray
         Mean position of the excited lines of a roughness window.
-    x_sum : (F,) ndarray
-        Sum of x over the window.
-    common : float
-        Weight of the calibration error that the lines of a window share.
-    information : (3, F) ndarray
-        The matrix of the normal equations: level, level and slope, slope with its prior.
+    common, x_common : float, (F,) ndarray
+        Weight of the calibration error that the lines of a window share; that times the sum of x over the window.
+    n_lines : float
+        What the lines of a window weigh for the level, in lines.
     covariance : (3, F) ndarray
-        Its inverse.
+        Inverse of the normal equations: of the level, of level and slope, of the slope with its prior.
     dof : (F,) ndarray
         Degrees of freedom of the level.
     n_distinct : (F,) ndarray
@@ -146,9 +145,9 @@ class WindowCoordinates:
 
     x: np.ndarray
     x_rough: np.ndarray
-    x_sum: np.ndarray
     common: float
-    information: np.ndarray
+    x_common: np.ndarray
+    n_lines: float
     covariance: np.ndarray
     dof: np.ndarray
     n_distinct: np.ndarray
@@ -427,10 +426,10 @@ def level_from_detection_lines(
     near, here = index.detection_windows[:, 0], index.excited
     gain = row.gain.take(near) / row.gain.take(here)
     shape = np.where(before[:, None, None], gain, 1.0) * relative
-    # expected |Y_S|^2 on the excited lines but for a constant: how a roughness window spreads
-    spread = np.where(before[:, None], row.gain.take(here), 1.0) * np.ones(factors.shape)
     power = row.power.take(near) + TINY
+    # spread: expected |Y_S|^2 on the excited lines but for a constant, as a roughness window sees it
     if row.noise is None:
+        spread = np.where(before[:, None], row.gain.take(here), 1.0) * np.ones(factors.shape)
         shape /= factors[:, None]
     else:
         shape, spread = expected_total(
@@ -442,28 +441,22 @@ def level_from_detection_lines(
     detected = np.asarray(np.add.reduce(normalize_weights(evidence) * np.exp(log_level)))
     if row.rough is None or row.dof_rough is None:
         return LevelMixture(log_level, windows.dof + zeros, evidence, factors, detected)
-    # the roughness, an estimate of nu complex degrees of freedom at x_rough
-    x, nu = windows.x_rough, row.dof_rough
-    var_level, cov_slope, var_slope = windows.covariance
-    rough = row.rough + TINY
+    update = roughness_update(index, M, row.dof_rough.tobytes())
+    nu, rough = row.dof_rough, row.rough + TINY
     spread = spread / excited.amplitude**2
     window = np.maximum(
         np.add.reduce(spread.take(index.excited_windows.T, axis=1), axis=1) / len(index.excited_windows.T), TINY
     )
     over = clip(window / np.maximum(spread, TINY), 1.0, MAX_WINDOW_SHAPE)
-    ratio = np.log(rough / over) - log_level - slope * x
-    var_here, cov_here = var_level + 2 * x * cov_slope + x * x * var_slope, var_level + x * cov_slope
-    as_distortion = log_density_of_ratio(ratio, nu, 1 / var_here)
-    as_bend = np.minimum(nu * ratio, 0.0) - math.log(BEND_RANGE)
-    both = windowed_mean(np.stack([as_distortion, as_bend]), EVIDENCE_LINES) * ROUGHNESS_EVIDENCE
-    gain = cov_here / (var_here + 1 / nu)
-    pooled = log_level + np.log(np.maximum(1 + gain * np.expm1(np.minimum(ratio, 50.0)), MIN_RELATIVE_COUNT**2))
-    # by the line count alone two chi-squares are pooled; what the slope leaves open comes on top
-    by_count = 1 / (windows.information[0] + nu)
-    dof = widened_dof(1 / by_count, var_level - gain * cov_here - by_count)
+    ratio = np.log(rough / over) - log_level - slope * windows.x_rough
+    both = np.empty((2, *ratio.shape))
+    both[0] = update.density.at(ratio)  # as distortion
+    np.subtract(np.minimum(nu * ratio, 0.0), math.log(BEND_RANGE), out=both[1])  # as a bend
+    both = windowed_mean(both, EVIDENCE_LINES) * ROUGHNESS_EVIDENCE
+    pooled = np.maximum(1 + update.gain * np.expm1(np.minimum(ratio, 50.0)), MIN_RELATIVE_COUNT**2)
     return LevelMixture(
-        log_level=np.concatenate([pooled, log_level]),
-        dof=np.concatenate([dof + zeros, windows.dof + zeros]),
+        log_level=np.concatenate([log_level + np.log(pooled), log_level]),
+        dof=np.concatenate([update.dof + zeros, windows.dof + zeros]),
         log_weight=(evidence + both).reshape(-1, log_level.shape[1]),
         factors=factors,
         detected=detected,
@@ -567,25 +560,24 @@ def fit_log_level(
     error common to the window: scoring, whose information matrix does not depend on the data.
     """
     x, n = windows.x, len(windows.x)
-    one, cross, two = windows.information
-    determinant = one * two - cross * cross
-    common, x_sum = windows.common, windows.x_sum
+    var_level, cov_slope, var_slope = windows.covariance
+    common = windows.common
     mean = np.add.reduce(y, axis=1) / n
-    level, slope = np.log(mean), np.zeros(mean.shape)
-    rest = y / mean[:, None]
-    for step in range(N_SCORING_STEPS):
-        if step:
-            rest = slope[:, None] * x
-            rest += level[:, None]
-            np.exp(np.negative(rest, out=rest), out=rest)
-            rest *= y
+    # the first step starts from the mean and no slope: what it leaves has no sum
+    by_slope = M * np.add.reduce((y / mean[:, None] - 1) * x, axis=1)
+    # steps of at most 1.5: a single line far above the others would throw the first one
+    level, slope = np.log(mean) + clip(cov_slope * by_slope, -1.5, 1.5), clip(var_slope * by_slope, -1.5, 1.5)
+    for _ in range(1, N_SCORING_STEPS):
+        rest = slope[:, None] * x
+        rest += level[:, None]
+        np.exp(np.negative(rest, out=rest), out=rest)
+        rest *= y
         rest -= 1
         sum_rest = np.add.reduce(rest, axis=1)
         by_level = (M - common * n) * sum_rest
-        by_slope = M * np.add.reduce(rest * x, axis=1) - common * x_sum * sum_rest - slope
-        # steps of at most 1.5: a single line far above the others would throw the first one
-        level += clip((two * by_level - cross * by_slope) / determinant, -1.5, 1.5)
-        slope += clip((one * by_slope - cross * by_level) / determinant, -1.5, 1.5)
+        by_slope = M * np.add.reduce(np.multiply(rest, x, out=rest), axis=1) - windows.x_common * sum_rest - slope
+        level += clip(var_level * by_level + cov_slope * by_slope, -1.5, 1.5)
+        slope += clip(cov_slope * by_level + var_slope * by_slope, -1.5, 1.5)
     expected = slope[:, None] * x
     expected += level[:, None]
     log_shape += expected
@@ -664,34 +656,26 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
     (array([2.]), array([6.]))
     """
     scale = dof * np.maximum(level, TINY)
-    x = np.log(np.add.reduce(weight * scale * np.expm1(-LOG_TAIL_PROBABILITIES[0] / dof)))
-    quantiles = []
-    for tail, steps, further in zip(LOG_TAIL_PROBABILITIES, N_NEWTON_STEPS, (0.0, FURTHER_TAIL), strict=True):
-        x = x + further
-        for _ in range(steps):
-            over = np.exp(x) / scale
-            survival = np.exp(-dof * np.log1p(over))
-            survival *= weight
-            total = np.add.reduce(survival)
-            survival *= dof
-            survival *= over
-            over += 1
-            survival /= over
-            rate = np.add.reduce(survival) / total
-            x = x + clip((np.log(total) - tail) / np.maximum(rate, 1e-3), -2.0, 2.0)
-        quantiles.append(x)
+    x = np.log(np.add.reduce(weight * scale * np.expm1(-LOG_TAILS[..., None] / dof), axis=1))  # (2, F): both tails
+    for _ in range(N_NEWTON_STEPS):
+        over = np.exp(x)[:, None] / scale
+        survival = np.exp(-dof * np.log1p(over))
+        survival *= weight
+        total = np.add.reduce(survival, axis=1)
+        over /= over + 1
+        over *= dof
+        survival *= over
+        rate = np.add.reduce(survival, axis=1) / total
+        x += clip((np.log(total) - LOG_TAILS) / np.maximum(rate, 1e-3), -2.0, 2.0)
+    near, far = x
     ratios, dofs = ratio_of_quantiles()
-    matched = np.exp(np.interp(quantiles[0] - quantiles[1], ratios, dofs))
-    return np.exp(quantiles[0]) / f_quantile(matched, LOG_TAIL_PROBABILITIES[0]), matched
+    matched = np.exp(np.interp(near - far, ratios, dofs))
+    return np.exp(near) / f_quantile(matched, LOG_TAIL_PROBABILITIES[0]), matched
 
 
 def f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
     """Return the quantile of F(2, 2 dof) that is exceeded with probability exp(tail)."""
     return np.asarray(dof * np.expm1(-tail / np.asarray(dof)))
-
-
-#: Log of the quantile at the second tail over that at the first, of six degrees of freedom: where the search starts.
-FURTHER_TAIL = float(np.log(f_quantile(6.0, LOG_TAIL_PROBABILITIES[1]) / f_quantile(6.0, LOG_TAIL_PROBABILITIES[0])))
 
 
 @lru_cache(maxsize=1)
@@ -704,12 +688,33 @@ def ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
 
 def log_density_of_ratio(log_ratio: np.ndarray, nu: np.ndarray | float, dof: np.ndarray) -> np.ndarray:
     """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): two estimates of one variance."""
-    share = nu / dof
-    return np.asarray(
-        nu * (log_ratio + np.log(share))
-        - (nu + dof) * np.log1p(share * np.exp(np.minimum(log_ratio, 500.0)))
-        - log_beta(np.asarray(nu, dtype=float), dof)
-    )
+    return RatioDensity.of_dof(nu, dof).at(log_ratio)
+
+
+class RatioDensity(NamedTuple):
+    """The density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof), but for the ratio itself.
+
+    Fields
+    ------
+    nu, total, share, constant : ndarray or float
+        nu, nu + dof, nu / dof, and the log of what stands before the powers.
+    """
+
+    nu: np.ndarray | float
+    total: np.ndarray
+    share: np.ndarray
+    constant: np.ndarray
+
+    @classmethod
+    def of_dof(cls, nu: np.ndarray | float, dof: np.ndarray) -> RatioDensity:
+        """Return the density of estimates with nu and dof complex degrees of freedom."""
+        share = nu / dof
+        return cls(nu, nu + dof, share, nu * np.log(share) - log_beta(np.asarray(nu, dtype=float), dof))
+
+    def at(self, log_ratio: np.ndarray) -> np.ndarray:
+        """Return its log."""
+        over = self.share * np.exp(np.minimum(log_ratio, 500.0))
+        return np.asarray(self.nu * log_ratio - self.total * np.log1p(over) + self.constant)
 
 
 def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -736,30 +741,52 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
     # the calibration error is a normal effect common to the window: Woodbury's identity takes it out of the weights
     common = CALIBRATION_LOG_VARIANCE * M * M / (1 + CALIBRATION_LOG_VARIANCE * n * M)
     x_sum = x.sum(axis=0)
-    information = np.array(
-        [
-            np.full(F, n * M - common * n * n),
-            (M - common * n) * x_sum,
-            M * (x * x).sum(axis=0) - common * x_sum * x_sum + 1.0,
-        ]
-    )
-    one, cross, two = information
+    one = np.full(F, n * M - common * n * n)
+    cross, two = (M - common * n) * x_sum, M * (x * x).sum(axis=0) - common * x_sum * x_sum + 1.0
     covariance = np.array([two, -cross, one]) / (one * two - cross * cross)
     around = np.clip(np.arange(F) - EVIDENCE_LINES // 2, 0, max(F - EVIDENCE_LINES, 0))
     distinct = np.array([np.unique(near[:, first : first + EVIDENCE_LINES]).size / n for first in around])
-    windows = WindowCoordinates(
+    return WindowCoordinates(
         x=x,
         x_rough=roughness_positions(index)[0],
-        x_sum=x_sum,
         common=common,
-        information=information,
+        x_common=common * x_sum,
+        n_lines=n * M - common * n * n,
         covariance=covariance,
         dof=widened_dof(one, covariance[0] - 1 / one),
         n_distinct=distinct,
     )
-    for array in (x, x_sum, information, covariance, distinct):
-        array.flags.writeable = False
-    return windows
+
+
+class RoughnessUpdate(NamedTuple):
+    """What a roughness of known degrees of freedom changes in a level of detection lines, whatever the data.
+
+    Fields
+    ------
+    density : RatioDensity
+        Of the roughness over the level that the detection lines expect in its place.
+    gain : (F,) ndarray
+        Share of their difference by which the level moves.
+    dof : (F,) ndarray
+        Degrees of freedom of the level that was moved.
+    """
+
+    density: RatioDensity
+    gain: np.ndarray
+    dof: np.ndarray
+
+
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def roughness_update(index: LineIndex, M: int, dof_rough: bytes) -> RoughnessUpdate:
+    """Return the update of a grid's levels by roughnesses of these complex degrees of freedom, the bytes of (F,)."""
+    nu, windows = np.frombuffer(dof_rough), window_coordinates(index, M)
+    x, (var_level, cov_slope, var_slope) = windows.x_rough, windows.covariance
+    var_here, cov_here = var_level + 2 * x * cov_slope + x * x * var_slope, var_level + x * cov_slope
+    gain = cov_here / (var_here + 1 / nu)
+    # by the line count alone two chi-squares are pooled; what the slope leaves open comes on top
+    by_count = 1 / (windows.n_lines + nu)
+    dof = widened_dof(1 / by_count, var_level - gain * cov_here - by_count)
+    return RoughnessUpdate(density=RatioDensity.of_dof(nu, 1 / var_here), gain=gain, dof=dof)
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)

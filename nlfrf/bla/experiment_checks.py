@@ -111,7 +111,7 @@ def correct_for_crest(record: Record, before: Spectra, *, excited: Spectra, play
     corrections, any_low, lines = [], False, excited.lines
     names = ("u",) if record.is_single else record.inputs
     for u, U, known, name in zip(played, excited.U, before.excitation, names, strict=True):
-        size, own = rms(known), slice(None)
+        size, own = before.amplitude if before.R is None else rms(known), slice(None)
         if len(names) > 1:  # the experiments in which it was played, and its own lines
             known = known[played_experiments(known)]
             size, u, U = rms(known), u[played_experiments(U)], U[played_experiments(U)]

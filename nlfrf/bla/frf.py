@@ -108,7 +108,6 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
         G = np.add.reduce(each) / R
         gamma = np.add.reduce(gamma_each) / R**2
         of_set = R * diagonal(gamma)
-        V = product(each - G, U)
         if R > 1:  # the error of a set of small inputs is as large a part of that of G as its gamma is
             share = np.add.reduce(np.sqrt(diagonal(gamma_each) / of_set), axis=1)[:, None] / n_u
     else:
@@ -119,7 +118,6 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
         W = product(Z, inverted)
         gamma = np.add.reduce(product(adjoint(W), W))
         of_set = R * diagonal(gamma)
-        V = Y - product(G, U)
         scatter = residual_scatter(G, excited)
     cov_noise = cov_scatter = np.full((n_y, n_y, G.shape[-1]), np.nan)
     if excited.dY.shape[2]:
@@ -129,7 +127,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
         noise_each = np.full(noise_each.shape, np.nan)
     scale: np.ndarray | float = 1.0
     if R > 1:
-        V = np.swapaxes(V, 0, 1)
+        V = np.swapaxes(Y - product(G, U), 0, 1)
         cov_scatter = sum_outer_products(V if share is None else V * share) / (n_u * (R - 1))
         power_U = diagonal(inverse(np.add.reduce(product(U, adjoint(U))) / R))
         scale = np.add.reduce(power_U / of_set) / n_u

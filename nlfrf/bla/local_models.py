@@ -258,14 +258,13 @@ def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, index: LineIn
     """Fit FRFs (M, E, F) over the windows of `index`, weighted by `weight` (M, E, F)."""
     window, (r, powers, centred) = index.excited_windows, local_powers(index)
     (M, E, F), n = G.shape, window.shape[1]
-    w = weight.take(window, axis=-1)
-    row = w * G.take(window, axis=-1)
+    row = (weight * G).take(window, axis=-1)
     if is_flat(weight):  # as it was designed: then the grid alone tells the fits
         fitted = (unweighted_fits(index) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
         rest, at_zero = fitted[..., :-N_POWERS].reshape(M, E, F, N_POWERS, n), fitted[..., -N_POWERS:]
         at_zero = at_zero / weight[..., None]
     else:
-        basis, basis_at_zero = orthonormal_polynomials(r, w)
+        basis, basis_at_zero = orthonormal_polynomials(r, weight.take(window, axis=-1))
         spanned, rest = project_onto_rows(basis, row, powers)
         at_zero = np.matvec(spanned, basis_at_zero)
     left = rest[..., 0, :]
@@ -278,7 +277,8 @@ def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, index: LineIn
         # at the ends of the band windows are one-sided and the same: there it is as where they are centred
         first, last = centred[0], centred[-1] + 1
         gained = np.add.reduce(RATIONAL_VARIANCE_RATIO * variance - variance_r, axis=1)
-        better = (local_mean(gained[:, first:last], N_POOLED_WINDOWS) > 0).take(centred - first, axis=1)
+        if (gained > 0).any():
+            better = (local_mean(gained[:, first:last], N_POOLED_WINDOWS) > 0).take(centred - first, axis=1)
     return LocalModels(
         at_line=at_zero,
         a=a,

@@ -20,7 +20,7 @@ from nlfrf._base.own_process import Contents, read_in_own_process, require_size
 from nlfrf._base.values import value
 from nlfrf.io import npz
 from nlfrf.io.moments import require_same_moments
-from nlfrf.io.readers import columns, hdf5, matlab, mdf, npy, tables, tdms, twincat, uff, wav
+from nlfrf.io.readers import columns, hdf5, matlab, mdf, npy, tables, tdms, touchstone, twincat, uff, wav
 from nlfrf.io.readers.clock import (
     MIN_DURATION,
     RATE_NAME,
@@ -398,6 +398,7 @@ READERS = {
     ".tdms": Reader(tdms, extra="tdms"),
     **dict.fromkeys((".mf4", ".mdf"), MDF_READER),
     **dict.fromkeys((".uff", ".unv"), Reader(uff, extra="uff")),
+    **dict.fromkeys((".s1p", ".s2p", ".s3p", ".s4p"), Reader(touchstone, extra="touchstone")),
     **dict.fromkeys((".parquet", ".feather"), Reader(columns, extra="parquet")),
     ".wav": Reader(wav),
 }

@@ -253,6 +253,6 @@ def describe_frfs(tables: dict[str, FrfTable]) -> tuple[str, tuple[str, ...]]:
     about += "".join(f", and of {other!r}" for other, _ in others)
     channel = ("--channel", label) if others else ()
     if frf.std is not None:
-        return about, ("--poles", "POLES", *channel)
+        return about, channel
     missing, option = ("relative_std", "relative-std") if frf.coherence is None else ("n_averages", "averages")
-    return f"{about}\nneeds: {NEEDS[missing]}", ("--poles", "POLES", f"--{option}", option.upper(), *channel)
+    return f"{about}\nneeds: {NEEDS[missing]}", (f"--{option}", option.upper(), *channel)

@@ -151,7 +151,10 @@ class Aliases:
 
         Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; from there on power laws.
         """
-        G, F = magnitude_of(self.plant), magnitude_of(self.F)
+        G, F = magnitude_of(self.plant), magnitude_of(self.weight)
+        if self.F_includes_plant:  # of the series rounding makes zeros far out, and it would no longer fall off
+            roots = {name: np.append(getattr(F, name), getattr(G, name)) for name in ("zeros", "poles")}
+            F = Magnitude(**roots, gain=F.gain * G.gain)
         first = float(self.single_indices[-1]) + 1
         roots = np.abs(np.concatenate([G.zeros, G.poles, F.zeros, F.poles]))
         end = max(TAIL_START_RATIO * float(roots.max(initial=0.0)) / self.spacing, 2.0 * first)

@@ -40,7 +40,7 @@ REMEDIES = {
 SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
 #: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
 USUAL_PEAK = 2.0
-USUAL_JOINT = "94 to 99 %"  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
+USUAL_JOINT = 0.94, 0.99  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
 NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
 #: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
 MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
@@ -150,8 +150,16 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
         text += f" ({estimated} by estimate)" if estimated else ""
     else:
         text = f"each line of another realisation lies within the radius with {percent} probability"
-        whole = (f"a whole FRF lies under the weight with {estimated} (usual: {USUAL_JOINT})",) if estimated else ()
+        whole = (f"a whole FRF lies under the weight with {estimated}{compare_joint(joint)}",) if estimated else ()
     return (f"subject to the warnings, {text}" if model.warnings else text), *whole
+
+
+def compare_joint(joint: float) -> str:
+    """Return how a probability of a whole FRF compares to those of other plants, and what raises a low one."""
+    low, high = USUAL_JOINT
+    if joint < low:
+        return f"; {100 * low:g} to {100 * high:g} % are usual: uncertainty(..., simultaneous=True) covers all lines"
+    return f" (usual: {100 * low:g} to {100 * high:g} %)"
 
 
 def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
@@ -200,7 +208,7 @@ def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
         if found.omega_source != found.omega:
             text += f", most of it from {format_hertz(found.omega_source)}"
     if found.total - found.in_band < NEGLIGIBLE_SHARE * found.total:
-        return f"{text}; all of it lies inside the measured band"
+        return f"{text}; nearly all of it comes from measured lines"
     return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
 
 
@@ -407,8 +415,7 @@ def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None
     return (
         f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}, "
         f"above {limit:g}{margin}. Customary are |S| of at most {USUAL_PEAK:g} and a phase "
-        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor, "
-        "and a small change makes the loop unstable"
+        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor"
     )
 
 

@@ -106,12 +106,16 @@ class SimulatedRest:
         of = f"{ended} runs from random moves, with friction as read ({laws}); nothing is proved by that"
         if ended < self.amplitudes.size:
             of += f"; {self.amplitudes.size - ended} more came to no end"
-        if not self.hunts:
-            return f"simulated: rests in {ended - self.count if self.count else 'all'} of {of}"
-        period = float(np.nanmedian(self.periods))
-        by = f"by +-{format_length(self.amplitude, self.unit)}, once in {period:.2g} s"
-        advice = self.advice or "none of the changes that were tried helps"
-        return f"simulated: hunts {by}, in {self.count} of {of}\nadvice: {advice}"
+        rests = f"rests in {ended - self.count if self.count else 'all'} of {of}"
+        return (
+            f"simulated: hunts {self.describe_swing()}, in {self.count} of {of}"
+            if self.hunts
+            else f"simulated: {rests}"
+        )
+
+    def describe_swing(self) -> str:
+        """Say by how much it hunts, and how often."""
+        return f"by +-{format_length(self.amplitude, self.unit)}, once in {float(np.nanmedian(self.periods)):.2g} s"
 
 
 def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:

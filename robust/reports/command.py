@@ -49,12 +49,24 @@ def load_blas(
         one = (
             repeat_warnings(load_bla(path))
             if own
-            else nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+            else read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
         )
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)
     return found[0] if len(found) == 1 else found
+
+
+def read_frf(path: Path, *, relative_std: float | None, n_averages: float | None, channel: str) -> nlfrf.Bla:
+    """Return an FRF of another program; where its variance is missing, how a BLA is made of it for all commands."""
+    try:
+        return nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+    except ValueError as error:
+        if str(error).startswith(("relative_std must be given", "n_averages must be given")):
+            option = "--relative-std STD" if str(error).startswith("relative_std") else "--averages N"
+            way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
+            raise ValueError(f"{error}; {way}") from None
+        raise
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:

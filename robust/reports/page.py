@@ -151,7 +151,8 @@ def write_report(
         heading=f"{report.verdict.capitalize()}{report.missed_performance}",
         lines=(report.meaning, *report.conditions, *([] if friction is None else [describe_proof(friction)])),
     )
-    page = {"verdict": report.verdict, "banner": banner, "warnings": report.warnings, "sections": sections}
+    warned = [*filter(None, [report.warning_of_margins]), *report.warnings]
+    page = {"verdict": report.verdict, "banner": banner, "warnings": warned, "sections": sections}
     write_text(path, render_page(title=title, notes=notes, **page))
     return report
 

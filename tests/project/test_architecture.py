@@ -80,6 +80,7 @@ HEAVY = {
     "nptdms": "nlfrf.io.readers.tdms",
     "asammdf": "nlfrf.io.readers.mdf",
     "pyuff": "nlfrf.io.readers.uff",
+    "skrf": "nlfrf.io.readers.touchstone",
     "pytcs": "nlfrf.io.readers.twincat",
     "pyarrow": "nlfrf.io.readers.columns",
 }

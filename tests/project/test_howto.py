@@ -20,6 +20,7 @@ PAGES = [
     DOCS / "guide" / "aliases.md",
     DOCS / "guide" / "drive.md",
     DOCS / "guide" / "axis.md",
+    DOCS / "guide" / "friction_proof.md",
     *sorted(path for path in (DOCS / "howto").glob("*.md") if path.stem != "index"),
 ]
 

@@ -11,6 +11,7 @@ mdf             MDF of cars and test benches
 npy             arrays of NumPy, with or without named columns
 tables          text tables: CSV as the world writes it, LabVIEW measurements
 tdms            TDMS of LabVIEW
+touchstone      Touchstone: S-parameters
 twincat         text exports of TwinCAT Scope
 uff             universal files, datasets of type 58
 wav             sound

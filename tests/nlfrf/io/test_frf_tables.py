@@ -197,6 +197,30 @@ def test_functions_of_a_universal_file(tmp_path):
     assert found.command.startswith("nlfrf identify ")
 
 
+@pytest.mark.parametrize("form", ["RI", "MA", "DB"])
+def test_parameters_of_a_touchstone_file(tmp_path, form):
+    """Rows of version 1: the frequency in the stated unit, S11 S21 S12 S22, each as the form has it (IBIS, 2009)."""
+    pytest.importorskip("skrf")
+    parts = {
+        "RI": lambda x: (x.real, x.imag),
+        "MA": lambda x: (abs(x), np.degrees(np.angle(x))),
+        "DB": lambda x: (20 * np.log10(abs(x)), np.degrees(np.angle(x))),
+    }
+    order = (0.1 * G, G, 0.01 * G.conj(), 0.2 * G)
+    rows = [[f / 1e3, *(part for one in order for part in parts[form](one[k]))] for k, f in enumerate(F)]
+    text = "\n".join(" ".join(f"{float(number):.15g}" for number in row) for row in rows)
+    path = tmp_path / "amplifier.s2p"
+    path.write_text(f"! analyser\n# kHz S {form} R 50\n{text}\n")
+    bla = nlfrf.io.load_frf(path, relative_std=0.02, channel="S21")
+    np.testing.assert_allclose(bla.f, F, rtol=1e-12)
+    np.testing.assert_allclose(bla.G, G, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"channel must name one of the FRFs .* 'S 11', 'S 12', 'S 21', 'S 22'"):
+        nlfrf.io.load_frf(path, relative_std=0.02)
+    path.write_text(f"# kHz Z {form} R 50\n{text}\n")
+    with pytest.raises(ValueError, match="it holds Z-parameters: export S-parameters"):
+        nlfrf.io.load_frf(path, relative_std=0.02, channel="Z21")
+
+
 def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # noqa: F811
     """The command that inspect prints runs, with what nobody else can know in place of the words in capitals."""
     write(tmp_path / "bode.csv", TABLES["Keysight"])
@@ -205,12 +229,21 @@ def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # no
     assert "needs: the file holds no coherence, and a swept sine shows no distortion" in unwrapped(out)
     command = shlex.split(out.splitlines()[-1].removeprefix("run:   robust "))
     assert "--relative-std" in command
-    given = {"POLES": "2", "RELATIVE-STD": "0.02"}
-    code, out, _ = robust_command(" ".join([*(given.get(word, word) for word in command), "--delay 0.004"]))
+    given = {"RELATIVE-STD": "0.02"}
+    options = "--poles 2 --delay 0.004"
+    code, out, _ = robust_command(" ".join([*(given.get(word, word) for word in command), options]))
     assert code == 0
     assert (tmp_path / "bode-model.json").exists()
     code, _, err = robust_command("model bode.csv --poles 2 -o other.json")
     assert code == 2
     assert err.startswith("robust: --relative-std must be given: the file holds no coherence")
+    for refused in ("orders bode.csv", "design bode.csv --method pid -o K.json"):
+        code, _, err = robust_command(refused)
+        assert code == 2
+        assert "nlfrf frf bode.csv --relative-std STD -o bla.npz makes a BLA of it for every command" in unwrapped(err)
+    code, out, _ = nlfrf_command("frf", "bode.csv", "--relative-std", "0.02", "-o", "bla.npz")
+    assert code == 0
+    for taken in ("orders bla.npz --most 3", "design bla.npz --method pid --structure I --sample-time 1e-3 -o K.json"):
+        assert robust_command(taken)[0] == 0
     code, _, err = robust_command("model bla.npz --poles 2 --relative-std 0.1 -o other.json")
     assert (code, "must be left out for a BLA" in err) == (2, True)

@@ -108,6 +108,10 @@ def run(folder, monkeypatch, capsys):
         with pytest.raises(SystemExit) as stop:
             cli.main()
         printed = capsys.readouterr()
+        if printed.out.startswith("gains\n"):  # what was asked comes first, in one short sentence
+            first, _, answers = one_line(printed.out).removeprefix("gains ").partition(". rests: ")
+            assert len(first.split()) <= 20, first
+            assert " within: " in answers.partition(" drive position loop")[0]
         return stop.value.code or 0, printed.out, printed.err
 
     return command
@@ -125,8 +129,8 @@ def test_the_first_line_passes_nothing_that_was_not_judged(run, folder):
         assert "PASSED" not in page.replace("STATISTICALLY ROBUST", "")
     code, page, _ = run("motion-trace.csv low.toml --design motion.npz --peak 1.1")
     assert code == 1
-    assert one_line(page).startswith("gains NOT PASSED: linear loop: thin margins. The verdict below only says")
-    assert "Friction was not judged: the axis may hunt" in one_line(page)
+    assert one_line(page).startswith("gains NOT PASSED, linear loop: thin margins. rests: not known: ")
+    assert "change: the linear loop first: see the warnings The verdict below only says" in one_line(page)
 
 
 @pytest.mark.usefixtures("played")
@@ -135,7 +139,9 @@ def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
     code, page, _ = run("motion-trace.csv gains.toml --design motion.npz --force 26")
     page = one_line(page)
     found = re.search(
-        r"friction not judged: with any of at most 26 N the axis may move within (\S+) um of its rest for ever", page
+        r"friction not judged: .* within: at most (\S+) um off, at rest or hunting: proved of the nominal model, "
+        r"friction up to 26 N hunts: not known",
+        page,
     )
     assert code == 3, page
     settings = load_gains(folder / "gains.toml")
@@ -166,11 +172,12 @@ def test_an_axis_that_settles_may_move_for_ever(run, folder):
     """The gains at a fifth of tn: not proved at rest, and the first line says how far the axis may move."""
     (folder / "short.toml").write_text(LINEAR.replace('"10 ms"', '"4 ms"').replace("143", "200"))
     designs = " ".join(f"--design {name}.npz" for name in [*LEVELS, "motion"])
-    code, page, _ = run(f"{' '.join(AT_REST)} motion-trace.csv short.toml {designs} --stiction 4 --peak 3")
+    code, page, _ = run(f"{' '.join(AT_REST)} motion-trace.csv short.toml {designs} --stiction 4 --peak 3 --within 1")
     page = one_line(page)
     first = re.search(
-        r"^gains NOT PASSED: linear loop passed; friction not passed \(settles\): the axis may move within "
-        r"(\S+ um) of its rest for ever; simulated, it comes to rest\.",
+        r"^gains NOT PASSED, friction: rest is not proved; the axis comes to rest in simulation, which is no proof\. "
+        r"rests: yes in all 12 simulated runs; not proved within: at most (\S+ um) off, at rest or hunting: proved for "
+        r"friction up to \S+ N\. Asked were 1 m: yes hunts: not seen in simulation change: to prove more: ",
         page,
     )
     assert (code, bool(first)) == (1, True), page
@@ -294,6 +301,9 @@ def test_an_approximation_is_no_proof(run, folder):
 def test_the_result_as_json(run):
     code, out, _ = run("moving.npz gains.toml --json")
     found = json.loads(out)
+    assert list(found)[:4] == ["verdict", "answers", "linear", "friction"]  # what is asked of an axis comes first
+    assert list(found["answers"]) == ["rests", "within", "hunts"]
+    assert list(found["friction"])[:4] == ["outcome", "within", "reason", "simulated"]
     assert (code, found["unit"], found["proved"]) == (3, "N", False)
     assert (found["linear_passed"], found["safe"]) == (True, False)
     assert found["conclusion"].startswith("linear loop passed; friction not judged: the axis may hunt with these gains")
@@ -389,7 +399,7 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
         ("rest-trace.csv gains.toml --design rest.npz --discard 2", "discard must be left out for an experiment"),
         (
             "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz --design motion.npz",
-            "design must be one for all traces, or one a trace, got 2 for 2 traces and 3 traces",
+            "design must be one for all traces, or that of each trace, got 2 of 2 realisations in all, and 3 traces",
         ),
         (
             "moving.npz gains.toml --fs 1000",

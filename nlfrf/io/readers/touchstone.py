@@ -1,0 +1,26 @@
+"""Touchstone files (.s1p to .s4p): the S-parameters of an analyser, by scikit-rf."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from nlfrf._base.own_process import Contents
+
+
+def contents(path: Path) -> Contents:
+    """Read S11, S21, ... as they stand in the file, each with its frequencies [Hz].
+
+    This module is loaded by its path in a process of its own, so it imports nothing of this package.
+    """
+    from skrf.io.touchstone import Touchstone
+
+    file = Touchstone(str(path))
+    if file.parameter.upper() != "S":  # scikit-rf keeps the others as S, and has read Y by the reference of Z
+        raise ValueError(f"it holds {file.parameter.upper()}-parameters: export S-parameters, or a table of the ratio")
+    f, S = file.get_sparameter_arrays()
+    ports = range(1, S.shape[1] + 1)
+    arrays = {f"S{i}{j}": S[:, i - 1, j - 1] for i in ports for j in ports}
+    frequencies = {f"{name}.frequency": f for name in arrays}
+    return arrays | frequencies, dict.fromkeys(frequencies, "Hz"), {}, {}
