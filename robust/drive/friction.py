@@ -185,7 +185,8 @@ class DriveFriction:
             change = seen.advice or "none of the changes that were tried brings rest, or half the amplitude"
         elif self.cures:
             change = f"to prove more: {self.cures[0]}"
-        return {"rests": rests, "within": self.describe_distance(unit, asked), "hunts": hunts, "change": change}
+        distance, doubt = self.describe_distance(unit, asked), "" if self.force is None else self.force.contradiction
+        return {"rests": rests, "within": distance, "hunts": hunts, "change": change, "traces": doubt}
 
     @property
     def largest_forces(self) -> str:
