@@ -168,7 +168,8 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
     ax.set(
         xlabel="time [s]",
         ylabel=label_with_unit(name, unit, f"unit of {signal}"),
-        title=f"{name}: {len(periods)} periods over one another; without the mean: rms {rms:.3g}, crest factor {crest:.2f}",
+        title=f"{name}: {len(periods)} periods over one another; "
+        f"without the mean: rms {rms:.3g}, crest factor {crest:.2f}",
     )
     return finish_axes(ax)
 
