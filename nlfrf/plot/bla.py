@@ -114,7 +114,7 @@ def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) ->
 
 
 def phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Return (F,) unwrapped phase [deg], from the surest line of the lowest third: -270 to 90 deg there, as what is late.
+    """Return (F,) unwrapped phase [deg] from the surest line of the lowest third, there -270 to 90 deg as of a lag.
 
     A first line without a phase would turn all others by whole turns.
 
