@@ -14,6 +14,7 @@ import nlfrf
 from nlfrf._base.arguments import repeat_warnings, require_nonnegative, require_positive
 from nlfrf._base.command import spinner
 from nlfrf._base.files import command_signature, require_file_of, write_text
+from nlfrf.io.frf_tables import MissingVarianceError
 from robust._base.channels import is_single
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
@@ -61,12 +62,10 @@ def read_frf(path: Path, *, relative_std: float | None, n_averages: float | None
     """Return an FRF of another program; where its variance is missing, how a BLA is made of it for all commands."""
     try:
         return nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
-    except ValueError as error:
-        if str(error).startswith(("relative_std must be given", "n_averages must be given")):
-            option = "--relative-std STD" if str(error).startswith("relative_std") else "--averages N"
-            way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
-            raise ValueError(f"{error}; {way}") from None
-        raise
+    except MissingVarianceError as error:
+        option = "--relative-std STD" if error.missing == "relative_std" else "--averages N"
+        way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
+        raise ValueError(f"{error}; {way}") from None
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
