@@ -64,14 +64,6 @@ NEEDS = {
 }
 
 
-class MissingVarianceError(ValueError):
-    """A file from which no variance follows without the argument of the name `missing`."""
-
-    def __init__(self, missing: str) -> None:
-        super().__init__(f"{missing} must be given: {NEEDS[missing]}")
-        self.missing = missing
-
-
 class FrfTable(NamedTuple):
     """An FRF in a file: increasing frequencies [Hz], the names of the columns behind G, and the unit of G."""
 
@@ -155,7 +147,7 @@ def load_frf(
     std = table.std if relative_std is None else require_positive("relative_std", relative_std) * np.abs(table.G)
     missing = "relative_std" if table.coherence is None else "n_averages"
     if std is None and (table.coherence is None or n_averages is None):
-        raise MissingVarianceError(missing)
+        raise ValueError(f"{missing} must be given: {NEEDS[missing]}")
     top, slash, bottom = table.unit.rpartition("/")
     return bla_from_frf(
         table.f,
