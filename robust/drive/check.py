@@ -40,11 +40,11 @@ from robust.analysis.robustness import check
 from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
 from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice
-from robust.friction.balance import motion_of_record
 from robust.friction.classes import any_bounded
-from robust.friction.force import FrictionForce, read_friction_force
-from robust.friction.identification import FrictionFit
-from robust.friction.in_motion import fit_linear
+from robust.friction.reading.balance import motion_of_record
+from robust.friction.reading.force import FrictionForce, read_friction_force
+from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.in_motion import fit_linear
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit

@@ -28,12 +28,13 @@ from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.levels import FrictionClass, require_si
-from robust.friction.linear_uncertainty import friction_frequency_test
+from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.prove import FrictionProof, machines_of_nominal, plant_matrices, prove_friction
-from robust.friction.reading import friction_class
-from robust.friction.saturation import SaturatedProof
+from robust.friction.proof.linear_uncertainty import friction_frequency_test
+from robust.friction.proof.prove import FrictionProof, plant_matrices, prove_friction
+from robust.friction.proof.saturation import SaturatedProof
+from robust.friction.reading.friction_class import friction_class
+from robust.friction.reading.levels import FrictionClass, require_si
 from robust.friction.units import position_unit_of
 from robust.io.models import CERTIFICATE_SCHEMAS, PathLike, load_bla, load_model
 from robust.lti.grids import structure_grid

@@ -12,8 +12,6 @@ from benchmarks.friction_ports import draw_case, draw_law, prove_case, run_case
 from nlfrf.axis import Drive
 from robust.drive import cascade
 from robust.friction.classes import any_bounded, any_bristle, any_maxwell_slip
-from robust.friction.dissipation import maxwell_slip_dissipation
-from robust.friction.multipliers import filter_rates, multiplier_terms, negative_multipliers, port_terms
 from robust.friction.plant import (
     FrictionPlant,
     destabilizing_stiffness,
@@ -23,8 +21,10 @@ from robust.friction.plant import (
     mobility,
     two_mass_plant,
 )
-from robust.friction.prove import prove_friction
-from robust.friction.storage import certified_dissipation
+from robust.friction.proof.dissipation import maxwell_slip_dissipation
+from robust.friction.proof.multipliers import filter_rates, multiplier_terms, negative_multipliers, port_terms
+from robust.friction.proof.prove import prove_friction
+from robust.friction.proof.storage import certified_dissipation
 from robust.io.certificates import verify_certificate
 
 T = 1 / 4000

@@ -12,10 +12,8 @@ from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust._base.types import Controller
 from robust.friction.classes import AnyFriction
-from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.exact.claim import Actuator, FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.multipliers import filter_rates, hermitian_product, negative_multipliers
 from robust.friction.plant import (
     FrictionLoop,
     FrictionPlant,
@@ -25,7 +23,9 @@ from robust.friction.plant import (
     require_one_port,
     separate_delay,
 )
-from robust.friction.prove import (
+from robust.friction.proof.dissipation import maxwell_slip_dissipation
+from robust.friction.proof.multipliers import filter_rates, hermitian_product, negative_multipliers
+from robust.friction.proof.prove import (
     NOT_IN_CLASS,
     Multipliers,
     build_claim,
@@ -34,7 +34,7 @@ from robust.friction.prove import (
     prove_friction,
     reference_rate,
 )
-from robust.friction.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
+from robust.friction.proof.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import Certificate
 
