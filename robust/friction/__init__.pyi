@@ -8,8 +8,6 @@ from .plant import two_mass_plant as two_mass_plant
 from .proof.linear_uncertainty import FrequencyTest as FrequencyTest
 from .proof.linear_uncertainty import friction_frequency_test as friction_frequency_test
 from .proof.prove import FrictionProof as FrictionProof
-from .proof.saturation import SaturatedProof as SaturatedProof
-from .proof.saturation import prove_saturated as prove_saturated
 from .reading.friction_class import friction_class as friction_class
 from .reading.identification import FrictionFit as FrictionFit
 from .reading.identification import Gap as Gap

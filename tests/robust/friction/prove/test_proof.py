@@ -11,9 +11,9 @@ from robust.drive import cascade
 from robust.friction import any_bounded, any_maxwell_slip
 from robust.friction.nominal import machines_of_nominal, undamped
 from robust.friction.plant import friction_loop, loop_frequencies, mobility
+from robust.friction.proof.certify import certify_maxwell_slip
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
 from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
-from robust.friction.proof.prove import certify_maxwell_slip
 from robust.friction.proof.storage import (
     SLACKS,
     build_storage,
@@ -223,7 +223,7 @@ def test_a_numerical_failure_is_told(monkeypatch):
     def fails(*_args, **_options):
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr("robust.friction.proof.prove.certify_friction", fails)
+    monkeypatch.setattr("robust.friction.proof.certify.certify_friction", fails)
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP)
     assert (proof.verdict, proof.reason) == ("not decided", "numerical failure: Singular matrix")
     assert proof.certificate is None
