@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,11 +63,21 @@ def read_frf(path: Path, *, relative_std: float | None, n_averages: float | None
     try:
         return nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
     except ValueError as error:
-        if str(error).startswith(("relative_std must be given", "n_averages must be given")):
-            option = "--relative-std STD" if str(error).startswith("relative_std") else "--averages N"
-            way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
-            raise ValueError(f"{error}; {way}") from None
-        raise
+        option = "" if relative_std is not None or n_averages is not None else missing_variance(path, channel)
+        if not option:
+            raise
+        way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
+        raise ValueError(f"{error}; {way}") from None
+
+
+def missing_variance(path: Path, channel: str) -> str:
+    """Return the option with which a BLA is made of an FRF that is read with neither; empty where it is not that."""
+    for option, n_averages, relative_std in (("--averages N", 10.0, None), ("--relative-std STD", None, 0.1)):
+        with suppress(ValueError), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+            return option
+    return ""
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:

@@ -79,6 +79,7 @@ def test_the_disc_of_an_entry_is_the_sum_over_its_aliases():
     assert np.all(found.model.radius[0] >= exact * (1 - 1e-3))
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", SETS)
 def test_the_check_is_that_of_the_sampled_loops(form):
     """A gain inside the margin leaves every sampled loop stable; families and worst cases see the same set."""

@@ -14,6 +14,7 @@ pytestmark = [
 ]
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("law", ["lugre", "rigid", "dahl"])
 def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     """The linear verdict, and a bound of the motion that the axis keeps: it comes to rest."""
@@ -35,6 +36,7 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     assert friction["reason"]
 
 
+@pytest.mark.attack
 def test_a_pole_that_a_zero_cancels_makes_no_loop_unstable(tmp_path):
     """The best fit that does not lead had an unstable pole 0.7 % from a zero: all was lost, and the axis hunts."""
     rig = bench_stranger.load_rig(bench_stranger.RIG)

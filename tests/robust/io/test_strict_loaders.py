@@ -124,9 +124,21 @@ def refusal_of(loader, path):
         return str(error), None
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32))
 def test_whatever_a_loader_accepts_its_schema_accepts(written, tmp_path_factory, seed):
+    change_and_load(written, tmp_path_factory, seed)
+
+
+@pytest.mark.attack
+@settings(max_examples=400, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_whatever_a_loader_accepts_its_schema_accepts_of_many(written, tmp_path_factory, seed):
+    change_and_load(written, tmp_path_factory, seed)
+
+
+def change_and_load(written, tmp_path_factory, seed):
+    """Load a file with one to three changes, by its reader and by its schema."""
     rng = random.Random(seed)
     schema, loader, content = rng.choice(written)
     for _ in range(rng.randrange(1, 4)):

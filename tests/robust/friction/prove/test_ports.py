@@ -242,6 +242,7 @@ def test_multipliers_make_every_matrix_negative():
     assert negative_multipliers(-table, coupling=1.0, least=1e-9) is None
 
 
+@pytest.mark.attack
 def test_friction_with_stiction_at_both_settles_within_a_bound_that_is_verified(tmp_path):
     """Half of the bound of any friction on this axis; a spring of the class beside any rest is below it."""
     soft = replace(DRIVE, kp=DRIVE.kp / 2)
