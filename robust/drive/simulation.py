@@ -14,7 +14,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
-from robust.friction.force import FrictionForce
+from robust.friction.reading.force import FrictionForce
 from robust.friction.units import format_length
 
 #: Laws of friction that are tried; Leuven with an exponential virgin curve.

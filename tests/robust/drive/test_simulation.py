@@ -19,8 +19,8 @@ from robust.drive.simulation import (
     simulate_rest,
     with_advice,
 )
-from robust.friction.force import FrictionForce
-from robust.friction.in_motion import SlidingFit
+from robust.friction.reading.force import FrictionForce
+from robust.friction.reading.in_motion import SlidingFit
 
 #: A kilogram with 1 N of Coulomb friction, and gains that hunt where stiction is twice that.
 SETTINGS = Drive(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)

@@ -12,7 +12,7 @@ from robust import check, fit_nominal, frd, ncfsyn, performance_weight, uncertai
 from robust import plot as pictures
 from robust._base.states import FrictionVerdict
 from robust.analysis import sample_loops
-from robust.friction.identification import FrictionFit
+from robust.friction.reading.identification import FrictionFit
 from robust.lti.lti import response
 from robust.models import scan_orders
 from robust.shaping import loop_bounds
