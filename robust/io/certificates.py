@@ -28,12 +28,13 @@ from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.levels import FrictionClass, require_si
-from robust.friction.linear_uncertainty import friction_frequency_test
+from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.prove import FrictionProof, machines_of_nominal, plant_matrices, prove_friction
-from robust.friction.reading import friction_class
-from robust.friction.saturation import SaturatedProof
+from robust.friction.proof.certify import plant_matrices
+from robust.friction.proof.linear_uncertainty import friction_frequency_test
+from robust.friction.proof.prove import FrictionProof, prove_friction
+from robust.friction.reading.friction_class import friction_class
+from robust.friction.reading.levels import FrictionClass, require_si
 from robust.friction.units import position_unit_of
 from robust.io.models import CERTIFICATE_SCHEMAS, PathLike, load_bla, load_model
 from robust.lti.grids import structure_grid
@@ -58,12 +59,12 @@ def certificate_path(report: Path, number: int = 0) -> Path:
     return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
 
 
-def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, path: PathLike) -> None:
+def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -> None:
     """Write what was proved as JSON: plant, controller, delay, weights and claim as given, and a digest of it all.
 
     Of several channels it holds the loop with its perturbations pulled out, P and the scaling of each claim.
     """
-    if isinstance(report, (FrictionProof, SaturatedProof)) and report.certificate is not None:
+    if isinstance(report, FrictionProof) and report.certificate is not None:
         save_friction_proof(report, path)
         return
     known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
@@ -89,9 +90,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     write_claim(path, claim, found=how, warnings=warned)
 
 
-def save_friction_proof(
-    proof: FrictionProof | SaturatedProof, path: PathLike, basis: FrictionBasis | None = None
-) -> None:
+def save_friction_proof(proof: FrictionProof, path: PathLike, basis: FrictionBasis | None = None) -> None:
     """Write a proof with friction, and what its class was read from."""
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):

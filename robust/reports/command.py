@@ -99,7 +99,8 @@ def fit_nominal_model(
         best = scan("auto" if delay is None else delay)
         order = f"order: the data ask for {describe_order(best)}; robust orders lists the others"
         if len(levels) == 1:
-            return best, order + (", and none explains all that was measured" if best.p_value < UNLIKELY_COST else "")
+            order += ", and none explains all that was measured" if best.p_value < UNLIKELY_COST else ""
+            return repeat_warnings(best), order
         tau = delay if delay is not None else "estimate" if best.delay else 0.0
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
         return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"
