@@ -52,6 +52,7 @@ def test_two_parameters_against_brute_force():
     assert found.broken == pytest.approx(brute, rel=0.01)
 
 
+@pytest.mark.attack
 def test_a_gap_of_27_per_cent_is_closed_by_cutting_the_box():
     """Three parameters in two places each: mu with real blocks alone proves 0.0423, and 0.0539 breaks the loop."""
     sizes = (2, 2, 2)
