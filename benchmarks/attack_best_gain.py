@@ -2,7 +2,7 @@
 
 Two-mass systems (collocated or not, speed or position), lags with modes and integrators, all with a delay and a
 radius of uncertainty, sampled; PI or PID with positive gains and a given filter time, |S| <= M_S for the whole set.
-The rival searches the gains themselves over eight decades on lines of its own, and counts how often its loop winds about -1.
+The rival searches the gains themselves over eight decades on lines of its own, and counts how its loop winds about -1.
 Also printed: how long a design takes (processor time), which must not grow with what is won.
 
 python -m benchmarks.attack_best_gain [--plants 60]
