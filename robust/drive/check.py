@@ -570,7 +570,7 @@ def check_drive(
     spring : bool
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
-        2 to read the friction of a motor and a load, which takes minutes.
+        2 to read the friction of a motor and a load, which takes a minute or two.
     within : float, optional
         Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
     fit : FrictionFit, optional
