@@ -208,9 +208,8 @@ class Loop:
         """Return the frequencies (W,) [rad/s] of the set."""
         return self.model.omega
 
-    def folding(self, form: str) -> str:
-        """Return what was made of the aliases in `systems`, which have none."""
-        return ""
+    def folded(self, form: str) -> None:
+        """Return the sampled set that aliases are in, which `systems` have none of."""
 
     @cached_property
     def system(self) -> UncertainSystem:

@@ -262,7 +262,7 @@ def describe_loop(loop: Loop) -> str:
 UNSTABLE_ADVICE = "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before."
 NOTHING_PROVED = "Nothing."
 NO_MARGINS = "Everything: margins mean nothing for a loop that is not stable."
-ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias"
+ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias between the frequencies of a grid"
 NO_MU = "Everything: mu means nothing for a loop that is not stable."
 #: Texts of a report on a plant that is known on its lines only.
 LINES_ADVICE = "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies."
