@@ -62,10 +62,10 @@ class Loop:
         Delay [s] that G holds as a Padé approximation made here (continuous loops only).
     continuous_plant : control.StateSpace or None
         The continuous nominal that G was sampled from.
-    short, shift : control.StateSpace, float
+    undelayed_plant, plant_delay : control.StateSpace, float
         G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
         curves and margins are those of the exact delay.
-    given, delay : control.StateSpace, float
+    given_plant, delay : control.StateSpace, float
         The plant before hold and delay, and that delay [s]: what exact arithmetic takes.
     """
 

@@ -21,7 +21,6 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import (
-    SCREEN_WIDTH,
     format_hertz,
     format_paragraph,
     ratio_unit,
@@ -30,7 +29,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.units import POSITIONS
-from nlfrf._base.values import to_plain, value
+from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
 from nlfrf.axis import Drive
 from robust._base.states import State, Verdict
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
@@ -209,7 +208,8 @@ class DriveCheck:
     @property
     def findings(self) -> tuple[str, ...]:
         """What the verdict means for the axis, then why and on which conditions, a sentence each."""
-        stable = f"The linear loop is stable with every linear plant of the set, |S| at most {self.report.peak:g}"
+        largest = f"max |S| is {self.report.margins.S_worst:.3g}, allowed are {self.report.peak:g}"
+        stable = f"The linear loop is stable with every linear plant of the set; {largest}"
         if self.safe:
             rests = "The axis comes to rest with every friction of the class below"
             return "PASSED, linear loop and friction: the axis may run with these gains", stable, rests
@@ -702,7 +702,12 @@ def check_drive(
 
 
 def simulate_drive(
-    friction: DriveFriction, settings: Drive, *, model: UncertaintyModel, report: RobustnessReport, masses: int
+    friction: DriveFriction,
+    settings: Drive,
+    *,
+    model: UncertaintyModel,
+    report: RobustnessReport,
+    masses: int,
 ) -> DriveFriction:
     """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
     force = None if friction.force is None else with_load(friction.force, friction.fit)
@@ -712,11 +717,10 @@ def simulate_drive(
     if reason or force is None:
         return replace(friction, unsimulated=reason)
     friction = replace(friction, force=force)
-    S_most = max(report.peak, report.margins.S_worst)
 
     def keeps(other: Drive) -> bool:
         found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
-        return found.proofs.robustly_stable >= report.proofs.robustly_stable and found.margins.S_worst <= S_most
+        return found.proofs.robustly_stable and found.margins.S_worst <= report.peak
 
     found = simulate_rest(force, settings)
     if found.ended <= found.amplitudes.size / 2:

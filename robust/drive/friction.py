@@ -217,8 +217,10 @@ class DriveFriction:
         elif self.largest is not None:
             distance += f" for friction up to {self.largest_forces}"
         if asked is not None:
-            swing = 0.0 if self.simulated is None else 2 * self.simulated.amplitude * self.simulated.hunts
-            answer = "yes" if known <= asked else "no, as simulated" if swing > 2 * asked else "not proved"
+            seen = self.simulated
+            far = np.nan if seen is None else np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
+            simulated = "; in simulation yes" if far <= asked else ""
+            answer = "yes" if known <= asked else "no, as simulated" if far > asked else f"not proved{simulated}"
             answer = f". Asked were {format_length(asked, unit)}: {answer}"
         return distance + answer
 

@@ -87,9 +87,9 @@ class LureLoop:
     ------
     loop : FrictionLoop
         With the filters as its last states.
-    asked : (n,) ndarray
+    command_row : (n,) ndarray
         The force that is asked for, of the state before a sample.
-    enters : (n,) ndarray
+    input_column : (n,) ndarray
         Where what is missed is taken off: at a sample, or of the flow.
     forgets : (J,) ndarray
         How fast the filters forget: a share of each sample, or a rate [1/s].

@@ -132,9 +132,16 @@ def test_the_distance_that_was_asked_for_is_answered():
     """It is answered by what is proved, else by a hunting axis that swings by more."""
     hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
     assert DriveFriction(simulated=hunting).answers("m", 3e-6)["within"].endswith("Asked were 3 um: no, as simulated")
-    assert DriveFriction(simulated=hunting).answers("m", 5e-6)["within"].endswith("Asked were 5 um: not proved")
+    assert (
+        DriveFriction(simulated=hunting)
+        .answers("m", 5e-6)["within"]
+        .endswith("Asked were 5 um: not proved; in simulation yes")
+    )
     rests = replace(hunting, amplitudes=np.zeros(RUNS))
     assert DriveFriction(simulated=rests).answers("m", 7e-6)["within"].endswith("not proved")
+    away = replace(rests, offsets=np.full(RUNS, 8e-6))  # at rest, off the set point
+    assert DriveFriction(simulated=away).answers("m", 7e-6)["within"].endswith("no, as simulated")
+    assert "in the end at most 8 um off the set point" in str(away)
     assert "Asked" not in DriveFriction(simulated=rests).answers("m")["within"]
 
 
