@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -125,7 +126,8 @@ def reduce_controller(
     >>> found.order, round(float(found.K.D[0, 0]), 6)
     (0, 3.0)
     """
-    model = plant_as_set(model)
+    given, model = model, plant_as_set(model)
+    alone = model is not given  # no set was given
     several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
     deadline = time.monotonic() + require_positive("time_cap", time_cap)
@@ -158,11 +160,12 @@ def reduce_controller(
                     order=n,
                     method=method,
                     kept=kept,
-                    report=report,
-                    before=before,
+                    report=without_set(report) if alone else report,
+                    before=without_set(before) if alone else before,
                     reason=lost,
                     n_tried=n_tried,
                 )
+    before = without_set(before) if alone else before
     return Reduction(
         K=K,
         order=K.nstates,
@@ -186,6 +189,21 @@ def plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
         return UncertaintyModel(G, small, DEFAULT_FORM, omega, radius, perturbation="LTI")
     left, right = (one,) * G.ninputs, (small,) * G.ninputs
     return UncertaintyModel(G, form="input", left=left, right=right, omega=omega, perturbation="LTI")
+
+
+def without_set(report: RobustnessReport) -> RobustnessReport:
+    """Return the report on a plant that stands for a set, in words of the plant."""
+    stable = report.proofs.robustly_stable
+    what = "Stability and the performance demand" if report.proofs.robust_performance else "Stability"
+    return replace(
+        report,
+        margins=replace(report.margins, rs=np.nan, S_worst=np.nan, broken=np.nan, worst=None),
+        reason="the loop with this plant is stable" if stable else report.reason,
+        advice="",
+        proved=f"{what} with the plant that was given, at all frequencies." if stable else report.proved,
+        not_proved="Anything about a plant that differs from it.",
+        context="",
+    )
 
 
 def candidates(
