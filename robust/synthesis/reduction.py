@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive
+from nlfrf._base.arguments import require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust._base.types import Controller, LinearSystem, Weight
@@ -83,7 +82,7 @@ def reduce_controller(
     *,
     order: int | None = None,
     delay: float = 0.0,
-    time_cap: float = 30.0,
+    max_candidates: int = 300,
 ) -> Reduction:
     """Find the controller of lowest order that keeps what the check of a controller proves.
 
@@ -100,8 +99,8 @@ def reduce_controller(
         As for `check`; or the plant alone that `mixsyn` took: stability and max |w_P S| < 1 are kept then.
     order : int, optional
         This order and no other: the best of it, kept or not.
-    time_cap : float
-        Seconds; where they are over K comes back as it was.
+    max_candidates : int
+        Reduced controllers to look at; where they are used up K comes back as it was.
 
     Returns
     -------
@@ -130,7 +129,7 @@ def reduce_controller(
     alone = model is not given  # no set was given
     several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
-    deadline = time.monotonic() + require_positive("time_cap", time_cap)
+    max_candidates = require_integer("max_candidates", max_candidates, least=1)
     if order is not None and require_integer("order", order, least=0) >= K.nstates:
         raise ValueError(f"order must be below the {K.nstates} states of K, got {order}")
     before = check(model, K, w_P=w_P, delay=delay)
@@ -145,8 +144,8 @@ def reduce_controller(
             by_order.setdefault(n, []).append((method, small))
     n_tried, reason = 0, "no controller of lower order keeps what was proved" if K.nstates else "a gain has no states"
     for n in sorted(by_order):
-        if time.monotonic() > deadline:
-            reason = f"the time cap was reached below order {n}"
+        if n_tried >= max_candidates:
+            reason = f"{n_tried} candidates were looked at below order {n}"
             break
         n_tried += len(by_order[n])
         for method, small in rank_candidates(

@@ -165,7 +165,7 @@ class ScalingSearch:
                 half = cp.Variable((size, size))
                 G[-1] = half - half.T
                 constraints.append(cp.norm_inf(cp.vec(half, order="F")) <= 1e3)
-        X_L, X_R, skew = self.place(X, G, expression=True)
+        X_L, X_R, skew = self.place(X, G)
         constraints.append(cp.trace(X_L) == C.shape[0])
         CD = np.hstack([C, D])
         lower = np.vstack([np.zeros((n, m)), np.eye(m)])
@@ -185,7 +185,7 @@ class ScalingSearch:
         found = [(V + V.T) / 2 for V in values[: len(X)]], [(V - V.T) / 2 for V in values[len(X) : -1]]
         return Scaling(X=tuple(found[0]), G=tuple(found[1]), P=(values[-1] + values[-1].T) / 2, margin=float(t.value))
 
-    def place(self, X: Sequence, G: Sequence, *, expression: bool = False) -> tuple:
+    def place(self, X: Sequence, G: Sequence) -> tuple:
         """Return X_L, X_R and G on the channels, of numbers or of expressions of cvxpy."""
         outputs, inputs = map(sum, channel_sizes(self.blocks))
         left, right, skew = 0, 0, np.zeros((inputs, outputs))

@@ -206,7 +206,7 @@ def test_a_statistical_set_and_a_sampled_controller():
         ),
         (lambda: reduce_controller(control.tf([1], [1, 1]), model(), order=1), "order must be below the 1 states of K"),
         (lambda: reduce_controller("K", model()), "K must be"),
-        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), time_cap=0), "time_cap must be positive"),
+        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), max_candidates=0), "max_candidates must be"),
     ],
 )
 def test_refusals(call, message):
