@@ -24,7 +24,7 @@ from robust.models.fit.refinement import refine
 N_TRIALS = 41  # delays of a scan in continuous time; half more in samples
 N_PLACES = 128  # frequencies at which a further pole and zero are tried
 DAMPINGS = 0.01, 0.05, 0.25  # of a further pair
-BESIDE = 0.2  # of a frequency: nearer, a second place is the first
+MIN_LOG_DISTANCE = 0.2  # between two frequencies that are tried
 SHARES = 1.0, 0.3, 0.1, 0.0  # of what the linear least squares asks for; none costs what the smaller fit costs
 ZERO_FAR = 1e6  # of the highest line: a zero there stands for none
 N_DELAYS = 3  # delays of a scan that are refined
@@ -227,7 +227,7 @@ def with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: floa
 
 
 def poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
-    """Return (n,) lightly damped poles on the highest peaks, a fifth of their frequency apart or more."""
+    """Return (n,) lightly damped poles on the highest peaks, a fifth of their frequency or more between them."""
     x, size = np.abs(s), np.abs(data)
     poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
     while len(poles) < n:
@@ -276,9 +276,9 @@ def further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
             gain_of = gain_of + (e @ two) ** 2 / size
         worth += list(zip(gain_of, w, [zeta] * w.size, by, strict=True))
     worth.sort(key=lambda place: -place[0])
-    apart = [place for place in worth if abs(np.log(place[1] / worth[0][1])) > BESIDE]
+    distant = [place for place in worth if abs(np.log(place[1] / worth[0][1])) > MIN_LOG_DISTANCE]
     starts = []
-    for _, at, zeta, (b, a) in worth[:1] + apart[: k - 1]:
+    for _, at, zeta, (b, a) in worth[:1] + distant[: k - 1]:
         below = np.array([1, 2 * zeta * at, at**2] if k == 2 else [1, at])
         above = np.array([0, a, b * at] if k == 2 else [0, b * at])
         shares = [
