@@ -7,12 +7,15 @@ TESTS := $(VENV)/.ready-test
 DOCS := $(VENV)/.ready-docs
 RELEASE := $(VENV)/.ready-release
 
-.PHONY: demo test attack lint pages docs picture bench release-check clean help
+# Python keeps what it compiled, whatever the machine is told: the tests start many processes.
+export PYTHONDONTWRITEBYTECODE :=
+
+.PHONY: demo test attack lint kernels pages docs picture bench release-check clean help
 
 help:
 	@echo "make demo           the main job on the built-in rig: files and pictures in demo/"
-	@echo "make test           format, lint, types and every test"
-	@echo "make attack         the cases of the statistics that make test leaves out"
+	@echo "make test           format, lint, types and the tests: of long statistics a part, of the examples five"
+	@echo "make attack         what make test leaves out of the statistics, the random families and the slowest fits"
 	@echo "make docs           every example, guide and reference as pages in build/docs/index.html, and their tests"
 	@echo "make pages          the pages alone, without their tests"
 	@echo "make picture        the pictures of the README and of the page on servo axes"
@@ -46,8 +49,13 @@ lint: $(TESTS)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# What the rigs compile for, on the core that the checkers leave free.
+kernels: $(TESTS)
+	@$(BIN)/python -m tests.support.compiled
+
 # Two processes on two cores: threads of the linear algebra would only wait for one another.
-test: lint
+test: $(TESTS)
+	@$(MAKE) --no-print-directory -j 2 lint kernels
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 # The cases that `make test` leaves out, with the same tests: before a release.

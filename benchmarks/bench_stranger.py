@@ -9,8 +9,8 @@ its true mass and force constant, and its gains. What is printed is the table of
 listed with its reason.
 
 An attack plays what the files leave out: friction that has grown by 30 % when the axis moves (`friction`), a low-pass
-of 0.5 ms that the file does not name (`filter`), a ripple of 30 % of the Coulomb friction (`ripple`). The truth is that
-of the axis as it is in the end. Backlash is not in the rig.
+of 0.5 ms that the file does not name (`filter`), a ripple of 30 % of the Coulomb friction (`ripple`), a play of 2 um
+between the axis and its encoder (`backlash`). The truth is that of the axis as it is in the end, at its encoder.
 """
 
 from __future__ import annotations
@@ -43,7 +43,25 @@ ATTACKS: dict[str, Callable[[Any], dict[str, float]]] = {
     "friction": lambda axis: {"Fc": 1.3 * axis.Fc, "Fs": 1.3 * axis.Fs},
     "filter": lambda axis: {"lag": axis.lag + 5e-4},
     "ripple": lambda axis: {"ripple": 0.3 * axis.Fc},
+    "backlash": lambda axis: {},
 }
+#: Play of the attack [m], and the line of the rig that reads the encoder, which it stands before.
+BACKLASH, ENCODER = 2e-6, "        y = round(x1 / res) * res\n"
+PLAYED = f"""\
+        back = min(max(back, x1 - {BACKLASH / 2}), x1 + {BACKLASH / 2}) if n_ else x1
+        y = round(back / res) * res
+"""
+
+
+def with_backlash(path: Path, folder: Path) -> Path:
+    """A rig whose encoder follows the axis with play, as a file in a folder."""
+    text, start = path.read_text(), "    x1 = x2 = start\n"
+    if text.count(ENCODER) != 1 or text.count(start) != 1:
+        raise SystemExit(f"rig must read its encoder in one line, got another {path}")
+    folder.mkdir(parents=True, exist_ok=True)
+    changed = folder / "rig_with_backlash.py"
+    changed.write_text(text.replace(ENCODER, PLAYED).replace(start, start + "    back = start\n"))
+    return changed
 
 
 def load_rig(path: Path) -> ModuleType:
@@ -278,6 +296,8 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
     reference = bound_of_truth(axis)
     proved = outcome in ("rests", "settles") and (outcome == "rests" or within < FAR * reference)
     counts.of("friction: proved or refuted", proved or outcome == "refuted")
+    answers, force = found.get("answers", {}), friction.get("force") or {}
+    counts.of("the records refute the model, and it is said", bool(force.get("contradiction")))
     counts["false of"] += 1
     false = (outcome == "rests" and swing > SMALL) or (outcome == "settles" and error > within)
     counts["false"] += false
@@ -319,7 +339,7 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
     return (
         f"{axis.law:8s} {'FALSE ' * false}{outcome:8s} within {within:9.3g} (T4 of the truth {reference:.3g}, error "
         f"{error:.2g}, swing {swing:.2g}) exit {code} in {taken:.1f} s | {linear.get('verdict', '')[:40]} | Fs "
-        f"{interval} of {largest:.4g} | {reason[:300]}"
+        f"{interval} of {largest:.4g} | {answers.get('traces', '')[:60]} | {reason[:300]}"
     )
 
 
@@ -333,7 +353,8 @@ def main() -> None:
     parser.add_argument("--rig", type=Path, default=RIG)
     parser.add_argument("--attack", default="none", choices=tuple(ATTACKS))
     given = parser.parse_args()
-    rig, counts = load_rig(given.rig), Counts()
+    rig = load_rig(with_backlash(given.rig, given.folder) if given.attack == "backlash" else given.rig)
+    counts = Counts()
     listed: dict[str, list[float]] = {}
     for name in ("within over error of hunters", "width of Fs", "Fs read", "K0 used over the true one", "seconds"):
         listed[name] = []

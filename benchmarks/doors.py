@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import argparse
 import enum
-import importlib.util
-import io
 import itertools
 import re
 import shlex
@@ -23,11 +21,9 @@ import tempfile
 import time
 import warnings
 from collections import Counter, defaultdict
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
-from unittest import mock
 
 import numpy as np
 from typer.testing import CliRunner
@@ -35,11 +31,9 @@ from typer.testing import CliRunner
 import nlfrf
 import robust
 from benchmarks.drawn_files import KINDS, Case, draw, draw_kind
+from benchmarks.readers_here import readers_in_this_process
 from nlfrf import cli as measuring
-from nlfrf._base.own_process import receive, send
-from nlfrf.io import channels
 from nlfrf.io.channels import read_channels
-from nlfrf.io.readers import matlab
 from robust import cli as controlling
 
 COMMAND_SHARE = 0.05  # of the files, on which the commands are run, too
@@ -74,28 +68,6 @@ class Result:
     said: list[str] = field(default_factory=list)
     detail: str = ""
     commands: str = ""
-
-
-@contextmanager
-def readers_in_this_process():
-    """Read formats of foreign libraries here: to start a process for each takes a hundred times as long."""
-    modules: dict = {}
-
-    def read(file, path):
-        if file not in modules:
-            spec = importlib.util.spec_from_file_location("reader", file)
-            modules[file] = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(modules[file])
-        stream = io.BytesIO()
-        send(modules[file].contents(path), stream)
-        stream.seek(0)
-        return receive(stream, path.stat().st_size)
-
-    with (
-        mock.patch.object(channels, "read_in_own_process", read),
-        mock.patch.object(matlab, "read_in_own_process", read),
-    ):
-        yield
 
 
 def compare(case, bla):

@@ -1,7 +1,8 @@
-"""The drawings of the primer and of the pages on bounds and on PID gains, from the first example and from its rig."""
+"""The drawings of the primer and of the pages on bounds, PID gains and friction proofs, as computed."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -14,7 +15,11 @@ from matplotlib.figure import Figure
 
 import nlfrf
 import robust
+import robust.drive
 from docs.gallery import made_from, outputs
+from nlfrf.axis import Drive
+from nlfrf.friction import VaryingSliders
+from robust.friction import any_maxwell_slip
 from robust.plot import plot_check, plot_nyquist
 
 KINDS = {"excited": "#1d2733", "odd": "#d1681f", "even": "#1f6fd1"}
@@ -41,6 +46,7 @@ def draw_all(folder: Path) -> None:
         "both_bounds": both_bounds(record, bla),
         "levels": levels(),
         "gains": gains(),
+        "verdicts_friction": verdicts_friction(),
     }
     for name, figure in drawn.items():
         figure.savefig(folder / f"{name}.png", dpi=110)
@@ -170,6 +176,35 @@ def gains() -> Figure:
     right.set(ylim=(-13, 13))
     for ax, corner in ((left, "lower left"), (right, "upper left")):
         ax.legend(fontsize="small", loc=corner)
+        ax.grid(alpha=0.3)
+    return figure
+
+
+def verdicts_friction() -> Figure:
+    """A mass with Maxwell-slip friction under a P-PI cascade, pushed and left alone: one run for each verdict."""
+    free, pi = robust.friction_plant(1.0, 0.0), Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    late = replace(pi, delay_periods=2.0)
+    figure = Figure(figsize=(9.6, 5.2), layout="constrained")
+    rows = [
+        ("this run rests", replace(pi, tn=np.inf), any_maxwell_slip(1e5, 3.0), 1.0, (0, 300)),
+        ("this run hunts", pi, any_maxwell_slip(1e5, 3.0), 1.0, (-300, 300)),
+        ("this run vibrates", late, any_maxwell_slip(3e5, 1.5), 1.0, (-12, 12)),
+        ("this run rests", pi, any_maxwell_slip(1e5, 2.0), None, (-60, 60)),
+    ]
+    for ax, (text, settings, friction, Fs, limits) in zip(figure.subplots(2, 2).flat, rows, strict=True):
+        K = robust.drive.cascade(settings, output_unit="N")
+        proof = robust.prove_friction(free, K, friction, delay=settings.delay, Fs=Fs)
+        law = VaryingSliders(stiffness=[friction.K0], strength=[1.0], stiction=friction.stiction, vs=1e-3)
+        drive = replace(settings, velocity_feedforward=1.0)
+        axis = nlfrf.rig.ServoAxis(motor_inertia=1.0, drive=drive, motor_friction=law)
+        push = np.append(5 * np.linspace(0, 1, 300), np.zeros(3700))  # N
+        x = 1e6 * np.ravel(nlfrf.rig.run(axis, {"force": push}, oversampling=8).x)[: push.size]
+        ax.plot(np.arange(push.size) / settings.fs, x, color=KINDS["even"], lw=0.9)
+        for side, label in ((-1, None), (1, "settling_error")):
+            ax.axhline(side * 1e6 * proof.settling_error, color=KINDS["odd"], ls="--", lw=1.2, label=label)
+        if np.isfinite(proof.settling_error):
+            ax.legend(fontsize="small", loc="center right", bbox_to_anchor=(1, 0.78))
+        ax.set(xlabel="time [s]", ylabel="position [µm]", ylim=limits, title=f"{proof.verdict}: {text}")
         ax.grid(alpha=0.3)
     return figure
 

@@ -31,11 +31,12 @@ from nlfrf._base.files import LOAD_OPTIONS, command_signature, require_file_of, 
 from robust._base.states import FrictionVerdict
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-certificates, models, pid, sampling, from_options, drive_check, shaping_page, gains_file = (
+certificates, models, measured, pid, sampling, from_options, drive_check, shaping_page, gains_file = (
     lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
     for module in (
         "io.certificates",
         "io.models",
+        "models.sets.measured",
         "io.pid",
         "lti.sampling",
         "reports.command",
@@ -212,10 +213,9 @@ def design(
     from_options.require_delay(delay, sample_time)
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
+    result: robust.Design
     if method == "pid":
-        plant = (
-            models.load_bla(model) if model.suffix.lower() in from_options.BLA_SUFFIXES else models.load_model(model)
-        )
+        plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
             result = robust.design_frf(
@@ -223,30 +223,8 @@ def design(
             )
         words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
     else:
-        if bandwidth is None:
-            raise ValueError(f"bandwidth must be given [Hz] for {method}")
-        plant = models.load_model(model)
-        if delay and not plant.is_single and plant.nominal.dt:
-            raise ValueError(
-                f"delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
-            )
-        if plant.measured_only:
-            raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
         with spinner("designing"):
-            if method == "mixsyn":
-                w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-                result = robust.mixsyn(plant, w_P, dt=sample_time, delay=delay)
-            else:
-                G = plant.nominal
-                if sample_time and not G.dt:
-                    G = robust.sampled(G, sample_time, delay)
-                elif sample_time and abs(sample_time / G.dt - 1) > 1e-9:
-                    raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {sample_time:g} s")
-                else:
-                    G = sampling.delayed(G, delay, order=PADE_ORDER)
-                result = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
-        if not result.met:
-            raise ValueError(f"model must let a controller be found: {result.reason}")
+            plant, result = synthesise(model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay)
         words = (
             f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
         )
@@ -255,7 +233,7 @@ def design(
     robust.save(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
-    gains = pid.format_gains(result.K, getattr(plant, "origin", plant).unit, plc=True)
+    gains = pid.format_gains(result.K, measured.origin_of(plant).unit, plc=True)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
@@ -599,8 +577,13 @@ def check_gains(
             help="Largest friction force [N] or [Nm] where the axis may hunt: how far it then moves; else as was read."
         ),
     ] = None,
+    within: Annotated[
+        float | None, typer.Option(help="Distance [m] or [rad] within which the axis is to stay: the page says if.")
+    ] = None,
     spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
-    masses: Annotated[int, typer.Option(help="2: friction is read of a motor and a load, which takes minutes.")] = 1,
+    masses: Annotated[
+        int, typer.Option(help="2: friction is read of a motor and a load, which takes a minute or two.")
+    ] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt.")
     ] = None,
@@ -641,6 +624,7 @@ def check_gains(
                 require_design(traces)
             raise
     how: Any = {"peak": peak, "actual": actual, "stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
+    how["within"] = within
     with progress_display("checking", even=False) as advance:
         found = drive_check.check_drive(records, settings, names=names, conditions=conditions, progress=advance, **how)
     say(found)
@@ -666,6 +650,39 @@ def require_design(traces: list[Path]) -> None:
                 f"design must be given for {path.name}, which looks like the trace of a servo axis: the .npz that "
                 "'nlfrf axis design' wrote. For another trace give --input and --output"
             ) from None
+
+
+def synthesise(
+    model: Path,
+    method: str,
+    bandwidth: float | None,
+    demands: tuple[float, float, float],
+    *,
+    dt: float,
+    delay: float,
+) -> tuple[robust.UncertaintyModel, robust.Design]:
+    """Return a model from its file and its controller by H-infinity; peak, error and factor are the demands."""
+    if bandwidth is None:
+        raise ValueError(f"bandwidth must be given [Hz] for {method}")
+    plant, (peak, error, factor) = models.load_model(model), demands
+    if delay and not plant.is_single and plant.nominal.dt:
+        raise ValueError(
+            f"delay must be in the nominal of several channels (robust model --delay), got {delay:g} s on top"
+        )
+    if plant.measured_only:
+        raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
+    if method == "mixsyn":
+        w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+        found = robust.mixsyn(plant, w_P, dt=dt, delay=delay)
+    else:
+        G = plant.nominal
+        if dt and G.dt and abs(dt / G.dt - 1) > 1e-9:
+            raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
+        G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=PADE_ORDER)
+        found = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
+    if not found.met:
+        raise ValueError(f"model must let a controller be found: {found.reason}")
+    return plant, found
 
 
 def controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:

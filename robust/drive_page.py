@@ -15,6 +15,7 @@ from nlfrf._base.files import write_text
 from robust._base.states import FrictionVerdict
 from robust.drive.check import LEGEND, BaseMotion, Conditions, DriveCheck, DriveVerdict, describe_parameters
 from robust.drive.friction import force_over_position
+from robust.drive.simulation import SHOWN
 from robust.plot.friction import RestCase
 from robust.reports import parts
 from robust.reports.page import page_path, render_page
@@ -88,7 +89,8 @@ def write_drive_page(
         for name, record, one in zip(names, records, under, strict=True)
         if one.motion is not BaseMotion.MOVING
     }
-    banner = Banner(style=STYLES[found.verdict], heading=found.verdict.capitalize(), lines=(found.conclusion,))
+    lines = found.findings[0], *(f"{name}: {answer}" for name, answer in found.answers.items()), *found.findings[1:]
+    banner = Banner(style=STYLES[found.verdict], heading=found.verdict.capitalize(), lines=lines)
     sections = [
         traces_section(found, records, names),
         friction_section(found, at_rest),
@@ -163,9 +165,11 @@ def rest_section(found: DriveCheck) -> Section:
     return Section(
         name="rest",
         title="What rests where",
-        lead=f"Friction {found.friction.conclusion}.",
+        lead="Where the axis is in the end, at rest or hunting.",
         facts=(("stiffness against a force on the axis", found.stiffness or ""),),
-        pictures=(parts.draw_picture(plot.plot_rest, cases, unit=unit, caption=caption),) if cases else (),
+        pictures=(parts.draw_picture(plot.plot_rest, cases, unit=unit, asked=found.asked, caption=caption),)
+        if cases
+        else (),
     )
 
 
@@ -180,9 +184,12 @@ def rest_cases(found: DriveCheck) -> list[RestCase]:
         within = 0.0 if at_set_point else friction.error_bound if friction.proved else friction.within
         cases.append(RestCase("these gains, with the class that was read", friction.proofs[0].verdict, within))
     if friction.largest is not None and np.isfinite(friction.error_bound):
-        force = " and ".join(f"{one:.4g} {found.unit}" for one in np.atleast_1d(friction.largest))
-        name = f"these gains, with any friction of at most {force}"
+        name = f"these gains, with any friction of at most {friction.largest_forces}"
         cases.append(RestCase(name, FrictionVerdict.SETTLES, friction.error_bound))
+    if (seen := friction.simulated) is not None:
+        far = max(seen.offset, seen.amplitude)
+        name = f"these gains, simulated in {seen.ended} runs" + " (hunts)" * seen.hunts
+        cases.append(RestCase(name, None, 0.0 if far < SHOWN else far))
     return cases + [RestCase(cure.change, cure.verdict, cure.error) for cure in friction.cures]
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from benchmarks.readers_here import readers_in_this_process
+
 settings.register_profile("patient", deadline=None)  # how long a case takes says something of the machine only
 settings.load_profile("patient")
 
@@ -74,6 +76,16 @@ def measured():
     if not (folder / "motor_bench").is_dir():
         pytest.skip(f"no measured records in {folder}; set NLFRF_DATA to the folder that holds motor_bench")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def read_here(request):
+    """Files of foreign libraries are read in this process, but where a test is of the process that they have."""
+    if request.node.get_closest_marker("own_process") is not None:
+        yield
+        return
+    with readers_in_this_process():
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -151,7 +151,10 @@ class Aliases:
 
         Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; from there on power laws.
         """
-        G, F = magnitude_of(self.plant), magnitude_of(self.F)
+        G, F = magnitude_of(self.plant), magnitude_of(self.weight)
+        if self.F_includes_plant:  # of the series rounding makes zeros far out, and it would no longer fall off
+            roots = {name: np.append(getattr(F, name), getattr(G, name)) for name in ("zeros", "poles")}
+            F = Magnitude(**roots, gain=F.gain * G.gain)
         first = float(self.single_indices[-1]) + 1
         roots = np.abs(np.concatenate([G.zeros, G.poles, F.zeros, F.poles]))
         end = max(TAIL_START_RATIO * float(roots.max(initial=0.0)) / self.spacing, 2.0 * first)
@@ -425,16 +428,16 @@ class RsBreakdown:
     ------
     omega, total : float
         The frequency, and rs there.
-    own : float
+    without_aliases : float
         rs of what acts at that frequency alone; with the aliases it is `total`.
-    member : float
+    single_frequency : float
         One or more where a linear perturbation of that frequency alone makes the loop unstable. Of an operator it is
         less than `without_aliases`, which counts every input that the hold passes to it.
-    measured : float
+    in_band : float
         rs of what acts inside the measured band alone; the rest is assumed.
-    source : float
+    omega_source : float
         The frequency [rad/s], of it and its aliases, that adds most.
-    filtered : bool
+    is_bounded : bool
         Whether the sum over all aliases is finite at all.
     F_max : float
         Largest |F| of an alias.

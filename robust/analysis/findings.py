@@ -31,15 +31,12 @@ class Effort:
     gap : float or None
         Relative distance between proof and counter-example for which a box of real parameters is cut up; None to do so
         only where the verdict is still open.
-    time_cap : float
-        Seconds, of bounds of mu.
     """
 
     certify: bool = True
     proof: ProofMethod = "exact"
     solver: str | None = None
     gap: float | None = None
-    time_cap: float = 60.0
 
 
 @value
@@ -158,7 +155,8 @@ class Proofs:
     Fields
     ------
     certificates : tuple of Certificate
-        Stability first, then performance where it was asked for and stability holds.
+        Stability first, then performance where it was asked for and stability holds; of a sampled set of several
+        channels the last one says that it contains the continuous set.
     robustly_stable, robust_performance : bool
         True only when established for the whole set, whatever the verdict makes of the set.
     violated : bool

@@ -13,6 +13,7 @@ from robust.analysis.loop_level import LoopLevel
 from robust.analysis.performance import ClassicalMargins, classical_margins
 from robust.analysis.text import (
     CLAIM_HINT,
+    PLANT_ALONE,
     USUAL_PEAK,
     describe_broken,
     describe_certificate,
@@ -24,6 +25,11 @@ from robust.analysis.text import (
     format_stability_margin,
 )
 from robust.models.sets.forms import FORMS, loop_discs
+
+#: Change of the gain that is tried against thin margins, and the least share by which |S| has to fall.
+GAIN_STEP, LEAST_GAIN = 0.1, 0.02
+#: A design that keeps |S| below a limit on its own grid passes it by less between its frequencies.
+ROUNDING = 0.01
 
 
 @value
@@ -117,17 +123,35 @@ class RobustnessReport(Findings):
         return classical_margins(self.curves.omega, self.curves.L) if seen else ClassicalMargins()
 
     @property
-    def gain_is_too_low(self) -> bool:
-        """Return whether the gain of one loop is nearer to its lower than to its upper limit."""
-        return self.classical.gain_reduction > 1 / self.classical.gain_margin
+    def better_gain(self) -> str:
+        """Return "higher" or "lower": the gain of one loop by which max |S| over the set falls; empty where neither."""
+        if self.curves.G is None or self.curves.K is None:
+            return ""
+        L = self.curves.G * self.curves.K
+        loose = self.curves.rs * np.abs(1 + L)  # how far the set moves L
+
+        def worst(factor: float) -> float:
+            return float(np.max(1 / np.maximum(np.abs(1 + factor * L) - factor * loose, 1e-9)))
+
+        tried = {worst(1 + GAIN_STEP): "higher", worst(1 - GAIN_STEP): "lower"}
+        return tried[min(tried)] if min(tried) < (1 - LEAST_GAIN) * worst(1.0) else ""
 
     @property
     def thin_margins(self) -> str:
         """Return why a loop that is stable with the whole set is close to instability; empty where |S| stays small."""
-        if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak):
+        if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak * (1 + ROUNDING)):
             return ""
         phase = self.classical.phase_margin if self.is_single else None
         return describe_thin_margins(self.margins, self.peak, phase=phase)
+
+    @property
+    def warning_of_margins(self) -> str:
+        """Return why a loop is close to instability, and what makes |S| smaller; empty where it stays small."""
+        thin, better = self.thin_margins, self.better_gain
+        if not (thin and self.is_single):
+            return thin
+        cure = f"a {better} gain" if better else "neither a higher nor a lower gain; more phase there"
+        return f"{thin}. What makes it smaller: {cure}"
 
     @property
     def performance(self) -> Demand | None:
@@ -148,7 +172,8 @@ class RobustnessReport(Findings):
     @property
     def meaning(self) -> str:
         """Return what the verdict means for the machine."""
-        return describe_meaning(self.verdict, self.confidence)
+        alone = self.verdict.is_robust and np.isnan(self.margins.rs)
+        return PLANT_ALONE if alone else describe_meaning(self.verdict, self.confidence)
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -174,9 +199,8 @@ class RobustnessReport(Findings):
         rows += [("condition", text) for text in self.conditions]
         rows += [("warning", text) for text in self.warnings]
         rows += [("because", self.reason)]
-        if thin := self.thin_margins:
-            rows += [("warning", f"{thin}: {'raise' if self.gain_is_too_low else 'lower'} the gain")]
-        if self.nominally_stable and self.is_single and not np.isfinite(margins.rs):
+        rows += [("warning", self.warning_of_margins)]
+        if self.nominally_stable and np.isnan(margins.rs):
             rows += [("stability", "no uncertainty to hold it against")]
         elif self.nominally_stable:
             measure = "rs" if self.is_single else "mu"
@@ -184,8 +208,8 @@ class RobustnessReport(Findings):
             if np.isfinite(margins.S_worst):
                 rows += [("worst case", describe_worst_sensitivity(margins, single=self.is_single))]
             rows += [("aliases", self.folding), ("worst found", describe_broken(margins))]
-            if np.isfinite(margins.rp):
-                rows += [("performance", describe_performance(self.curves, margins, self.performance))]
+        if self.nominally_stable and np.isfinite(margins.rp):
+            rows += [("performance", describe_performance(self.curves, margins, self.performance))]
         rows += [("proved", self.proved)]
         return [line for row in rows for line in format_paragraph(*row)]
 

@@ -14,6 +14,7 @@ from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import MuCurves, Peaks
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
+from robust.models.fit.weights import MAX_CHOSEN_ORDER
 from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
@@ -40,7 +41,7 @@ REMEDIES = {
 SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
 #: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
 USUAL_PEAK = 2.0
-USUAL_JOINT = "94 to 99 %"  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
+USUAL_JOINT = 0.94, 0.99  # of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
 NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
 #: Weight over radius, 2 dB and 6 dB: from where it is mentioned, and from where it is the first to be cured.
 MENTIONED_EXCESS, DECISIVE_EXCESS = 1.26, 2.0
@@ -89,7 +90,12 @@ def advise_on_margin(
         cause = "weight"
     else:
         cause = shares[0][1] if shares else ""
-    if cause:
+    if cause == "weight" and model.weight.nstates >= MAX_CHOSEN_ORDER:
+        sentences.append(
+            f"The radius has a peak there that a weight of order {model.weight.nstates} does not follow: lower it by "
+            "more periods or realisations."
+        )
+    elif cause:
         sentences.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
         sentences += ["Or measure there."] * (outside and cause != "assumed")
     return " ".join(sentences)
@@ -112,9 +118,11 @@ def advise_on_weight(loop: Loop, peaks: Peaks) -> str:
     if not on_lines < 1:
         return ""
     order = model.weight.nstates + 2
+    text = f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not: "
+    if model.weight.nstates >= MAX_CHOSEN_ORDER:
+        return f"{text}one of order {model.weight.nstates} does not follow the peak of the radius there."
     return (
-        f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not, as "
-        f"it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
+        f"{text}it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
         f"uncertainty(..., order={order})."
     )
 
@@ -150,8 +158,16 @@ def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyRespons
         text += f" ({estimated} by estimate)" if estimated else ""
     else:
         text = f"each line of another realisation lies within the radius with {percent} probability"
-        whole = (f"a whole FRF lies under the weight with {estimated} (usual: {USUAL_JOINT})",) if estimated else ()
+        whole = (f"a whole FRF lies under the weight with {estimated}{compare_joint(joint)}",) if estimated else ()
     return (f"subject to the warnings, {text}" if model.warnings else text), *whole
+
+
+def compare_joint(joint: float) -> str:
+    """Return how a probability of a whole FRF compares to those of other plants, and what raises a low one."""
+    low, high = USUAL_JOINT
+    if joint < low:
+        return f"; {100 * low:g} to {100 * high:g} % are usual: a set for all lines together (simultaneous) has more"
+    return f" (usual: {100 * low:g} to {100 * high:g} %)"
 
 
 def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
@@ -200,7 +216,7 @@ def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
         if found.omega_source != found.omega:
             text += f", most of it from {format_hertz(found.omega_source)}"
     if found.total - found.in_band < NEGLIGIBLE_SHARE * found.total:
-        return f"{text}; all of it lies inside the measured band"
+        return f"{text}; nearly all of it comes from measured lines"
     return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
 
 
@@ -214,7 +230,8 @@ def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     if not found.is_bounded:
         return (
             "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
-            "and what folds down has no bound. Roll the weight off there, or put the anti-alias filter into the nominal"
+            "and what folds down has no bound. A multiplicative set falls off with the plant. Or roll this weight off "
+            "there, as the guide on aliases shows, or put the anti-alias filter into the nominal"
         )
     if FORMS[model.form].inverse and not moves_frequencies(model) and found.F_max >= 1:
         return (
@@ -254,7 +271,7 @@ def describe_loop(loop: Loop) -> str:
 UNSTABLE_ADVICE = "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before."
 NOTHING_PROVED = "Nothing."
 NO_MARGINS = "Everything: margins mean nothing for a loop that is not stable."
-ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias"
+ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias between the frequencies of a grid"
 NO_MU = "Everything: mu means nothing for a loop that is not stable."
 #: Texts of a report on a plant that is known on its lines only.
 LINES_ADVICE = "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies."
@@ -313,6 +330,8 @@ VERDICT_MEANINGS = {
 WITHOUT_CONFIDENCE = (
     "this controller keeps every linear plant of the set stable; how surely the machine is one of them is unknown"
 )
+#: The same where no set was given.
+PLANT_ALONE = "this controller keeps the plant that was given stable, which is proved; no set of plants was given"
 CLAIM_HINT = 'no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
 
 
@@ -349,9 +368,8 @@ def explain_mu(
         return (with_linear if linear else "every perturbation of the set leaves the loop stable") + samples
     if curves.peak >= 1:
         reached = f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
-        late = " by the time cap" if curves.hit_time_cap else ""
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
-        return f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
+        return f"{reached}, but no perturbation was found that breaks the loop{parts}"
     below = f"mu stays below {curves.peak:.4g} on the grid"
     if not certify:
         return f"{below}, and no proof was asked for (certify=False)"
@@ -407,21 +425,21 @@ def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None
     return (
         f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}, "
         f"above {limit:g}{margin}. Customary are |S| of at most {USUAL_PEAK:g} and a phase "
-        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor, "
-        "and a small change makes the loop unstable"
+        "margin of 30 deg or more (Skogestad & Postlethwaite 2005, 2.4.3). Disturbances there grow by that factor"
     )
 
 
 def describe_performance(curves: ReportCurves, margins: Margins, demand: Demand | None) -> str:
     """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
+    met = f"demand {demand}" + ("" if np.isnan(margins.rs) else " for the whole set")
     if curves.S is None:
         mu = 1 / margins.rp
         allowed = ", above the 1 that is allowed" if mu > 1 else ""
         found = f"max mu {mu:.3f} at {format_hertz(margins.omega_rp)}{allowed}"
-        return f"{found}; demand {demand} for the whole set"
+        return f"{found}; {met}"
     return (
         f"nominal max |w_P S| {np.max(curves.np_):.3f}, worst case {float(np.max(curves.rp)):.3f} at "
-        f"{format_hertz(margins.omega_rp)}; demand {demand} for the whole set"
+        f"{format_hertz(margins.omega_rp)}; {met}"
     )
 
 

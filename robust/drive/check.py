@@ -21,7 +21,6 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import (
-    SCREEN_WIDTH,
     format_hertz,
     format_paragraph,
     ratio_unit,
@@ -30,7 +29,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.units import POSITIONS
-from nlfrf._base.values import to_plain, value
+from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
 from nlfrf.axis import Drive
 from robust._base.states import State, Verdict
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
@@ -39,16 +38,16 @@ from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
-from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice
-from robust.friction.balance import motion_of_record
+from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
 from robust.friction.classes import any_bounded
-from robust.friction.force import FrictionForce, read_friction_force
-from robust.friction.identification import FrictionFit
-from robust.friction.in_motion import fit_linear
+from robust.friction.reading.balance import motion_of_record
+from robust.friction.reading.force import FrictionForce, read_friction_force
+from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.in_motion import fit_linear
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
-from robust.models.fit.orders import OrderScan, scan_orders
+from robust.models.fit.orders import scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
 
@@ -58,6 +57,8 @@ ORDERS = range(2, 6)
 LEAD = 0.3
 #: Largest change of G that a pole and a zero make which cancel.
 CANCELLED = 0.05
+#: By which an unstable pole raises the logarithm of the likelihood where scatter does so once in a hundred times.
+SURE = 3.32
 #: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
 MOST_RISE = 0.75
 #: Mean of unit phasors above which F lines agree on a lead; that of random phases is 0 +- 1/sqrt(2 F).
@@ -166,6 +167,8 @@ class DriveCheck:
         Why the gains are not safe though the verdict may be good, or why the model cannot judge them.
     given : Drive or None
         The settings as given: those of `settings` have delay and lag of the trace where it refutes the given ones.
+    asked : float or None
+        The distance from its rest [m] or [rad] within which the axis is asked to stay.
     """
 
     settings: Drive
@@ -178,6 +181,7 @@ class DriveCheck:
     actual: bool
     doubts: tuple[Doubt, ...] = ()
     given: Drive | None = None
+    asked: float | None = None
 
     @property
     def linear_passed(self) -> bool:
@@ -204,26 +208,31 @@ class DriveCheck:
     @property
     def findings(self) -> tuple[str, ...]:
         """What the verdict means for the axis, then why and on which conditions, a sentence each."""
-        stable = f"The linear loop is stable with every linear plant of the set, |S| at most {self.report.peak:g}"
-        friction = self.friction.conclusion
+        largest = f"max |S| is {self.report.margins.S_worst:.3g}, allowed are {self.report.peak:g}"
+        stable = f"The linear loop is stable with every linear plant of the set; {largest}"
         if self.safe:
             rests = "The axis comes to rest with every friction of the class below"
             return "PASSED, linear loop and friction: the axis may run with these gains", stable, rests
+        if self.linear_passed and self.friction.proofs:
+            return f"NOT PASSED, friction: rest is not proved; the axis {self.friction.headline}", stable
         if self.linear_passed:
-            failed = "NOT PASSED: " * bool(self.friction.proofs)
-            return f"{failed}linear loop passed; friction {friction}", stable
+            return f"linear loop passed; friction not judged: the axis {self.friction.headline}", stable
         why: str = self.doubts[0].kind if self.doubts else self.report.reason
         more = ("The verdict below only says that no linear plant of the set is unstable",)
-        return (
-            f"NOT PASSED: linear loop: {why}",
-            *(more if self.report.proofs.robustly_stable else ()),
-            f"Friction was {friction}",
-        )
+        return f"NOT PASSED, linear loop: {why}", *(more if self.report.proofs.robustly_stable else ())
 
     @property
     def conclusion(self) -> str:
         """What the verdict is on, linear loop and friction, and why."""
         return ". ".join(self.findings)
+
+    @property
+    def answers(self) -> dict[str, str]:
+        """What is asked of an axis first: whether it rests, within how much, whether it hunts, what to change."""
+        answers = self.friction.answers(self.settings.base_unit, self.asked)
+        if not self.linear_passed:
+            answers["change"] = "the linear loop first: see the warnings" if self.doubts else self.report.reason
+        return {question: answer for question, answer in answers.items() if answer}
 
     def to_values(self) -> dict[str, Any]:
         """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
@@ -231,33 +240,39 @@ class DriveCheck:
         friction.outcome : "rests", "settles" (within `within` [m]), "refuted" or "open": what is proved.
         friction.simulated : "rests" or "hunts", with amplitude [m], advice and the laws that the records leave.
         """
-        found, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
-        assert isinstance(found, dict)
-        assert isinstance(found["friction"], dict)
-        found["linear"] = {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst}
+        fields, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
+        assert isinstance(fields, dict)
+        friction = fields.pop("friction")
+        assert isinstance(friction, dict)
         known = fit if force is None and fit is not None else None if force is None else force.sliding
         simulated = self.friction.simulated
         mass = None if known is None or not np.isfinite(known.stds["mass"]) else known.mass
         interval = [None, None] if force is None else force.Fs.tolist()
         if force is None and fit is not None and np.isfinite(fit.stds["Fs"]):
             interval = list(fit.interval("Fs"))
-        found["friction"] |= to_plain(
-            {
-                "outcome": self.friction.outcome,
-                "laws": None if simulated is None else simulated.laws,
-                "simulated": None if simulated is None else "hunts" if simulated.hunts else "rests",
-                "simulated_amplitude": None if simulated is None else simulated.amplitude * simulated.hunts,
-                "advice": None if simulated is None else simulated.advice,
-                "within": self.friction.within,
-                "reason": self.friction.note,
-                "mass": mass,
-                "mass_interval": None if mass is None or known is None else known.interval("mass"),
-                "delay": None if known is None else known.delay,
-                "Fs_interval": interval,
-                "K0_used": self.friction.K0_used,
-            }
-        )
-        return found
+        asked = {
+            "outcome": self.friction.outcome,
+            "within": self.friction.within,
+            "reason": self.friction.note,
+            "simulated": None if simulated is None else "hunts" if simulated.hunts else "rests",
+            "simulated_amplitude": None if simulated is None else simulated.amplitude * simulated.hunts,
+            "advice": None if simulated is None else simulated.advice,
+            "laws": None if simulated is None else simulated.laws,
+            "mass": mass,
+            "mass_interval": None if mass is None or known is None else known.interval("mass"),
+            "delay": None if known is None else known.delay,
+            "Fs_interval": interval,
+            "K0_used": self.friction.K0_used,
+        }
+        plain = to_plain(asked)
+        assert isinstance(plain, dict)
+        return {
+            "verdict": self.verdict.value,
+            "answers": self.answers,
+            "linear": {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst},
+            "friction": plain | {name: held for name, held in friction.items() if name not in plain},
+            **{name: held for name, held in fields.items() if name != "verdict"},
+        }
 
     @property
     def stiffness(self) -> str | None:
@@ -292,9 +307,13 @@ class DriveCheck:
 
     def __str__(self) -> str:
         warned = [row for doubt in self.doubts for row in format_paragraph("warning", doubt.description)]
+        first, more = wrap(f"{self.findings[0]}.", SCREEN_WIDTH), self.findings[1:]
+        answers = [row for question, answer in self.answers.items() for row in format_paragraph(question, answer)]
         ratio, linear = ratio_unit(self.settings.base_unit, self.unit), replace(self.report, peak=np.inf)
         parts = {
-            "gains": "\n".join([*(row for one in self.findings for row in wrap(f"{one}.", SCREEN_WIDTH)), *warned]),
+            "gains": "\n".join(
+                [*first, *answers, *(row for one in more for row in wrap(f"{one}.", SCREEN_WIDTH)), *warned]
+            ),
             "drive": f"{self.settings}\n{describe_parameters(self.settings)}",
             "traces": "\n".join([*self.traces, self.assumption]),
             f"linear loop, from {self.base} ({ratio})": str(linear),  # its thin margins are among the warnings
@@ -409,12 +428,17 @@ def read_experiments(
         Traces that are more or fewer than those of the designs; pre-tests only, which do not show three levels; as
         `read_trace` and `nlfrf.axis.load_trace`.
     """
+    if len(designs) == len(traces):  # that of each trace: of an experiment of several realisations once
+        of_trace, designs = list(designs), []
+        while of_trace:
+            designs.append(of_trace[0])
+            of_trace = of_trace[of_trace[0].ms.n_realizations :]
     counts = [design.ms.n_realizations for design in designs]
     repeats = len(traces) // counts[0] if len(designs) == 1 else 1
     if sum(counts) * repeats != len(traces):
         raise ValueError(
-            f"design must be one for all traces, or one a trace, got {len(designs)} for {sum(counts)} traces and "
-            f"{len(traces)} traces"
+            f"design must be one for all traces, or that of each trace, got {len(designs)} of {sum(counts)} "
+            f"realisations in all, and {len(traces)} traces"
         )
     records, names, conditions, unread, warned_texts, left = [], [], [], [], [], list(traces)
     levels_at_rest: list[nlfrf.Record] = []
@@ -434,8 +458,8 @@ def read_experiments(
         records += [to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
-        # of a ramp every velocity is zero
-        speeds = design.velocities if motion is BaseMotion.MOVING else np.zeros(len(found))
+        strokes = list(design.groups.values())  # those of one direction are realisations of one record
+        speeds = [design.velocities[one[0]] if motion is BaseMotion.MOVING else 0.0 for one in strokes[: len(found)]]
         gains = compare_gains(design, settings)
         conditions += [Conditions(gains=gains, motion=motion, velocity=float(speed)) for speed in speeds]
     if not records:
@@ -514,6 +538,7 @@ def check_drive(
     Fs: float | None = None,
     spring: bool = False,
     masses: int = 1,
+    within: float | None = None,
     fit: FrictionFit | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> DriveCheck:
@@ -545,7 +570,9 @@ def check_drive(
     spring : bool
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
-        2 to read the friction of a motor and a load, which takes minutes.
+        2 to read the friction of a motor and a load, which takes a minute or two.
+    within : float, optional
+        Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
     fit : FrictionFit, optional
         What was read from these traces at rest before, as `friction.fit` of a check of other gains: reading it again
         takes seconds. `spring` and `masses` are then those of the fit.
@@ -562,6 +589,8 @@ def check_drive(
     """
     require_kind("settings", settings, Drive)
     peak = require_positive("peak", peak)
+    if within is not None:
+        require_positive("within", within)
     if settings.encoder == "both":
         raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
     unit, base = records[0].u_unit, settings.base_unit
@@ -668,23 +697,30 @@ def check_drive(
         actual=actual,
         doubts=tuple(filter(None, doubts)),
         given=given,
+        asked=within,
     )
 
 
 def simulate_drive(
-    friction: DriveFriction, settings: Drive, *, model: UncertaintyModel, report: RobustnessReport, masses: int
+    friction: DriveFriction,
+    settings: Drive,
+    *,
+    model: UncertaintyModel,
+    report: RobustnessReport,
+    masses: int,
 ) -> DriveFriction:
     """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
-    force, reason = friction.force, reason_against_simulation(friction.force, settings, masses)
+    force = None if friction.force is None else with_load(friction.force, friction.fit)
+    reason = reason_against_simulation(force, settings, masses)
     if not report.nominally_stable:
         reason = "the linear loop is unstable"
     if reason or force is None:
         return replace(friction, unsimulated=reason)
-    S_most = max(report.peak, report.margins.S_worst)
+    friction = replace(friction, force=force)
 
     def keeps(other: Drive) -> bool:
         found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
-        return found.proofs.robustly_stable >= report.proofs.robustly_stable and found.margins.S_worst <= S_most
+        return found.proofs.robustly_stable and found.margins.S_worst <= report.peak
 
     found = simulate_rest(force, settings)
     if found.ended <= found.amplitudes.size / 2:
@@ -744,15 +780,13 @@ def fit_machine(
         if late:
             reason = reason or late
             continue
-        scan = scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=False)
-        nominal = choose_fit(scan)
-        leads = "" if actual else reason_of_lead(nominal.G, machine, timing)
+        best, others = fit_orders(machine)
+        leads = "" if actual else reason_of_lead(best.G, machine, timing)
         if not leads:
-            return machine, nominal, timing
+            return machine, best, timing
         reason = reason or leads
-        for fit in scan.fits:
-            if not (reason_of_lead(fit.G, machine, timing) or cancels_unstable_pole(fit.G)):
-                not_leading.append((fit.cost, machine, fit, timing))
+        rows = [(one.cost, machine, one, timing) for one in others if not reason_of_lead(one.G, machine, timing)]
+        not_leading += rows
     if not not_leading:
         raise ValueError(reason)
     return min(not_leading, key=lambda one: one[0])[1:]
@@ -784,16 +818,22 @@ def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive)
     )
 
 
-def choose_fit(scan: OrderScan) -> NominalFit:
-    """The fit of the best order without an unstable pole that a zero cancels: one is fitted to scatter now and then.
+def fit_orders(machine: nlfrf.Bla) -> tuple[NominalFit, tuple[NominalFit, ...]]:
+    """Return the fit of a machine, and those of every order: stable, unless an unstable pole is more than scatter.
 
-    The loop keeps such a pole, so it would be called unstable by less than the FRF can tell.
+    A free axis has its pole at zero, and a few lines above it cannot tell on which side. A loop that is stable with the
+    one and not with the other would be judged by scatter. A pole of friction that falls with speed is kept; one that a
+    zero cancels is fitted to a single line and is none of the machine, however much it is worth.
     """
-    kept = [k for k, fit in enumerate(scan.fits) if not cancels_unstable_pole(fit.G)]
-    if not kept:
-        return scan.fit
-    rows = {name: getattr(scan, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
-    return replace(scan, **rows, fits=tuple(scan.fits[k] for k in kept)).fit
+    free, held = (
+        scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=stable) for stable in (False, True)
+    )
+    kept = [k for k, fit in enumerate(free.fits) if not cancels_unstable_pole(fit.G)]
+    if not kept or free.criterion[kept].min() + SURE >= held.criterion.min():
+        return held.fit, held.fits
+    rows = {name: getattr(free, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
+    free = replace(free, **rows, fits=tuple(free.fits[k] for k in kept))
+    return free.fit, free.fits
 
 
 def cancels_unstable_pole(G: control.StateSpace) -> bool:
@@ -923,9 +963,12 @@ def doubt_of_margins(report: RobustnessReport) -> Doubt | None:
     """Why a loop that is stable with the whole set is not safe: it is close to instability."""
     if not report.thin_margins:
         return None
-    # where the gain is nearer to its lower limit, kv and 1/tn are too high for this kp
-    cure = "raise kp, or lower kv and lengthen tn" if report.gain_is_too_low else "lower kp, or kv"
-    return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cure}")
+    cures = {  # where the gain is nearer to its lower limit, kv and 1/tn are too high for this kp
+        "higher": "raise kp, or lower kv and lengthen tn",
+        "lower": "lower kp, or kv",
+        "": "lower kv, or lengthen tn",
+    }
+    return Doubt(DoubtKind.THIN_MARGINS, f"{report.thin_margins}: {cures[report.better_gain]}")
 
 
 def doubt_of_approximation(settings: Drive) -> Doubt | None:

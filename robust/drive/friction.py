@@ -19,15 +19,15 @@ from robust._base.states import FrictionVerdict
 from robust.drive.cures import FrictionCure, friction_cures
 from robust.drive.p_pi import cascade
 from robust.drive.simulation import SimulatedRest
-from robust.friction.balance import HALF_WIDTH, REPORTED, format_rounded, unit_of
 from robust.friction.classes import AnyFriction, FrictionAtPorts
-from robust.friction.force import FrictionForce, edge_of_level, friction_of_period
-from robust.friction.identification import FrictionFit, identify_friction
-from robust.friction.in_motion import SlidingFit
-from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states
-from robust.friction.prove import FrictionProof, prove_friction
-from robust.friction.two_masses import interval_at_port, machines_with_load
+from robust.friction.proof.prove import FrictionProof, prove_friction
+from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
+from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
+from robust.friction.reading.identification import FrictionFit, identify_friction
+from robust.friction.reading.in_motion import SlidingFit
+from robust.friction.reading.levels import ASSUMPTION_NOTE, FrictionClass
+from robust.friction.reading.two_masses import interval_at_port, machines_with_load
 from robust.friction.units import format_length, format_plain
 from robust.io.certificates import prove_all
 
@@ -109,11 +109,16 @@ class DriveFriction:
         return bool(self.proofs) and all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
 
     @property
+    def refuted(self) -> bool:
+        """Whether a friction of the class is proved to keep the axis from rest."""
+        return any(proof.verdict is FrictionVerdict.REFUTED for proof in self.proofs)
+
+    @property
     def outcome(self) -> str:
         """What is proved: "rests", "settles", "refuted" (a friction of the class never rests), or "open"."""
         if self.proved:
             return "rests"
-        if any(proof.verdict is FrictionVerdict.REFUTED for proof in self.proofs):
+        if self.refuted:
             return "refuted"
         return "settles" if np.isfinite(self.within) else "open"
 
@@ -147,30 +152,77 @@ class DriveFriction:
         return max((proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)), default=np.nan)
 
     @property
-    def conclusion(self) -> str:
-        """Whether the axis comes to rest with its friction, and within which distance it may move for ever if not."""
+    def headline(self) -> str:
+        """What the axis does with its friction, in a few words."""
         if self.proved:
-            return "passed"
-        proof_alone = self.describe_bound()
+            return "rests, proved"
         if self.simulated is None:
-            return proof_alone
-        amplitude = format_length(self.simulated.amplitude, self.simulated.unit)
-        does = f"hunts by +-{amplitude}" if self.simulated.hunts else "comes to rest"
-        return f"{proof_alone}; simulated, it {does}"
+            return "may hunt with these gains"
+        if self.simulated.hunts:
+            return f"hunts by +-{format_length(self.simulated.amplitude, self.simulated.unit)} in simulation"
+        return "comes to rest in simulation, which is no proof"
 
-    def describe_bound(self) -> str:
-        """Say within which distance a loop that is not proved to rest may move."""
-        proof = (self.proofs or (self.bounded,))[0]
-        if proof is None:
-            return "not judged: the axis may hunt with these gains"
-        bound, units = float(np.fmin(proof.settling_error, proof.error_bound)), proof.units
-        within = f"within {format_length(bound, units.position)} of its rest for ever"
-        judged = (
-            f"not passed ({proof.verdict}): the"
-            if self.proofs
-            else f"not judged: with any of at most {self.largest:g} {units.force} the"
-        )
-        return f"{judged} axis may move {within if np.isfinite(bound) else 'without a known bound'}"
+    def answers(self, unit: str, asked: float | None = None) -> dict[str, str]:
+        """Return whether the axis rests, within how much it stays, whether it hunts and what to change, by these words.
+
+        unit : of the position. asked : distance from the rest that was asked for [m] or [rad].
+        """
+        seen, rests, hunts, change = self.simulated, "", "", ""
+        if self.proved:
+            rests, hunts, change = f"yes, proved: {self.describe_rest()}", "no, proved", "nothing"
+        elif seen is None:
+            rests = hunts = f"not known: {self.unsimulated or self.note or 'it was not simulated'}"
+        else:
+            rests = f"yes in all {seen.ended} simulated runs; not proved"
+            if seen.count:
+                rests = (
+                    f"{'no' if seen.hunts else 'not always'}: it hunts in {seen.count} of {seen.ended} simulated runs"
+                )
+            hunts = f"yes, {seen.describe_swing()}" if seen.hunts else "not seen in simulation"
+        if self.refuted:
+            rests += ". A friction of the class is proved to keep the axis from rest; this one may be another"
+        if not self.proved and seen is not None and seen.hunts:
+            change = seen.advice or "none of the changes that were tried brings rest, or half the amplitude"
+        elif self.cures:
+            change = f"to prove more: {self.cures[0]}"
+        distance, doubt = self.describe_distance(unit, asked), "" if self.force is None else self.force.contradiction
+        return {"rests": rests, "within": distance, "hunts": hunts, "change": change, "traces": doubt}
+
+    @property
+    def largest_forces(self) -> str:
+        """The largest friction forces of the bounds, with their unit; empty where none is known."""
+        proof = (*self.proofs, self.bounded)[0]
+        if self.largest is None or proof is None:
+            return ""
+        return " and ".join(f"{own:.4g} {proof.units.force}" for own in np.atleast_1d(self.largest))
+
+    def describe_rest(self) -> str:
+        """Say where a loop that is proved comes to rest."""
+        rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
+        if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
+            stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
+            return f"with the motor {rest}, and the load within {stretch} of it"
+        return rest
+
+    def describe_distance(self, unit: str, asked: float | None) -> str:
+        """Say how far from its rest the axis is in the end, at most, and whether that is within what was asked for."""
+        known = self.error_bound if self.proved and not self.has_integral else self.within
+        distance, answer = f"at most {format_length(known, unit)} off, at rest or hunting: proved", ""
+        if self.proved and self.has_integral:
+            distance = "0: it rests at its set point"
+        elif not np.isfinite(known):
+            distance = "not known" + ": --force F with the largest friction force bounds it" * (self.largest is None)
+        elif self.bounded is not None:
+            distance += f" of the nominal model, friction up to {self.largest_forces}"
+        elif self.largest is not None:
+            distance += f" for friction up to {self.largest_forces}"
+        if asked is not None:
+            seen = self.simulated
+            far = np.nan if seen is None else np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
+            simulated = "; in simulation yes" if far <= asked else ""
+            answer = "yes" if known <= asked else "no, as simulated" if far > asked else f"not proved{simulated}"
+            answer = f". Asked were {format_length(asked, unit)}: {answer}"
+        return distance + answer
 
     def __str__(self) -> str:
         not_run = f"not simulated: {self.unsimulated}" if self.unsimulated else ""
@@ -183,7 +235,9 @@ class DriveFriction:
         if self.bounded is not None:
             bounded = [BOUNDED_NOTE, self.bounded.claim or self.bounded.reason, self.bounded.not_claimed]
         if self.fit is None or self.assumed is None:
-            rows = [] if self.fit is None else [f"read from {len(self.fit.levels)} traces at rest:\n{self.fit}"]
+            rows = []
+            if self.fit is not None and any(0 < std < np.inf for std in self.fit.stds.values()):
+                rows = [f"read from {len(self.fit.levels)} traces at rest:", *format_numbers(self.fit)]
             return "\n".join([*rows, f"not judged: {self.note}", *without_law, *bounded])
         rows = [describe_reading(self.fit), *tabulate_assumptions(self.fit, self.assumed, self.known_delay)]
         rows += [FORCE_NOTE.format(unit=self.fit.units[0]), ASSUMPTION_NOTE]
@@ -194,21 +248,15 @@ class DriveFriction:
         """Say where a proved loop rests, for which other machines and delays it is proved, and the force of a bound."""
         rows = []
         if self.proved:
-            rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
             two = self.fit is not None and self.fit.load_mass > 0
-            if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
-                stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
-                rest = f"with the motor {rest}, and the load within {stretch} of it"
             added = f", and with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
             ends = "motor, load and the spring between them" if two else "mass"
             rows = [
-                f"It rests {rest}. Proved also at both ends of {ends} and of viscous friction in the table"
-                f"{added} (at these values, not between them)."
+                f"It rests {self.describe_rest()}. Proved also at both ends of {ends} and of viscous friction in the "
+                f"table{added} (at these values, not between them)."
             ]
-        if self.largest is not None and self.assumed is not None:
-            unit = self.assumed.friction.units.force
-            force = " and ".join(f"{own:.4g} {unit}" for own in np.atleast_1d(self.largest))
-            rows.append(f"The given force is {force}, as stated or the upper end of Fs.")
+        if self.largest is not None:
+            rows.append(f"The given force is {self.largest_forces}, as stated or the upper end of Fs.")
         return rows
 
 
@@ -329,7 +377,7 @@ def judge_friction(
     try:
         assumed = fit.assumed_class(stiction=stiction, margin=K0_MARGIN)
     except ValueError as error:
-        return DriveFriction(fit=fit, note=str(error))
+        return DriveFriction(fit=fit, note=fit.reason or str(error))
     if fit.load_mass and settings.encoder != "motor":
         return DriveFriction(
             fit=fit, note="motor and load are read from the encoder of the motor, and it is at the load"

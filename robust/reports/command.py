@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import repeat_warnings, require_nonnegative, require_positive
+from nlfrf._base.arguments import MissingArgumentError, repeat_warnings, require_nonnegative, require_positive
 from nlfrf._base.command import spinner
 from nlfrf._base.files import command_signature, require_file_of, write_text
 from robust._base.channels import is_single
@@ -49,12 +49,22 @@ def load_blas(
         one = (
             repeat_warnings(load_bla(path))
             if own
-            else nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+            else read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
         )
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
         found.append(one)
     return found[0] if len(found) == 1 else found
+
+
+def read_frf(path: Path, *, relative_std: float | None, n_averages: float | None, channel: str) -> nlfrf.Bla:
+    """Return an FRF of another program; where its variance is missing, how a BLA is made of it for all commands."""
+    try:
+        return nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
+    except MissingArgumentError as error:
+        option = {"relative_std": "--relative-std STD", "n_averages": "--averages N"}[error.parameter]
+        way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
+        raise ValueError(f"{error}; {way}") from None
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
@@ -89,7 +99,8 @@ def fit_nominal_model(
         best = scan("auto" if delay is None else delay)
         order = f"order: the data ask for {describe_order(best)}; robust orders lists the others"
         if len(levels) == 1:
-            return best, order + (", and none explains all that was measured" if best.p_value < UNLIKELY_COST else "")
+            order += ", and none explains all that was measured" if best.p_value < UNLIKELY_COST else ""
+            return repeat_warnings(best), order
         tau = delay if delay is not None else "estimate" if best.delay else 0.0
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
         return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"

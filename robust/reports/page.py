@@ -24,7 +24,7 @@ from robust.analysis.loop_level import LoopSignals
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.analysis.text import describe_confidence
-from robust.friction.prove import FrictionProof
+from robust.friction.proof.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
@@ -151,7 +151,8 @@ def write_report(
         heading=f"{report.verdict.capitalize()}{report.missed_performance}",
         lines=(report.meaning, *report.conditions, *([] if friction is None else [describe_proof(friction)])),
     )
-    page = {"verdict": report.verdict, "banner": banner, "warnings": report.warnings, "sections": sections}
+    warned = [*filter(None, [report.warning_of_margins]), *report.warnings]
+    page = {"verdict": report.verdict, "banner": banner, "warnings": warned, "sections": sections}
     write_text(path, render_page(title=title, notes=notes, **page))
     return report
 

@@ -20,11 +20,19 @@ PAGES = [
     DOCS / "guide" / "aliases.md",
     DOCS / "guide" / "drive.md",
     DOCS / "guide" / "axis.md",
+    DOCS / "guide" / "friction_proof.md",
     *sorted(path for path in (DOCS / "howto").glob("*.md") if path.stem != "index"),
 ]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[page.stem for page in PAGES])
+#: Pages that take seconds.
+SLOW = {"axis", "extend", "from_matlab", "servo_axis"}
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=pytest.mark.docs if page.stem in SLOW else ()) for page in PAGES],
+)
 def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     assert blocks
@@ -39,6 +47,7 @@ def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out or page.stem == "which_signal"
 
 
+@pytest.mark.docs
 def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch, capsys):
     """The whole walk as it stands on the page: both files, every command in order, and a verdict without a warning.
 

@@ -18,7 +18,7 @@ def complex_normal(rng, shape):
     return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
 
 
-@pytest.mark.attack(every=3)
+@pytest.mark.attack(every=6)
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
 @pytest.mark.parametrize(
     ("case", "before"),

@@ -77,16 +77,17 @@ def test_no_plant_of_the_set_has_singular_values_outside(shape):
     assert closest.mean(axis=2).min() > 0.5  # and they are no wider than twice what is needed
 
 
-def test_bounds_hold_the_truth_as_often_as_they_say():
+@pytest.mark.parametrize(("n", "off"), [(15, 0.05), pytest.param(60, 0.025, marks=pytest.mark.attack)])
+def test_bounds_hold_the_truth_as_often_as_they_say(n, off):
     sigma, gains = np.linalg.svd(COLUMN, compute_uv=False)[:, None], nlfrf.bla.rga(COLUMN)[:, :, None]
     of_gains, of_sigma = [], []
-    for e in range(60):
+    for e in range(n):
         frm = measured(COLUMN, noise=0.03, rng=e)
         _, low, high = nlfrf.bla.singular_values(frm)
         of_sigma.append(np.mean(np.all((low < sigma) & (sigma < high), axis=0)))
         of_gains.append(np.mean(np.abs(nlfrf.bla.rga(frm.matrix) - gains) < nlfrf.bla.rga_radius(frm), axis=2))
     assert np.mean(of_sigma) > 0.93  # a set that holds the matrix holds them
-    assert np.all(np.abs(np.mean(of_gains, axis=0) - 0.95) < 0.025)
+    assert np.all(np.abs(np.mean(of_gains, axis=0) - 0.95) < off)
 
 
 @pytest.mark.parametrize("gains", [[[3, 1], [1, -1], [1, 0.5]], [[3, 1, 0.4], [1, -1, 2]], [[1], [0.3]]])

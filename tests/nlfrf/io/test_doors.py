@@ -11,7 +11,7 @@ import pytest
 
 import nlfrf
 from benchmarks import doors
-from benchmarks.doors import Outcome, compare, draw_kind, readers_in_this_process, result_of
+from benchmarks.doors import Outcome, compare, draw_kind, result_of
 from benchmarks.drawn_files import KINDS, draw
 
 #: Kinds that are drawn often differ more among themselves.
@@ -21,8 +21,7 @@ FILES = [(name, seed) for name, (weight, _) in KINDS.items() for seed in range(2
 @pytest.mark.parametrize(("name", "seed"), FILES, ids=lambda one: str(one).replace(" ", "_"))
 def test_no_answer_is_wrong_without_a_word(name, seed, tmp_path):
     case = draw_kind(name, seed)
-    with readers_in_this_process():
-        found = result_of(case, tmp_path, with_commands=seed == 1)
+    found = result_of(case, tmp_path, with_commands=seed == 1)
     assert found.outcome not in (Outcome.SILENT, Outcome.CRASH), found
     if case.sound:
         assert found.outcome is Outcome.RIGHT, found

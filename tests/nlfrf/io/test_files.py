@@ -297,12 +297,21 @@ def test_the_linear_guide_repeats_one_sample_early(measured):
 # Fuzz: whatever happens to a file, only documented errors come out
 
 
+@pytest.mark.own_process
 @pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
-@pytest.mark.parametrize("suffix", FORMATS)
-def test_damaged_files_raise_documented_errors_only(record, suffix, tmp_path):
-    fuzz_loader(record, suffix, tmp_path, n=15 if suffix in (".h5", ".mat") else 80, seed=0)
+@pytest.mark.parametrize(
+    ("suffix", "n"),
+    [
+        *((suffix, 4 if suffix in (".h5", ".mat") else 80) for suffix in FORMATS),
+        *(pytest.param(suffix, 15, marks=pytest.mark.attack) for suffix in (".h5", ".mat")),
+    ],
+)
+def test_damaged_files_raise_documented_errors_only(record, suffix, n, tmp_path):
+    """Those of foreign libraries with a process for each file."""
+    fuzz_loader(record, suffix, tmp_path, n=n, seed=0)
 
 
+@pytest.mark.own_process
 def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
     from nlfrf._base import own_process
 

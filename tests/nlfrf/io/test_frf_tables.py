@@ -95,7 +95,7 @@ def test_units_coherence_and_deviations_come_from_the_file(tmp_path):
         nlfrf.io.load_frf(path)
     path = write(tmp_path / "b.csv", table("f,Re,Im,std", F, G.real, G.imag, 0.1 * np.abs(G)))
     np.testing.assert_allclose(nlfrf.io.load_frf(path).bound(), np.sqrt(-np.log(0.05)) * 0.1 * np.abs(G), rtol=1e-5)
-    assert nlfrf.inspect_file(path).command.startswith(f"robust model {path} --poles POLES -o ")
+    assert nlfrf.inspect_file(path).command.startswith(f"robust model {path} -o ")
 
 
 def test_a_table_of_this_package_says_no_variance_by_its_parts(tmp_path):
@@ -229,12 +229,21 @@ def test_from_inspect_to_a_model(nlfrf_command, robust_command, tmp_path):  # no
     assert "needs: the file holds no coherence, and a swept sine shows no distortion" in unwrapped(out)
     command = shlex.split(out.splitlines()[-1].removeprefix("run:   robust "))
     assert "--relative-std" in command
-    given = {"POLES": "2", "RELATIVE-STD": "0.02"}
-    code, out, _ = robust_command(" ".join([*(given.get(word, word) for word in command), "--delay 0.004"]))
+    given = {"RELATIVE-STD": "0.02"}
+    options = "--poles 2 --delay 0.004"
+    code, out, _ = robust_command(" ".join([*(given.get(word, word) for word in command), options]))
     assert code == 0
     assert (tmp_path / "bode-model.json").exists()
     code, _, err = robust_command("model bode.csv --poles 2 -o other.json")
     assert code == 2
     assert err.startswith("robust: --relative-std must be given: the file holds no coherence")
+    for refused in ("orders bode.csv", "design bode.csv --method pid -o K.json"):
+        code, _, err = robust_command(refused)
+        assert code == 2
+        assert "nlfrf frf bode.csv --relative-std STD -o bla.npz makes a BLA of it for every command" in unwrapped(err)
+    code, out, _ = nlfrf_command("frf", "bode.csv", "--relative-std", "0.02", "-o", "bla.npz")
+    assert code == 0
+    for taken in ("orders bla.npz --most 3", "design bla.npz --method pid --structure I --sample-time 1e-3 -o K.json"):
+        assert robust_command(taken)[0] == 0
     code, _, err = robust_command("model bla.npz --poles 2 --relative-std 0.1 -o other.json")
     assert (code, "must be left out for a BLA" in err) == (2, True)

@@ -33,6 +33,7 @@ print(loaded, tracemalloc.get_traced_memory()[1], record.n_samples, bla.experime
 """
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize(
     ("name", "kept", "noise"),
     [

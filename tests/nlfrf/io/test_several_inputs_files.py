@@ -214,6 +214,7 @@ def test_a_design_that_was_not_played_is_refused():
         nlfrf.record_from_samples(u[0][0], y[0][0], fs=256, design=ms)
 
 
+@pytest.mark.own_process
 @pytest.mark.parametrize("what", ["record", "design"])
 def test_damaged_files_are_refused_or_read(what, tmp_path):
     path, rng = tmp_path / "x.npz", np.random.default_rng(4)

@@ -98,6 +98,7 @@ def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
         assert radius(report.margins.rs * 0.99) < 1 + 1e-9
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("form", ["multiplicative", "additive"])
 def test_operators_of_a_proved_set_never_destabilise(form):
     """Gains of +-1 that change within a sample: the largest spectral radius over all of them, where they are proved."""

@@ -18,9 +18,10 @@ from tests.support.random_families import FAMILIES
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_no_wrong_verdict_no_refusal_nothing_open(name):
+@pytest.mark.parametrize("n", [4, pytest.param(9, marks=pytest.mark.attack)])
+def test_no_wrong_verdict_no_refusal_nothing_open(name, n):
     rng, seen = np.random.default_rng([7, list(FAMILIES).index(name)]), set()
-    for _ in range(9):
+    for _ in range(n):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of the random designs
             case = FAMILIES[name](rng)

@@ -228,14 +228,15 @@ def test_discretize():
     assert response(ours, omega) == pytest.approx(response(theirs, omega), rel=1e-9)
 
 
-def test_the_order_scan_finds_the_order():
+@pytest.mark.parametrize("n", [2, pytest.param(5, marks=pytest.mark.attack)])
+def test_the_order_scan_finds_the_order(n):
     f = np.arange(1, 200, 2) * 0.5
 
     def plant(s):
         return 1e4 / (s * s + 3 * s + 8e3) + 4e4 / (s * s + 8 * s + 9e4)
 
     found = []
-    for seed in range(5):
+    for seed in range(n):
         bla = make_bla(plant, f, f0=0.5, sigma_noise=0.01 * np.abs(plant(2j * np.pi * f)), rng=seed)
         scan = scan_orders(bla, n_poles=range(2, 8), relative_degree=2)
         found.append(scan.best)
@@ -369,6 +370,6 @@ def test_a_stable_loop_with_thin_margins_is_warned_of():
     assert report.margins.S_worst > 2
     found = unwrapped(str(report))
     assert f"warning: thin margins: |S| reaches {report.margins.S_worst:.3g} over the set, at" in found
-    assert "and a small change makes the loop unstable: lower the gain" in found
-    assert check(set_, 0.8 * 0.5).margins.S_worst < report.margins.S_worst
+    assert "What makes it smaller: a lower gain" in found
+    assert check(set_, 0.8 * 0.9).margins.S_worst < 0.98 * report.margins.S_worst
     assert "thin margins" not in str(check(set_, 1e-3))

@@ -1,8 +1,12 @@
 """A servo axis that shares no code with the packages, through files and commands."""
 
+import numpy as np
 import pytest
 
+import nlfrf
 from benchmarks import bench_stranger
+from robust.drive import load_gains
+from robust.drive.check import check_drive, read_experiments
 
 pytestmark = [
     pytest.mark.skipif(not bench_stranger.RIG.is_file(), reason="the independent axis is not beside the project"),
@@ -10,6 +14,7 @@ pytestmark = [
 ]
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("law", ["lugre", "rigid", "dahl"])
 def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     """The linear verdict, and a bound of the motion that the axis keeps: it comes to rest."""
@@ -31,6 +36,15 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     assert friction["reason"]
 
 
+@pytest.mark.attack
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_pole_that_a_zero_cancels_is_none_of_the_machine(seed, tmp_path):
+    """It is worth more than scatter, as it takes up one line: both axes were called unstable with their own gains."""
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    bench_stranger.play(rig, rig.random_axis(seed), tmp_path)
+    assert bench_stranger.check(tmp_path)[1]["linear"]["verdict"] == "statistically robust"
+
+
 def test_a_pole_that_a_zero_cancels_makes_no_loop_unstable(tmp_path):
     """The best fit that does not lead had an unstable pole 0.7 % from a zero: all was lost, and the axis hunts."""
     rig = bench_stranger.load_rig(bench_stranger.RIG)
@@ -39,6 +53,55 @@ def test_a_pole_that_a_zero_cancels_makes_no_loop_unstable(tmp_path):
     assert found["linear"]["verdict"] == "statistically robust"
     assert found["friction"]["outcome"] == "settles"
     assert found["friction"]["simulated"] == "hunts"
+
+
+@pytest.mark.parametrize("strokes", [1, 2])
+@pytest.mark.parametrize("seed", [3, 5, 8])
+def test_a_free_axis_is_judged_with_lines_far_below_its_crossover(seed, strokes, tmp_path):
+    """Its pole at zero lies below every line: on which side of the axis scatter puts it decided the verdict."""
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    axis = rig.random_axis(70)
+    bench_stranger.write_files(axis, tmp_path)
+    asked = ["--period", 2000, "--f-min", 3, "--f-max", 200, "--velocity", 0.1, "--strokes", strokes]
+    asked += ["--max-force", 88, "--max-travel", 0.5, "--seed", seed, "-o", tmp_path / "moving.csv"]
+    code, _, said = bench_stranger.run("nlfrf", "axis", "design", tmp_path / "axis.toml", *asked)
+    assert code == 0, said
+    data = np.loadtxt(tmp_path / "moving.csv", delimiter=",", skiprows=1)
+    u, y, _ = rig.play(axis, data[:, 1])
+    head = "t [s],force set point [N],position [m]"
+    np.savetxt(tmp_path / "trace.csv", np.c_[data[:, 0], u, y], delimiter=",", header=head, comments="")
+    gains = load_gains(tmp_path / "gains.toml")
+    experiment = nlfrf.load(tmp_path / "moving.npz")
+    records, names, conditions = read_experiments(
+        [tmp_path / "trace.csv"], [experiment], gains, u="force set point", y="position"
+    )
+    assert [np.sign(one.velocity) for one in conditions] == [1, -1]
+    found = check_drive(records, gains, names=names, conditions=conditions)
+    assert found.linear_passed
+    assert found.report.margins.S_worst < 1.5
+
+
+def test_the_design_of_realisations_may_be_given_for_each_of_their_traces(tmp_path):
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    axis = rig.Axis()
+    bench_stranger.write_files(axis, tmp_path)
+    asked = ["--period", 2000, "--f-min", 9, "--f-max", 200, "--velocity", 0.1, "--strokes", 1, "--realizations", 2]
+    asked += ["--max-force", 1500, "--max-travel", 0.6, "--seed", 1, "-o", tmp_path / "moving.csv"]
+    code, _, said = bench_stranger.run("nlfrf", "axis", "design", tmp_path / "axis.toml", *asked)
+    assert code == 0, said
+    traces = sorted(tmp_path.glob("moving-*.csv"))
+    for path in traces:
+        data = np.loadtxt(path, delimiter=",", skiprows=1)
+        u, y, _ = rig.play(axis, data[:, 1])
+        head = "t [s],force set point [N],position [m]"
+        np.savetxt(path, np.c_[data[:, 0], u, y], delimiter=",", header=head, comments="")
+    design, gains = nlfrf.load(tmp_path / "moving.npz"), load_gains(tmp_path / "gains.toml")
+    once, each = (
+        read_experiments(traces, designs, gains, u="force set point", y="position")[0]
+        for designs in ([design], [design, design])
+    )
+    assert [len(once), once[0].n_realizations] == [2, 2]
+    assert all(np.array_equal(a.y, b.y) for a, b in zip(once, each, strict=True))
 
 
 def test_an_axis_that_hunts_is_named_with_its_amplitude_and_the_advice_helps(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 import nlfrf
 from robust import friction_plant, prove_friction
 from robust.friction import any_bounded
-from robust.friction.force import LevelPeak, break_away, read_friction_force
+from robust.friction.reading.force import LevelPeak, break_away, read_friction_force
 
 GRID = {"fs": 4000, "n_samples": 4000}
 LUGRE = {"sigma0": 2e6, "sigma2": 0.0, "Fc": 15.4, "Fs": 20.0, "vs": 0.01}
@@ -60,6 +60,22 @@ def test_the_speed_over_which_friction_falls_is_read_where_the_axis_slides(monke
         assert ("falls with speed over" in str(found)) == shown
         if shown:
             assert found.stribeck[0] < 0.01 < found.stribeck[1] < 10 * found.stribeck[0]
+
+
+@pytest.mark.parametrize("law", ["LuGre", "Dahl"])
+def test_friction_that_grows_between_the_traces_is_told_and_held(law, monkeypatch):
+    """By 30 % before the axis moves: the traces contradict each other, and the interval holds both frictions."""
+    now = LAWS[law]
+    grown = {name: 1.3 * getattr(now, name) for name in ("Fc", "Fs") if hasattr(now, name)}
+    monkeypatch.setitem(LAWS, "grown", replace(now, **grown))
+    _, at_rest = played(law, levels=(2, 150), count=7)
+    for name, share in (("grown", 1.3), (law, 1.0)):
+        moving, _ = played(name, levels=(2, 3), count=1)
+        found = read_friction_force(moving, (0.1, -0.1), at_rest)
+        assert ("has grown between the traces" in found.contradiction) == (share > 1)
+        assert found.Fs[0] < 20.0 <= share * 20.0 < found.Fs[1] < 1.6 * share * 20.0
+    stuck = [one for one in at_rest if np.std(one.u) < 4]
+    assert read_friction_force(moving, (0.1, -0.1), stuck).contradiction == ""  # none of them slides
 
 
 def test_levels_that_stick_show_no_break_away():

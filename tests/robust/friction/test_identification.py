@@ -28,7 +28,7 @@ from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders, element_forces
 from robust.drive import cascade
 from robust.drive.friction import judge_friction
-from robust.friction.balance import (
+from robust.friction.reading.balance import (
     LOAD,
     Candidate,
     Motion,
@@ -256,6 +256,7 @@ def test_friction_at_two_masses_makes_a_class_at_each(belt):
         robust.design_frf(control.tf([1], [1, 1, 1]), "PD", M_S=2.0, dt=1 / 4000, prove=found)
 
 
+@pytest.mark.attack
 def test_drive_check_judges_friction_at_motor_and_load(belt):
     axis = nlfrf.servo_axis("belt")
     settings = Drive(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", lag=5e-4, delay_periods=1)

@@ -17,8 +17,11 @@ from benchmarks.read_class import draw_case
 from benchmarks.read_machine import attack_case, records_of
 from robust import cli
 from tests.robust.friction.test_identification import levels
+from tests.support.friction_fits import identify_once
 from tests.support.friction_loops import pid
 from tests.support.printed import unwrapped
+
+pytestmark = pytest.mark.usefixtures("friction_read_once")
 
 RMS = (0.05, 0.3, 5.0)
 ROTARY = {"input_units": ("Nm",), "output_units": ("rad",)}
@@ -55,7 +58,7 @@ def test_the_evidence_says_what_was_read_how_and_how_surely(found):
 
 def test_a_margin_is_on_the_upper_end(records, found):
     """K0 = margin times the upper end, plus what k was lowered by."""
-    fit = robust.friction.identify_friction(records)
+    fit = identify_once(records)
     for margin in (1.0, 2.0):
         K0 = fit.assumed_class(margin=margin).friction.K0
         assert pytest.approx(margin * fit.interval("K0")[1] + fit.stiffness - found.stiffness_low) == K0
@@ -119,6 +122,7 @@ def test_records_in_motion_among_those_at_rest_are_refused():
         robust.friction.friction_class([*still, moving], free=True)
 
 
+@pytest.mark.attack
 def test_what_the_class_proves_is_not_refuted_by_the_truth():
     """Two machines of `benchmarks.read_machine --attack`, six loops each."""
     counts = [attack_case(number, 6) for number in (5, 10)]

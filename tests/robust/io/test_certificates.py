@@ -189,10 +189,11 @@ def test_what_check_proves_is_verified(form, perturbation):
             assert found.verified, (certificate.subject, found.failed)
 
 
-def test_random_loops_that_check_certifies_are_verified():
+@pytest.mark.parametrize("n", [6, pytest.param(20, marks=pytest.mark.attack)])
+def test_random_loops_that_check_certifies_are_verified(n):
     """All of them, with hold, delay and four forms; `benchmarks.bench_verification` does the same with 500."""
     rng, count = np.random.default_rng(4), 0
-    while count < 20:
+    while count < n:
         case = random_case(rng)
         if not case["stable"] or case["target"] >= 1:
             continue

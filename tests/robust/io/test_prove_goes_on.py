@@ -2,7 +2,9 @@
 
 import re
 import shlex
+import shutil
 import sys
+from pathlib import Path
 
 import control
 import numpy as np
@@ -26,10 +28,24 @@ def two_masses(spring):
     return G
 
 
-@pytest.fixture
-def prove(monkeypatch, capsys, tmp_path):
-    """Run the command in a folder of BLAs at three levels, a model as `robust model` makes it, and controllers."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """BLAs at three levels, a model as `robust model` makes it, and controllers."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("made"))
+        write_files(patch)
+        return Path.cwd()
+
+
+def command(patch, line):
+    """Run a command line, and return its exit code."""
+    patch.setattr(sys, "argv", shlex.split(line))
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    return stop.value.code or 0
+
+
+def write_files(patch):
     for name, spring in (("low", 5.1e4), ("mid", 5e4), ("high", 0.0)):
         G = two_masses(spring)
         size = np.abs(G(2j * np.pi * F))
@@ -39,17 +55,20 @@ def prove(monkeypatch, capsys, tmp_path):
         size = np.abs(G(2j * np.pi * f))
         save(make_bla(G, f, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
     robust.save(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
+    for how in ("default.json", "sampled.json --zeros 2 --sample-time 0.002", "good.json --zeros 2"):
+        assert command(patch, f"robust model high.npz --poles 4 -o {how}") == 0
+
+
+@pytest.fixture
+def prove(folder, monkeypatch, capsys, tmp_path):
+    """Run the command in a copy of the folder."""
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
 
     def run(line):
-        monkeypatch.setattr(sys, "argv", shlex.split(line))
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        said = capsys.readouterr()
-        return stop.value.code or 0, said.out, said.err
+        code, said = command(monkeypatch, line), capsys.readouterr()
+        return code, said.out, said.err
 
-    assert run("robust model high.npz --poles 4 -o default.json")[0] == 0
-    assert run("robust model high.npz --poles 4 --zeros 2 --sample-time 0.002 -o sampled.json")[0] == 0
-    assert run("robust model high.npz --poles 4 --zeros 2 -o good.json")[0] == 0
     return run
 
 

@@ -95,7 +95,7 @@ def values_of_robust():
         robust.prove_friction(machine, PD, slip),
         robust.friction.FrictionClass(machine=machine, friction=slip, **levels, **known),
     )
-    yield robust.friction.prove_saturated(machine, 1e3, slip, Fs=1.0, limit=20.0)
+    yield robust.prove_friction(machine, 1e3, slip, Fs=1.0, saturation=20.0)
     yield robust.friction.quasi_linear(friction.Coulomb(Fc=1.0), machine, PD)
     yield robust.friction.friction_frequency_test(machine, PD, slip, mass=0.02, stiffness=800.0)
     yield robust.synthesis.ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))
@@ -167,8 +167,15 @@ def test_models_and_controllers_go_to_workers():
         assert list(pool.map(peak, controllers)) == here
         report = next(iter(pool.map(partial(robust.check, MODEL), [K])))
     same(report, robust.check(MODEL, K))
+
+
+@pytest.mark.attack
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of fork, by joblib and dask on some Pythons
+def test_workers_of_joblib_and_dask_take_them_too():
     import dask
     import joblib
 
+    controllers = [robust.shaping.pid(gain, 4.0) for gain in (0.2, 0.4)] + [0.5]
+    here = [peak(K) for K in controllers]
     assert joblib.Parallel(n_jobs=2)(joblib.delayed(peak)(K) for K in controllers) == here
     assert list(dask.compute(*map(dask.delayed(peak), controllers), scheduler="processes", num_workers=2)) == here

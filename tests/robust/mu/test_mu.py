@@ -317,6 +317,7 @@ def test_refusals(call, message):
         call()
 
 
+@pytest.mark.attack
 def test_no_certificate_under_a_perturbation_that_was_found():
     """Light damping and real blocks: the scalings have G in the thousands, and a test too coarse would pass them."""
     rng = np.random.default_rng(11)

@@ -133,6 +133,7 @@ def test_a_loop_that_is_zero_is_certified():
     assert (found.gamma, found.certified) == (0.0, True)
 
 
+@pytest.mark.attack
 def test_the_answer_depends_on_steps_and_not_on_time(monkeypatch):
     P, n_y, n_u = terrain_following([2, 3, 6])
     first = hinfsyn(P, n_y, n_u)

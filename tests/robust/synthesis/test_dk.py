@@ -34,6 +34,7 @@ def test_the_distillation_column():
     assert robust.mu.certify(N, WITH_PERFORMANCE, 1.02 * design.mu).holds
 
 
+@pytest.mark.attack
 def test_moved_along_the_gradient_the_distillation_column_comes_below_what_rounds_alone_reach():
     """Synthesis and scalings in turn reach 0.998 in twenty rounds; 0.974 is the least known."""
     design = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, mu_min=0.985, most_states=12)
@@ -100,6 +101,7 @@ def test_the_distillation_column_as_a_set():
     assert check(model, nominal, w_P=w_P, certify=False).margins.rp < 0.9 * report.margins.rp
 
 
+@pytest.mark.attack
 def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
     """Four numbers and a performance of errors and efforts: the plant as interconnection of the loop tells it, too."""
     model, w_P, w_u = column("elements"), performance_weight(0.01, M_S=3, A=1e-2), 0.01

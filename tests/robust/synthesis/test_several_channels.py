@@ -68,6 +68,7 @@ def test_a_continuous_demand_stands_over_a_sampled_loop(model):
     assert report.curves.rp.max() == pytest.approx(S.max(), rel=0.01)
 
 
+@pytest.mark.attack
 def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
     """States that the loop hardly sees go, and the verdict stays; the names stay with the controller."""
     K = robust.ncfsyn(model.nominal, WEAK).K

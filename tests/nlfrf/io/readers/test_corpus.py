@@ -306,6 +306,7 @@ def test_hdf5_tables_groups_and_attributes(tmp_path):
 # What is damaged
 
 
+@pytest.mark.own_process
 @pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_damaged_files_raise_documented_errors_only(suffix, tmp_path):

@@ -77,6 +77,7 @@ def refusing(response):
     return 0.0
 
 
+@pytest.mark.attack
 def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
     monkeypatch.setattr(loop_results, "to_trajectories", None)  # here, not there
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
@@ -85,6 +86,7 @@ def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, 
             run_loops(**arguments(5), executor=executor, of=refusing)
 
 
+@pytest.mark.attack
 def test_a_lambda_and_what_a_folder_keeps_are_looked_at_here(here, tmp_path):
     wanted = [last(response) for response in here]
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:

@@ -60,6 +60,7 @@ def test_result_does_not_depend_on_who_computes_it():
             assert np.array_equal(simulate(rig, ms, executor=executor).y, y)
 
 
+@pytest.mark.attack
 def test_result_is_the_same_on_a_cluster():
     distributed = pytest.importorskip("distributed")
     ms, rig = odd(4, n_samples=8192), paper_rig()

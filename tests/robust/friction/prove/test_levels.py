@@ -12,8 +12,8 @@ import pytest
 import nlfrf
 import robust
 from robust import cli, save
-from robust.friction.levels import fit_level, one_mass_reaction, require_si
 from robust.friction.plant import friction_loop
+from robust.friction.reading.levels import fit_level, one_mass_reaction, require_si
 from robust.io.certificates import class_from_files, prove_all, save_proofs
 from tests.support.bla import make_bla
 from tests.support.friction_loops import RIG, Element, motion, pid
@@ -132,10 +132,11 @@ def test_a_second_mode_is_a_misfit_with_its_number(coupling, load):
         robust.friction.friction_class(blas)
 
 
-def test_the_misfit_of_a_right_model_is_refused_as_seldom_as_it_says():
+@pytest.mark.parametrize(("n", "most"), [(80, 1), pytest.param(300, 3, marks=pytest.mark.attack)])
+def test_the_misfit_of_a_right_model_is_refused_as_seldom_as_it_says(n, most):
     """FALSE_ALARM 1e-3 a level: of 300 levels hardly two."""
-    fits = [fit_level(bla, one_mass_reaction(bla)) for bla in (level(80e3, 1.0, seed=i) for i in range(300))]
-    assert sum(fit.misfit > fit.misfit_limit for fit in fits) <= 3
+    fits = [fit_level(bla, one_mass_reaction(bla)) for bla in (level(80e3, 1.0, seed=i) for i in range(n))]
+    assert sum(fit.misfit > fit.misfit_limit for fit in fits) <= most
     pulls = np.array([(fit.mass - 1) / fit.mass_std for fit in fits])
     assert np.mean(np.abs(pulls) < 3) > 0.98
     assert np.mean([fit.slow_low < 80e3 < fit.slow_high for fit in fits]) > 0.98

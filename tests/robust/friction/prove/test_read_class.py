@@ -55,6 +55,7 @@ def test_lowest_levels_that_slip_or_are_alike_are_refused(levels, route):
         )
 
 
+@pytest.mark.attack
 def test_random_machines_levels_and_loops():
     """Every kind of friction, with and without second mode, delay and noise: nothing false, and much that is proved."""
     tallies = {(good, route): Tally() for good in (True, False) for route in (*ROUTES, "any route")}

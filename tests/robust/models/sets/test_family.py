@@ -106,6 +106,7 @@ def test_the_smallest_weights_hold_every_matrix_and_none_that_are_near_are_small
             assert np.trace(other + right).real * excess >= size * (1 - 1e-4)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("weights", ["diagonal", "full"])
 @pytest.mark.parametrize("form", ["additive", "output", "inverse-input"])
 def test_every_plant_of_the_family_lies_inside_at_frequencies_that_were_not_looked_at(form, weights):
@@ -123,14 +124,14 @@ def test_every_plant_of_the_family_lies_inside_at_frequencies_that_were_not_look
         assert np.all(weight.zeros().real < 0)
 
 
-def test_a_sampled_family_keeps_its_clock():
+@pytest.mark.parametrize("weights", ["diagonal", pytest.param("full", marks=pytest.mark.attack)])
+def test_a_sampled_family_keeps_its_clock(weights):
     plants = [robust.sampled(plant, 0.1) for plant in family(3)]
-    for weights in ("diagonal", "full"):
-        model = robust.uncertainty(plants, form="output", weights=weights, order=3)
-        assert {w.dt for w in model.weights if w.nstates} <= {0.1}
-        omega = np.linspace(1e-3, np.pi / 0.1, 2000)
-        far = [model.normalized_distance(omega, on_lines(p, omega), on_lines(model.nominal, omega)) for p in plants]
-        assert np.max(far) <= 1 + 1e-6
+    model = robust.uncertainty(plants, form="output", weights=weights, order=3)
+    assert {w.dt for w in model.weights if w.nstates} <= {0.1}
+    omega = np.linspace(1e-3, np.pi / 0.1, 2000)
+    far = [model.normalized_distance(omega, on_lines(p, omega), on_lines(model.nominal, omega)) for p in plants]
+    assert np.max(far) <= 1 + 1e-6
 
 
 def test_frfs_are_held_on_their_lines_and_a_nominal_is_found():
@@ -172,6 +173,7 @@ def test_a_plant_that_is_not_square_has_an_additive_set():
         robust.uncertainty(plants, form="output")
 
 
+@pytest.mark.attack
 def test_matrix_weights_are_near_the_smallest_ones_and_below_diagonal_ones():
     """Deviations along one direction that is no channel: two diagonal weights cost more than the matrices."""
     s = [control.tf([k], [1, 1]) for k in (0.8, 1.2, 1.3)]

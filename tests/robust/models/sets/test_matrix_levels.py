@@ -48,6 +48,7 @@ def test_the_nominal_of_one_matrix_twice_is_that_of_it_once():
     assert twice.cost == pytest.approx(2 * once.cost, rel=1e-6)
 
 
+@pytest.mark.attack
 def test_the_elements_are_the_widest_of_all_levels():
     alone = [robust.uncertainty(measured(*level), fitted()) for level in ((LOW, 1), (HIGH, 2))]
     both = around("elements")
@@ -61,6 +62,7 @@ def test_the_elements_are_the_widest_of_all_levels():
     assert both.joint.frf == min(both.joint.frf, 1.0) > 0.5
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("form", ["additive", "input"])
 def test_every_plant_that_one_level_allows_is_in_the_block_of_all(form):
     both, rng = around(form), np.random.default_rng(0)

@@ -172,6 +172,7 @@ def test_from_a_measured_matrix_to_a_verdict(form):
     assert hard.verdict in ("not robust", "not certified")
 
 
+@pytest.mark.attack
 def test_two_forms_may_be_tried_for_their_price(tmp_path):
     """Both sets at (1 + p)/2, wider by the quantiles; the report is that of the better, at p, after a file as well."""
     frm, _ = stage_frm()

@@ -12,8 +12,9 @@ from robust.io import verify_certificate
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.mu.intervals import certify_intervals
+from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.exact.claim_files import content_digest, from_plain, to_plain, write_claim
-from robust.proofs.exact.interval_kyp import ComplexMatrix, IntervalClaim, ScaledFile, verify_level
+from robust.proofs.exact.interval_kyp import ComplexMatrix, IntervalClaim, verify_level
 from robust.proofs.search.certificate import GENERALISED_KYP
 from robust.proofs.search.scaled_kyp import certify_scaled
 from tests.support.scaled_loops import STRUCTURES, random_loop
@@ -54,7 +55,7 @@ def test_below_mu_nothing_is_proved_and_the_frequency_is_named():
 
 
 def test_what_is_left_is_named_with_its_interval():
-    left = certify_intervals(opposed(), BLOCKS, 1.0001 * PEAK, time_cap=1e-9)
+    left = certify_intervals(opposed(), BLOCKS, 1.0001 * PEAK, most=1)
     assert not left.holds
     assert "undecided from 0 Hz to" in left.reason
 
@@ -116,19 +117,19 @@ def test_random_loops_are_proved_above_the_bound_and_not_below_mu(blocks, dt):
     response = response_by_channel(N, structure_grid(N))
     upper = robust.mu.upper(response, blocks).value.max()
     lower = robust.mu.lower(response[:, :, ::10], blocks).value.max()
-    found = certify_intervals(N, blocks, 1.5 * upper, time_cap=20.0)
+    found = certify_intervals(N, blocks, 1.5 * upper)
     assert found.verify().verified, found.reason
     assert any(K.im.any() or K.re.any() for piece in found.claim.pieces for K in piece.skews) == any(
         kind == "real" for _, _, kind in blocks
     )
-    assert not certify_intervals(N, blocks, 0.999 * lower, time_cap=20.0).holds
+    assert not certify_intervals(N, blocks, 0.999 * lower).holds
 
 
 def test_a_file_gives_every_number_back_and_is_verified(proof, tmp_path):
     claim, path = proof.claim, tmp_path / "proof.json"
     again = from_plain(IntervalClaim, json.loads(json.dumps(to_plain(claim))))
     assert to_plain(again) == to_plain(claim)
-    write_claim(path, ScaledFile(claims={"robust stability": claim}, form="", delay=0.0))
+    write_claim(path, ChannelsClaim(claims={"robust stability": claim}, form="", delay=0.0))
     assert verify_certificate(path).proved == ("nominal stability", "robust stability")
     content = json.loads(path.read_text())
     content["claim"]["claims"]["robust stability"]["level"] *= 0.9

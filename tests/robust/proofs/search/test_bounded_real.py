@@ -148,6 +148,7 @@ def many_states(n, dt=0.0):
     return system, float(np.sum((2 if dt else 1 / n) / rates))
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize("n", [33, 40, 45])
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_exact_arithmetic_decides_of_many_states(n, dt):

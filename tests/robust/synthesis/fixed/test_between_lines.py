@@ -68,6 +68,7 @@ def test_margins_on_lines_see_the_modes_of_the_controller():
     assert check(FRF, K).margins.disk == pytest.approx(1 / np.max(np.abs(S - 0.5)), rel=1e-2)
 
 
+@pytest.mark.attack
 def test_the_modes_of_one_controller_in_the_loop_of_another():
     """Each loop by itself is stable, and both together on the lines: 24 of 3000 random ones were not, between them."""
     unit, said = SimpleNamespace(inputs=("a", "b"), outputs=("c", "d")), []

@@ -30,6 +30,7 @@ def test_free_gains_have_different_signs_here():
     assert kp < 0 < min(ki, kd)
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize("structure", ["P", "I", "PI", "PD", "PID"])
 def test_positive_gains_are_positive_and_meet_the_limits(structure):
     design = robust.design_frf(PLANT, structure, positive=True, **ASKED)
@@ -42,12 +43,14 @@ def test_positive_gains_are_positive_and_meet_the_limits(structure):
     assert np.abs(S(np.exp(1j * w * 5e-3))).max() < 1.8 * 1.002  # a demand may be missed by 1e-3
 
 
+@pytest.mark.attack
 def test_what_three_gains_can_do_two_cannot_do_better():
     """Of positive gains PI is a PID, so the gain at low frequency of the latter is no smaller."""
     pid, pi = (gains_of(robust.design_frf(PLANT, name, positive=True, **ASKED).K)[1] for name in ("PID", "PI"))
     assert pid > 0.99 * pi
 
 
+@pytest.mark.attack
 def test_no_filter_that_is_given_does_better():
     """Six filter times alone reached 0.92 of the integral gain, with a proportional gain of zero."""
     w = 2 * np.pi * np.arange(1.0, 60.0)

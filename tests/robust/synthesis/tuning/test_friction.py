@@ -82,6 +82,7 @@ def test_slopes_of_the_limit():
         assert np.abs(peak.gradient - expected).max() <= 1e-7 * max(1.0, np.abs(expected).max())
 
 
+@pytest.mark.attack
 def test_a_design_is_proved_with_the_limit_and_not_without():
     """Late by a sample, with stiction: the stiffest PID is not proved, the one that keeps the limit is."""
     friction = any_maxwell_slip(64e3, 1.5)

@@ -32,6 +32,7 @@ def blocks(ki=1.0):
     }
 
 
+@pytest.mark.attack
 def test_an_frf_gives_what_its_system_gives():
     """The same limits on 600 lines and on the system: the same optimum, within what lies between the lines."""
     on_lines = robust.tune(

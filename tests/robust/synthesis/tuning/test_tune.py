@@ -28,7 +28,7 @@ def static_feedback(name, *, order=0, **options):
     return robust.tune([], plant, {"K": block}, soft=[tuning.Limit(w, z)], **options), (w, z)
 
 
-@pytest.mark.attack(every=2)
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize(("name", "best"), [("AC17", 6.61243), ("NN2", 2.2216), ("MFP", 31.590), ("REA1", 0.8660)])
 def test_static_output_feedback(name, best):
     """AC17: no controller of any order is better (an LMI's bound). The norm is that of the loop, certified."""

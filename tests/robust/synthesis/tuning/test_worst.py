@@ -114,6 +114,7 @@ def tuned_at_worst(model, dt=0.0):
     return design, design.controller(y, u)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", ["elements", "additive", "input"])
 def test_the_tuner_has_the_number_of_check_for_several_channels(form):
     """The largest |S| over the set, by mu in both: scaling the demand to the tuner's number makes mu one."""
@@ -127,6 +128,7 @@ def test_the_tuner_has_the_number_of_check_for_several_channels(form):
     assert np.max(report.curves.rs) < 1
 
 
+@pytest.mark.attack
 def test_a_continuous_matrix_set_under_a_clock_is_the_sampled_set_of_check():
     design, K = tuned_at_worst(matrix_set("input", 0.0), 0.1)
     hard = next(one for one in design.limits if one.limit.worst)
@@ -230,6 +232,7 @@ def test_a_start_outside_the_set_is_brought_in():
     assert robust.check(model, design.controller("y", "u"), certify=False).margins.rs > 1
 
 
+@pytest.mark.attack
 def test_one_disc_in_a_channel_of_several_signals_is_exact():
     """[r, d] to [e, f] over one disc, as a system and on lines: what a plant of the set attains."""
     model = sampled_set("additive")

@@ -13,7 +13,9 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
-from robust.friction.balance import (
+from robust.friction.classes import AnyFriction, any_maxwell_slip
+from robust.friction.plant import FrictionPlant, friction_plant
+from robust.friction.reading.balance import (
     COARSE,
     COARSE_CYCLE,
     FINE,
@@ -53,17 +55,15 @@ from robust.friction.balance import (
     units_of,
     with_branches,
 )
-from robust.friction.classes import AnyFriction, any_maxwell_slip
-from robust.friction.levels import (
+from robust.friction.reading.levels import (
     ASSUMPTION_NOTE,
     FEWEST_LINES,
     FrictionClass,
     require_one_position_unit,
     require_si,
 )
-from robust.friction.load import start_with_load
-from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.two_masses import class_with_load
+from robust.friction.reading.load import start_with_load
+from robust.friction.reading.two_masses import class_with_load
 from robust.friction.units import format_length, position_unit_of
 
 #: (steps per sample, shrinkage by noise) of fits that ought to give the same. What they differ by is in every interval:
@@ -294,6 +294,15 @@ class FrictionFit:
         held = np.minimum(np.multiply.outer(corners, k), strength).sum(axis=-1)
         return np.asarray(force + np.interp(displacement, corners + held / self.coupling, held))
 
+    @property
+    def reason(self) -> str:
+        """Why the levels show no class of friction, the first reason; empty where they do."""
+        for question in self.questions:
+            known = question.kind is Gap.HIGHEST_LEVEL_STICKS and not self.stiffness and np.isfinite(self.stds["K0"])
+            if question.kind is not Gap.STICTION and not known:
+                return question.description
+        return ""
+
     def assumed_class(self, *, stiction: float = 1.5, margin: float = 1.25) -> FrictionClass:
         """Return machine and class for `prove_friction`: the least mass-spring-delay machine and every friction around.
 
@@ -309,10 +318,8 @@ class FrictionFit:
         ValueError
             Levels that leave the machine or K0 open, with the first reason.
         """
-        for question in self.questions:
-            known = question.kind is Gap.HIGHEST_LEVEL_STICKS and not self.stiffness and np.isfinite(self.stds["K0"])
-            if question.kind is not Gap.STICTION and not known:
-                raise ValueError(f"fit must leave neither machine nor K0 open, got: {question.description}")
+        if self.reason:
+            raise ValueError(f"fit must leave neither machine nor K0 open, got: {self.reason}")
         if require_real("margin", margin) < 1:
             raise ValueError(f"margin must be at least 1, got {margin:g}")
         if self.load_mass:
@@ -429,7 +436,7 @@ ANOTHER_MACHINE = {
 #: What to do where one mass explains the level that sticks, and none that slips.
 ANOTHER_FRICTION = (
     "It explains the lowest level, so that it is the friction that is another: it creeps before it slips (LuGre, "
-    "Dahl), or slips at other forces. What it does without a law shows in motion: robust drive check with such a trace"
+    "Dahl), or slips at other forces"
 )
 
 
