@@ -27,7 +27,8 @@ from robust.models.fit.search import FitSearch
 UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it
 MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
 MIN_SEPARATION = 2.0  # standard deviations that a pole and a zero lie apart at least, or they are named
-OUTSIDE = "poles outside the band"
+OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
+LEAST_DAMPING = 1e-4  # of a pair above the band
 #: Last line of a scan that is printed.
 CRITERION_TEXT = (
     "criterion: cost in units of what scatter leaves on a line (more than one where variances are estimated), plus "
@@ -213,12 +214,14 @@ def criterion_of(fit: NominalFit) -> float:
 
 def choose_order(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
     """The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
-    explains with poles outside the band at most, of those that it explains, of those of carried roots, of all."""
+    explains with poles outside the band at most, of those that it explains, of those of carried roots, of all. Undamped
+    poles above the band are taken last: what a machine does not have explains a lead in time, and no more."""
     explained = np.array([fit.p_value > UNLIKELY_COST for fit in fits])
     doubts = [doubtful_roots(fit) for fit in fits]
     carried = np.array([not kinds for kinds in doubts])
     within = np.array([set(kinds) <= {OUTSIDE} for kinds in doubts])
-    groups = (explained & carried, explained & within, explained, carried, np.ones(len(fits), dtype=bool))
+    damped = np.array([UNDAMPED not in kinds for kinds in doubts])
+    groups = (explained & carried, explained & within, explained & damped, carried, damped, np.full(len(fits), True))
     group = next(g for g in groups if g.any())
     return int(np.argmin(np.where(group, criterion, np.inf)))
 
@@ -253,18 +256,20 @@ def describe_doubts(fit: NominalFit) -> str:
 
 
 def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
-    """Return roots that the data do not carry, by kind: poles far outside the band, or of no significance, poles that a
-    zero cancels but for scatter, and zeros far above the band that they do not place."""
+    """Return roots that the data do not carry, by kind: poles far outside the band, undamped ones above it, poles
+    of no significance or that a zero cancels but for scatter, and zeros far above the band that they do not place."""
     if fit.uncertainty is None or fit.G.dt:
         return {}
     poles, zeros = fit.uncertainty.poles, fit.uncertainty.zeros
     size, high = np.abs(poles), fit.omega.max() * OUTSIDE_FACTOR
     outside = (size < fit.omega.min() / OUTSIDE_FACTOR) | (size > high)
+    undamped = (size > high) & (poles.imag != 0) & (-poles.real < LEAST_DAMPING * size)
     unsure = ~outside & (fit.uncertainty.std_poles > MAX_RELATIVE_STD * size)
     cancelled = ~outside & ~unsure & (fit.uncertainty.separation < MIN_SEPARATION)
     far = (np.abs(zeros) > high) & (fit.uncertainty.std_zeros > np.abs(zeros))
     kinds = {
-        OUTSIDE: poles[outside],
+        OUTSIDE: poles[outside & ~undamped],
+        UNDAMPED: poles[undamped],
         "poles of no significance": poles[unsure],
         "poles that zeros cancel but for scatter": poles[cancelled],
         "zeros above the band of no significance": zeros[far],
