@@ -1,4 +1,4 @@
-"""Whether what `robust.friction.prove_saturated` proves is so, and how far short of the truth it stays.
+"""Whether what `robust.prove_friction` proves of a loop that saturates is so, and how far short of the truth it stays.
 
 Of the 460 loops of `bench_friction_proof` those that are proved without a limit: how many from every state with one of
 20 N and friction of at most 1 N, how many up to a kick, how much harder than the kick up to which the actuator never
@@ -33,7 +33,7 @@ def weak_law(rng: np.random.Generator) -> VaryingSliders:
     return VaryingSliders(strength=FS * drawn.strength / drawn.strength.sum(), stiction=STICTION, **options)
 
 
-def played(proof: robust.friction.SaturatedProof, K: object, delay: float, rng: np.random.Generator) -> bool:
+def played(proof: robust.friction.FrictionProof, K: object, delay: float, rng: np.random.Generator) -> bool:
     """Whether a loop still moves after a kick that is proved, or after any burst where it is from every state."""
     n = samples_needed(K, delay)
     force, begin = np.zeros(n), np.array([0.0, rng.choice([-1, 1]) * proof.kick * rng.uniform(0.5, 1.0)])
@@ -43,7 +43,7 @@ def played(proof: robust.friction.SaturatedProof, K: object, delay: float, rng: 
     return moving(weak_law(rng), K, delay, force, begin, LIMIT)
 
 
-def least_bad_kick(proof: robust.friction.SaturatedProof, K: object, delay: float, rng: np.random.Generator) -> float:
+def least_bad_kick(proof: robust.friction.FrictionProof, K: object, delay: float, rng: np.random.Generator) -> float:
     """The least of growing kicks that keeps a loop moving, over the proved one; infinite where none did."""
     n = samples_needed(K, delay)
     for times in STEPS:
@@ -61,7 +61,7 @@ def main() -> None:
     proofs, seconds = [], []
     for K, delay in (of_example_14() + random_loops(220, 1))[:: args.every]:
         begin = time.process_time()
-        proof = robust.friction.prove_saturated(MACHINE, K, slip, Fs=FS, limit=LIMIT, delay=delay)
+        proof = robust.prove_friction(MACHINE, K, slip, Fs=FS, saturation=LIMIT, delay=delay)
         if proof.verdict.is_proved:
             proofs.append((proof, K, delay))
             seconds.append(time.process_time() - begin)

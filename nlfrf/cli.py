@@ -34,7 +34,7 @@ from nlfrf.doctor import examine
 from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.inspection import screen_file
-from nlfrf.io.records import holds_multirecord
+from nlfrf.io.records import ReadOptions, holds_multirecord
 from nlfrf.io.results import load_own
 from nlfrf.signals.lines import KINDS, grid_lines
 
@@ -259,7 +259,7 @@ def identify(
         split_names(reference or []),
     )
     how: HowToIdentify = {"transient": transient, "level_from": level_from, "n_detection": detection}
-    cut: HowToCut = {
+    cut: ReadOptions = {
         "fs": fs,
         "n_samples": period,
         "n_discard": discard,
@@ -269,56 +269,41 @@ def identify(
     }
     if len(inputs) > 1 or (input is None and holds_multirecord(file[0])):
         if opinion:
-            of = ", ".join(inputs) if input else file[0].name
-            raise ValueError(f"opinion must be left out for several inputs, got it with {of}")
+            raise ValueError(
+                f"opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"
+            )
         u, y = inputs if input else None, outputs if input or output else None
         record = with_units(nlfrf.load_record(file, u=u, y=y, r=references, **cut), split_names(units or []))
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
-        given = {
-            "period": period,
-            "discard": discard,
-            "resample": resample,
-            "reference": references,
-            "opinion": opinion,
-            "units": units,
-        }
-        if extra := [name for name, one in given.items() if one]:
-            raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
+        refuse_options_of_design(
+            period=period, discard=discard, resample=resample, reference=references, opinion=opinion, units=units
+        )
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return
-    say, targets = printer(json), output_paths(out, outputs)
+    targets = output_paths(out, outputs)
     require_writable(*targets, *map(table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     if units is not None:
-        unit, *others = split_names(units)
-        if len(others) != len(outputs):
-            raise ValueError(
-                f"units must be one for the input and one for each output, got {', '.join([unit, *others])}"
-            )
-        records = [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
-    blas = nlfrf.identify(records, **how)
-    for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
-        nlfrf.save(bla, target)
-        say(f"{name}: {bla}")
-        if opinion:
-            say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
-        if csv:
-            nlfrf.export_csv(bla, table_path(target), decimal=decimal)
-    finish_command(dict(zip(outputs, blas, strict=True)), True, json)
+        records = with_units_each(records, split_names(units))
+    named = dict(zip(outputs, targets, strict=True))
+    identify_each(records, how, named, opinion=opinion, csv=csv, json=json, decimal=decimal)
 
 
-class HowToCut(TypedDict):
-    """How a file is cut into periods, by the names of the arguments of `nlfrf.load_record`."""
+def refuse_options_of_design(**given: object) -> None:
+    """Refuse options that say what the design of an experiment on a drive says."""
+    if extra := [name for name, one in given.items() if one]:
+        raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
 
-    fs: float | None
-    n_samples: int | None
-    n_discard: int
-    resample: bool
-    design: Path | None
-    hold: str | None
+
+def with_units_each(records: list[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
+    """Return records of one input with its unit, and each with that of its output."""
+    unit, *others = units
+    if len(others) != len(records):
+        raise ValueError(f"units must be one for the input and one for each output, got {', '.join(units)}")
+    return [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
 
 
 class HowToIdentify(TypedDict):
@@ -346,13 +331,29 @@ def identify_experiment(
     labels = list(experiment.labels)[-len(records) :]
     targets = output_paths(out, labels)
     require_writable(*targets, *map(table_path, targets * csv))
-    blas = nlfrf.identify(records, **how)
-    for label, bla, target in zip(labels, blas, targets, strict=True):
-        nlfrf.save(bla, target)
+    identify_each(list(records), how, dict(zip(labels, targets, strict=True)), csv=csv, json=json, decimal=decimal)
+
+
+def identify_each(
+    records: list[nlfrf.Record],
+    how: HowToIdentify,
+    targets: dict[str, Path],
+    *,
+    opinion: bool = False,
+    csv: bool,
+    json: bool,
+    decimal: str,
+) -> None:
+    """Identify records of one input and output; write each to the file of its label, and a table where `csv` is set."""
+    blas = dict(zip(targets, nlfrf.identify(records, **how), strict=True))
+    for record, (label, bla) in zip(records, blas.items(), strict=True):
+        nlfrf.save(bla, targets[label])
         printer(json)(f"{label}: {bla}")
+        if opinion:
+            printer(json)(nlfrf.second_opinion(record, transient=how["transient"], n_detection=how["n_detection"]))
         if csv:
-            nlfrf.export_csv(bla, table_path(target), decimal=decimal)
-    finish_command(dict(zip(labels, blas, strict=True)), True, json)
+            nlfrf.export_csv(bla, table_path(targets[label]), decimal=decimal)
+    finish_command(blas, True, json)
 
 
 @app.command()

@@ -19,7 +19,7 @@ from .analysis.report import RobustnessReport as RobustnessReport
 from .analysis.robustness import check as check
 from .analysis.worst_plant import worst_case as worst_case
 from .friction.plant import friction_plant as friction_plant
-from .friction.prove import prove_friction as prove_friction
+from .friction.proof.prove import prove_friction as prove_friction
 from .io.stored import load as load
 from .io.stored import save as save
 from .lti.sampling import sampled as sampled

@@ -15,6 +15,7 @@ from nlfrf._base.files import write_text
 from robust._base.states import FrictionVerdict
 from robust.drive.check import LEGEND, BaseMotion, Conditions, DriveCheck, DriveVerdict, describe_parameters
 from robust.drive.friction import force_over_position
+from robust.drive.simulation import SHOWN
 from robust.plot.friction import RestCase
 from robust.reports import parts
 from robust.reports.page import page_path, render_page
@@ -166,7 +167,9 @@ def rest_section(found: DriveCheck) -> Section:
         title="What rests where",
         lead="Where the axis is in the end, at rest or hunting.",
         facts=(("stiffness against a force on the axis", found.stiffness or ""),),
-        pictures=(parts.draw_picture(plot.plot_rest, cases, unit=unit, caption=caption),) if cases else (),
+        pictures=(parts.draw_picture(plot.plot_rest, cases, unit=unit, asked=found.asked, caption=caption),)
+        if cases
+        else (),
     )
 
 
@@ -183,6 +186,10 @@ def rest_cases(found: DriveCheck) -> list[RestCase]:
     if friction.largest is not None and np.isfinite(friction.error_bound):
         name = f"these gains, with any friction of at most {friction.largest_forces}"
         cases.append(RestCase(name, FrictionVerdict.SETTLES, friction.error_bound))
+    if (seen := friction.simulated) is not None:
+        far = max(seen.offset, seen.amplitude)
+        name = f"these gains, simulated in {seen.ended} runs" + " (hunts)" * seen.hunts
+        cases.append(RestCase(name, None, 0.0 if far < SHOWN else far))
     return cases + [RestCase(cure.change, cure.verdict, cure.error) for cure in friction.cures]
 
 

@@ -11,12 +11,15 @@ from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
 from textwrap import wrap
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 
 from nlfrf._base.numbers import all_finite
-from nlfrf._base.types import Seed
+from nlfrf._base.values import SCREEN_WIDTH
+
+if TYPE_CHECKING:
+    from nlfrf._base.types import Seed
 
 # ---- How things are said to people: a frequency in Hz, anything at all at the end of a message.
 
@@ -88,27 +91,6 @@ def join_names(names: Sequence[str]) -> str:
     return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
 
 
-SCREEN_WIDTH = 100  # columns of everything that is printed
-
-
-def wrap_lines(text: str) -> str:
-    """Wrap the lines of a text that are wider than a screen; what continues a line is indented by two more.
-
-    A command to be copied ("run: ...") stays on its line.
-
-    >>> print(wrap_lines("  limits: " + "a word and " * 10))
-      limits: a word and a word and a word and a word and a word and a word and a word and a word and
-        a word and a word and
-    """
-    rows = []
-    for line in text.split("\n"):
-        indent = " " * (len(line) - len(line.lstrip()))
-        fits = len(line) <= SCREEN_WIDTH or line.startswith("run:")
-        how = {"subsequent_indent": f"{indent}  ", "break_long_words": False, "break_on_hyphens": False}
-        rows += [line] if fits else wrap(line, SCREEN_WIDTH, **how)  # type: ignore[arg-type]
-    return "\n".join(rows)
-
-
 def format_paragraph(label: str, text: str) -> list[str]:
     """Return a labelled paragraph that fits a screen."""
     rows = wrap(" ".join(text.split()), SCREEN_WIDTH - 14) or [""]
@@ -163,7 +145,18 @@ class DataWarning(UserWarning):
 #: Texts of the warnings so far, in order, of each function at work that `keep_warnings` decorates.
 WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=())
 Given = ParamSpec("Given")
-Made = TypeVar("Made")
+
+
+class Warned(Protocol):
+    """A value that keeps what was warned of while it was made."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Text of each warning."""
+
+
+Made = TypeVar("Made", bound="Warned | Sequence[Warned]")
+Kept = TypeVar("Kept", bound=Warned)
 
 
 def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
@@ -189,23 +182,23 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
         texts = dict.fromkeys(text for one in given for text in getattr(one, "warnings", ()))
         token = WARNED.set((*WARNED.get(), texts))
         try:
-            made: Any = make(*args, **kwargs)
+            made = make(*args, **kwargs)
         finally:
             WARNED.reset(token)
-        several = isinstance(made, list | tuple)
-        kept: Any = type(made)(add_warnings(one, texts) for one in made) if several else add_warnings(made, texts)
-        return kept
+        if isinstance(made, list | tuple):
+            return cast("Made", type(made)(add_warnings(one, texts) for one in made))
+        return cast("Made", add_warnings(cast("Warned", made), texts))
 
     return keeping
 
 
-def add_warnings(made: Any, texts: Iterable[str]) -> Any:
+def add_warnings(made: Kept, texts: Iterable[str]) -> Kept:
     """Return a value that keeps these warnings too, each once; the value itself where it has them all."""
     warned = tuple(dict.fromkeys((*texts, *made.warnings)))
-    return made if warned == made.warnings else replace(made, warnings=warned)
+    return made if warned == made.warnings else replace(made, warnings=warned)  # type: ignore[type-var]  # a value is a dataclass
 
 
-def repeat_warnings(read: Any) -> Any:
+def repeat_warnings(read: Kept) -> Kept:
     """Warn again of what a value was warned of that comes from a file; return the value."""
     for text in read.warnings:
         data_warning(text)
@@ -238,6 +231,14 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
                 f"{where} must have no entry {name!r}{f', did you mean {near[0]}?' if near else '.'} "
                 f"It may have {', '.join(sorted(known))}"
             )
+
+
+class MissingArgumentError(ValueError):
+    """An argument, `parameter`, that has to be given and is not."""
+
+    def __init__(self, parameter: str, why: str) -> None:
+        super().__init__(f"{parameter} must be given: {why}")
+        self.parameter = parameter
 
 
 def require_positive(name: str, number: object) -> float:

@@ -98,7 +98,7 @@ class Printable:
         """Write several so."""
         self.write("".join(lines))
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         if name == "buffer":  # the way around it, which click takes where it finds one
             raise AttributeError(name)
         return getattr(self.stream, name)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import html
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from IPython.display import DisplayHandle
     from rich.console import Console
     from rich.progress import Progress
 
@@ -52,7 +53,7 @@ class ProgressBar:
         self.label = label
         self.begun = time.monotonic()
         self.last = -float("inf")
-        self.notebook_handle: Any = None
+        self.notebook_handle: DisplayHandle | None = None
         self.bar: Progress | None = None
 
     def __call__(self, done: int, total: int) -> None:

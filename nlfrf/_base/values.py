@@ -14,15 +14,15 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import wraps
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 
-from nlfrf._base.arguments import wrap_lines
-from nlfrf._base.types import Json
-
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+    from nlfrf._base.types import Json
 
 # ---- A value on one line for a prompt.
 
@@ -76,6 +76,27 @@ def short_repr(thing: object) -> str:
 def is_written_out(array: np.ndarray) -> bool:
     """Return whether `short_repr` shows the numbers of an array, not its shape."""
     return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
+
+
+SCREEN_WIDTH = 100  # columns of everything that is printed
+
+
+def wrap_lines(text: str) -> str:
+    """Wrap the lines of a text that are wider than a screen; what continues a line is indented by two more.
+
+    A command to be copied ("run: ...") stays on its line.
+
+    >>> print(wrap_lines("  limits: " + "a word and " * 10))
+      limits: a word and a word and a word and a word and a word and a word and a word and a word and
+        a word and a word and
+    """
+    rows = []
+    for line in text.split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()))
+        fits = len(line) <= SCREEN_WIDTH or line.startswith("run:")
+        how = {"subsequent_indent": f"{indent}  ", "break_long_words": False, "break_on_hyphens": False}
+        rows += [line] if fits else wrap(line, SCREEN_WIDTH, **how)  # type: ignore[arg-type]
+    return "\n".join(rows)
 
 
 T = TypeVar("T")
@@ -187,18 +208,21 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
         return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
         return [to_plain(one, most) for one in thing] if thing.ndim else to_plain(thing.item(), most)
-    if isinstance(thing, Mapping):
-        return {str(key): to_plain(held, most) for key, held in thing.items()}
-    if hasattr(thing, "_fields"):
-        return {name: to_plain(getattr(thing, name), most) for name in thing._fields}
-    if isinstance(thing, list | tuple):
+    if isinstance(thing, list | tuple) and not hasattr(thing, "_fields"):
         return [to_plain(one, most) for one in thing]
-    if is_dataclass(thing):
-        fields = {name: to_plain(getattr(thing, name), most) for name in field_names(thing)}
-        return {**fields, **{name: to_plain(held, most) for name, held in simple_properties(thing).items()}}
-    if all(hasattr(thing, name) for name in "ABCD") and hasattr(thing, "dt"):
-        return {name: to_plain(getattr(thing, name), most) for name in ("A", "B", "C", "D", "dt")}
+    if (named := named_parts(thing)) is not None:
+        return {name: to_plain(held, most) for name, held in named.items()}
     return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
+
+
+def named_parts(thing: object) -> dict[str, object] | None:
+    """Return entries, fields with simple properties, or matrices by name; None of what has no named parts."""
+    if isinstance(thing, Mapping):
+        return {str(key): held for key, held in thing.items()}
+    if is_dataclass(thing):
+        return {name: getattr(thing, name) for name in field_names(thing)} | simple_properties(thing)
+    names = getattr(thing, "_fields", ("A", "B", "C", "D", "dt"))
+    return {name: getattr(thing, name) for name in names} if all(hasattr(thing, name) for name in names) else None
 
 
 def plain_scalar(thing: str | complex | None) -> Json:

@@ -44,7 +44,7 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     Returns
     -------
     (..., K) ndarray
-        E|Y - G U|^2, with G the BLA of the cubic (`cubic_bla`): at detection lines E|Y|^2.
+        E|Y - G U|^2, with G the BLA of the cubic, 3 sigma^2 - 3/4 A_k^2: at detection lines E|Y|^2.
 
     Notes
     -----
@@ -76,15 +76,6 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     counts -= 9 * p * (np.vecdot(power, power)[..., None] / 4 - 3 * p * p)
     counts += 4 * p_third * p_third * p_third
     return np.maximum(4 * counts, 0.0)
-
-
-def cubic_bla(amplitude: np.ndarray) -> np.ndarray:
-    """Return the (F,) best linear approximation of y = u^3 on the excited lines: 3 sigma^2 - 3/4 A_k^2.
-
-    >>> cubic_bla(np.ones(6))
-    array([8.25, 8.25, 8.25, 8.25, 8.25, 8.25])
-    """
-    return 3 * np.sum(amplitude**2) / 2 - 0.75 * amplitude**2
 
 
 def variance_ratio(

@@ -207,7 +207,7 @@ class OutputData(NamedTuple):
         The output on the excited lines.
     gain, noise : (K,) ndarray
         As of `NonlinearResidual`; the noise over neighbouring lines, or None.
-    uneven : bool
+    gain_varies : bool
         Whether the gain changes over the band.
     rough, dof_rough : (F,) ndarray or None
         Roughness of its FRFs as a variance of the residual, and the complex degrees of freedom behind it.

@@ -161,9 +161,9 @@ def identify_record(record: Record, U: np.ndarray | None, *, transient: str, lev
         distortion = add_outlier_power(record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion)
     if not record.is_single:
         warn_of_noisy_experiment(excited, distortion.cov)
-    gamma, cov_bound = frm.gamma, distortion.cov_bound
     if between is not None:
-        gamma, cov_bound = bound_interpolated_columns(between, gamma, cov=cov_bound, n_sets=len(frm.G_each))
+        gamma, cov = bound_interpolated_columns(between, frm.gamma, cov=distortion.cov_bound, n_sets=len(frm.G_each))
+        frm, distortion = frm._replace(gamma=gamma), distortion._replace(cov_bound=cov)
     return assemble_bla(
         record,
         treatment,
@@ -173,8 +173,6 @@ def identify_record(record: Record, U: np.ndarray | None, *, transient: str, lev
         residual=residual,
         distortion=distortion,
         typical=crest.distortion_ratio,
-        gamma=gamma,
-        cov_bound=cov_bound,
     )
 
 
@@ -234,15 +232,13 @@ def assemble_bla(
     residual: NonlinearResidual,
     distortion: DistortionVariance,
     typical: float,
-    gamma: np.ndarray,
-    cov_bound: np.ndarray,
 ) -> Bla:
     """Assemble the `Bla`; for one input and one output gamma is one, and covariances are variances of G."""
     grid, R = record.lines, len(frm.G_each)
     total = distortion.cov if R == 1 else frm.cov_scatter
     # one period does not separate them: noise counts as distortion
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
-    covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, cov_bound]
+    covariances, gamma = [frm.cov_noise, total, cov_distortion, distortion.cov_even, distortion.cov_bound], frm.gamma
     if record.is_single:
         size, gamma = gamma.real, np.ones(gamma.shape)
         covariances = [part * size for part in covariances]

@@ -30,16 +30,16 @@ class LineIndex:
         Where each kind stands among them.
     detection : (D,) int ndarray
         The odd detection lines, and those just below the band.
-    near_excited, near_odd : (F, n) int ndarray
-        For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds; `near_odd`
-        into `detection`.
-    near_detection : (n, k, F) int ndarray
+    excited_windows, odd_windows : (F, n) int ndarray
+        For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds;
+        `odd_windows` into `detection`.
+    detection_windows : (n, k, F) int ndarray
         For each excited line the nearest odd lines, and where there are any the even ones, as places among all lines;
         -1 where there are fewer. Windows stand along the first axis, so that sums over them run through memory in
         order.
-    near_even : (n, 1, F) int ndarray
+    even_windows : (n, 1, F) int ndarray
         The even ones alone.
-    below, share : (K,) int and float ndarray
+    excited_below, interpolation_weight : (K,) int and float ndarray
         The excited line below each line, by its order, and how far it is to the next one, from 0 to 1; 0
         outside the band.
     """

@@ -224,9 +224,9 @@ class LocalModels(NamedTuple):
         At the line itself the polynomials fitted to G, -r G and -r^2 G.
     a : (M, F, 2) complex ndarray
         Coefficients of the denominator 1 + a1 r + a2 r^2, which all E entries share.
-    rest, remainder : (M, E, F, n) complex ndarray
+    polynomial_residual, rational_residual : (M, E, F, n) complex ndarray
         Residual of each model on the lines of the window.
-    variance, variance_r : (M, E, F) ndarray
+    polynomial_variance, rational_variance : (M, E, F) ndarray
         Variance of each.
     use_rational : (M, F) bool ndarray
         Where the denominator has earned its place.

@@ -84,18 +84,22 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
     )
     P, sizes = spectra.n_periods, [len(group) for group, _ in groups]
     parts, scatters = map(list, zip(*(merge_group(spectra, *group) for group in groups), strict=True))
-    if P == 1:  # the noise of one period alone is not known: it is set to that of the groups
-        merged = [m for m, g in enumerate(sizes) if g > 1]
-        for m in (m for m, g in enumerate(sizes) if g == 1):
-            scatters[m] = [
-                np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(merged)) for t in merged], axis=1)
-                for k in (0, 1)
-            ]
+    if P == 1:
+        scatters = fill_unknown_scatters(scatters, sizes)
     U, Y, R = (np.stack(x, axis=1) for x in zip(*parts, strict=True))
     dU, dY = (pad_scatters(x) for x in zip(*scatters, strict=True))
     periods = P * n // len(groups)
     joined = replace(spectra, U=U, Y=Y, R=None if spectra.R is None else R, dU=dU, dY=dY, n_periods=periods)
     return joined, [group[0] for group, _ in groups]
+
+
+def fill_unknown_scatters(scatters: list[list[np.ndarray]], sizes: list[int]) -> list[list[np.ndarray]]:
+    """Return the scatters of groups of one period each; that of a group of one, not known, is that of the others."""
+    merged = [m for m, g in enumerate(sizes) if g > 1]
+    others = [
+        np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(merged)) for t in merged], axis=1) for k in (0, 1)
+    ]
+    return [others if g == 1 else own for own, g in zip(scatters, sizes, strict=True)]
 
 
 def merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tuple[list[np.ndarray], list[np.ndarray]]:

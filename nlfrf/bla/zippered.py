@@ -37,11 +37,11 @@ class ColumnInterpolation:
     ------
     owner : (F,) int ndarray
         Which input each line drives.
-    own : (F,) ndarray
+    line_variance : (F,) ndarray
         Variance of an entry of that column over that of one experiment's residual.
     window : (F, n_u, n) int ndarray
         Lines, as indices, from which column i was fitted at line k.
-    weights : (F, n_u, n_y, n_u, n, n_y) complex ndarray
+    error_weights : (F, n_u, n_y, n_u, n, n_y) complex ndarray
         Derivative of each fitted entry by the error of each entry of its window.
     """
 
@@ -200,7 +200,7 @@ def bound_interpolated_columns(
 
     Parameters
     ----------
-    between : Between
+    interpolation : ColumnInterpolation
         How the columns were fitted.
     gamma : (n_u, n_u, F) ndarray
         Diagonal, as if every column had been measured on every line.

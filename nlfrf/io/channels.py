@@ -159,38 +159,39 @@ class Channels:
         What was given is held against what the file says.
         """
         file = Path(self.path).name
-        known_clocks = {
-            self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names
-        }
-        known = {name: clock for name, clock in known_clocks.items() if clock is not None}
-        found = self.stated_clocks(known, given is not None)
-        if not found:
-            found = self.neighbouring_clock(tuple(known_clocks), given is not None)
-        rates = [fs for fs, _ in found.values() if fs > 0]
-        if rates and max(rates) > min(rates) * (1 + MAX_TIME_DIFFERENCE):
-            listing = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
-            raise ValueError(
-                f"u and y must be sampled together, but {file!r} has {listing}; bring them to one clock and give them "
-                "to record_from_samples"
-            )
-        fs, where = next(iter(found.values()), (0.0, ""))
-        if 0 < fs <= SLOW and "" in {self.units.get(f"{name}.start") for name in known}:
-            step = f"the sampling time of {next(iter(known))!r} names no unit and is {1 / fs:g}"
-            fs = 0.0 if given is not None else warn_of_unit(step, fs)
-        axes = {name: axis for name in known_clocks if (axis := self.moments_of(name)) is not None}
+        clocks = {self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names}
+        known = {name: clock for name, clock in clocks.items() if clock is not None}
+        fs, where = self.common_clock(known, tuple(clocks), given is not None)
+        given = None if given is None else require_positive("fs", given)
+        axes = {name: axis for name in clocks if (axis := self.moments_of(name)) is not None}
         if axes:
-            require_same_moments(file, axes, require_positive("fs", given) if given is not None else fs)
+            require_same_moments(file, axes, fs if given is None else given)
+        if given is None and not fs > 0:
+            units = [f": it counts in {unit!r}" for name in known if (unit := self.units.get(f"{name}.start"))]
+            raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel{(units or [''])[0]}")
         if given is None:
-            if not fs > 0:
-                units = [f": it counts in {unit!r}" for name in known if (unit := self.units.get(f"{name}.start"))]
-                raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel{(units or [''])[0]}")
             return fs
-        given = require_positive("fs", given)
         if fs > 0 and abs(given / fs - 1) > MAX_TIME_DIFFERENCE:
             data_warning(
                 f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {fs:g} Hz; the one given is used"
             )
         return given
+
+    def common_clock(self, known: Mapping[str, float | str], names: tuple[str, ...], given: bool) -> tuple[float, str]:
+        """Return the frequency of channels and who says so, 0 where nobody does; refuse channels that differ in it."""
+        found = self.stated_clocks(known, given) or self.neighbouring_clock(names, given)
+        rates = [fs for fs, _ in found.values() if fs > 0]
+        if rates and max(rates) > min(rates) * (1 + MAX_TIME_DIFFERENCE):
+            listing = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
+            raise ValueError(
+                f"u and y must be sampled together, but {Path(self.path).name!r} has {listing}; bring them to one "
+                "clock and give them to record_from_samples"
+            )
+        fs, where = next(iter(found.values()), (0.0, ""))
+        if 0 < fs <= SLOW and "" in {self.units.get(f"{name}.start") for name in known}:
+            step = f"the sampling time of {next(iter(known))!r} names no unit and is {1 / fs:g}"
+            fs = 0.0 if given else warn_of_unit(step, fs)
+        return fs, where
 
     def stated_clocks(self, clocks: Mapping[str, float | str], known: bool) -> dict[str, tuple[float, str]]:
         """Return the frequency by the clock of each channel and who says so, else by that of the whole file."""
@@ -206,11 +207,7 @@ class Channels:
         """What a variable says of the clock of these channels, else a time channel; where both do, the two agree."""
         scalar = self.scalar_clock(next(iter(names), ""), known)
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
-        time = self.time
-        if len(n) == 1:
-            as_long = [one for one in self.times if self.arrays[one].size in n]
-            home = names[0].rpartition(".")[0]
-            time = min(as_long, key=lambda one: one.rpartition(".")[0] != home, default="")
+        time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
         if scalar is None and self.time and not time and not known:
             raise ValueError(
                 f"fs must be given: the time channel {self.time!r} has {self.arrays[self.time].size} samples, and "
@@ -246,13 +243,17 @@ class Channels:
         full = self.full_name(name)
         clock = self.clocks.get(full, self.clocks.get(""))
         if clock is None and full in self.arrays:
-            home = full.rpartition(".")[0]
-            as_long = [time for time in self.times if self.arrays[time].size == self.arrays[full].size]
-            clock = min(as_long, key=lambda time: time.rpartition(".")[0] != home, default=None)
-        if not isinstance(clock, str):
+            clock = self.nearest_time_channel(full)
+        if not clock or not isinstance(clock, str):
             return None
         second = self.second_of(clock)
         return None if second is None else second * np.ravel(self.arrays[clock]).astype(float, copy=False)
+
+    def nearest_time_channel(self, name: str) -> str:
+        """Return the time channel as long as a channel, first one in the same struct; empty where there is none."""
+        as_long = [time for time in self.times if self.arrays[time].size == self.arrays[name].size]
+        home = name.rpartition(".")[0]
+        return min(as_long, key=lambda time: time.rpartition(".")[0] != home, default="")
 
     @property
     def times(self) -> list[str]:
@@ -432,13 +433,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     suffix = path.suffix.lower()
     if suffix == ".gz" and READERS.get(Path(path.stem).suffix.lower()) is TEXT_READER:
         return read_compressed(path)
-    reader = READERS.get(suffix)
-    if suffix in (".json", ".txt") and (kind := stated_kind(path, suffix)):  # a result of `robust`, or a text
-        raise ValueError(describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla"))
-    if reader is None:
-        cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
-        raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
-    arrays, units, clocks, notes = read_contents(path, suffix, reader)
+    arrays, units, clocks, notes = read_contents(path, suffix, reader_of_suffix(path, suffix))
     arrays, units, clocks, notes = clean_names(arrays, units, clocks=clocks, notes=notes)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
@@ -459,6 +454,16 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     return Channels(
         path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
     )
+
+
+def reader_of_suffix(path: Path, suffix: str) -> Reader:
+    """Return who reads a file by its suffix; refuse a result of ours that is no measurement, and what nobody reads."""
+    if suffix in (".json", ".txt") and (kind := stated_kind(path, suffix)):  # a result of `robust`, or a text
+        raise ValueError(describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla"))
+    if suffix not in READERS:
+        cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
+        raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
+    return READERS[suffix]
 
 
 def read_contents(path: Path, suffix: str, reader: Reader) -> Contents:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, require_positive
+from nlfrf._base.arguments import MissingArgumentError, data_warning, require_positive
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.from_frf import bla_from_frf
 from nlfrf.io.channels import Channels, read_channels
@@ -147,7 +147,7 @@ def load_frf(
     std = table.std if relative_std is None else require_positive("relative_std", relative_std) * np.abs(table.G)
     missing = "relative_std" if table.coherence is None else "n_averages"
     if std is None and (table.coherence is None or n_averages is None):
-        raise ValueError(f"{missing} must be given: {NEEDS[missing]}")
+        raise MissingArgumentError(missing, NEEDS[missing])
     top, slash, bottom = table.unit.rpartition("/")
     return bla_from_frf(
         table.f,
@@ -170,12 +170,7 @@ def find_frfs(file: Channels) -> dict[str, FrfTable]:
         if array.dtype.kind in "fiuc" and np.squeeze(array).ndim == 1 and np.isfinite(array).any():
             groups.setdefault(label, {}).setdefault("complex" if array.dtype.kind == "c" else quantity, name)
     whole = [label for label, group in groups.items() if not group.keys().isdisjoint(("complex", "real", "magnitude"))]
-    shared = {
-        quantity: name
-        for label, group in reversed(groups.items())
-        for quantity, name in group.items()
-        if quantity == "frequency" or (len(whole) == 1 and quantity != "std") or (not label and quantity not in PHASES)
-    }
+    shared = shared_columns(groups, is_only=len(whole) == 1)
     tables: dict[str, FrfTable] = {}
     for label in whole:
         table = read_frf(file, shared | groups[label])
@@ -183,6 +178,16 @@ def find_frfs(file: Channels) -> dict[str, FrfTable]:
         if table and not any(np.all(np.abs(G - table.G) <= SAME_FRF * np.abs(G)) for G in same):
             tables[label] = table
     return tables
+
+
+def shared_columns(groups: dict[str, dict[str, str]], *, is_only: bool) -> dict[str, str]:
+    """Return the columns that go with any FRF of a file, by quantity: frequencies and unlabelled ones; of one all."""
+    return {
+        quantity: name
+        for label, group in reversed(groups.items())
+        for quantity, name in group.items()
+        if quantity == "frequency" or (is_only and quantity != "std") or (not label and quantity not in PHASES)
+    }
 
 
 def classify_column(name: str, unit: str) -> tuple[str, str]:
@@ -230,18 +235,31 @@ def read_column(file: Channels, name: str, quantity: str) -> np.ndarray:
             f"{name!r} of {Path(file.path).name!r} is in {unit}, where {', '.join(scales)} are known: left out"
         )
         return np.full(x.size, np.nan)
-    high, step = np.nanmax(np.abs(x)), np.nanmax(np.abs(np.diff(x)), initial=0.0)
-    degrees = quantity == "phase" and high > TURN
-    taken, other = ("degrees", "radians")[:: 1 if degrees else -1] if quantity == "phase" else ("a ratio", "decibels")
-    wraps = step > (TURN if degrees else TURN / 2) or high > MAX_TURNS * TURN
-    is_sure = {"phase": wraps, "magnitude": not MIN_DB <= high <= MAX_DB}.get(quantity, True)
-    if scale is None and not (unit or is_sure):
-        data_warning(
-            f"{name!r} of {Path(file.path).name!r} names no unit and is taken for {taken}, not {other}: write the unit "
-            "behind the name, as in 'phase [rad]', 'gain [dB]'"
-        )
-    scale = (TURN / 360 if degrees else 1.0) if scale is None else scale
+    if scale is None:
+        taken, other, scale = unit_by_range(x, quantity)
+        if taken and not unit:
+            data_warning(
+                f"{name!r} of {Path(file.path).name!r} names no unit and is taken for {taken}, not {other}: write the "
+                "unit behind the name, as in 'phase [rad]', 'gain [dB]'"
+            )
     return np.asarray((10**x if quantity == "frequency" and "log" in map(str.lower, words) else x) * scale)
+
+
+def unit_by_range(x: np.ndarray, quantity: str) -> tuple[str, str, float]:
+    """Return what a column without a unit is taken for, what it may be as well, both empty where it is sure; its scale.
+
+    >>> unit_by_range(np.array([-0.1, 3.0]), "phase"), unit_by_range(np.array([0.0, 170.0, -170.0]), "phase")[0]
+    (('radians', 'degrees', 1.0), '')
+    """
+    high, step = np.nanmax(np.abs(x)), np.nanmax(np.abs(np.diff(x)), initial=0.0)
+    if quantity == "magnitude":
+        return ("a ratio", "decibels", 1.0) if MIN_DB <= high <= MAX_DB else ("", "", 1.0)
+    if quantity != "phase":
+        return "", "", 1.0
+    units = [("radians", 1.0), ("degrees", TURN / 360)]
+    (other, _), (taken, scale) = units if high > TURN else units[::-1]
+    wraps = step > (TURN if high > TURN else TURN / 2) or high > MAX_TURNS * TURN
+    return ("", "", scale) if wraps else (taken, other, scale)
 
 
 def describe_frfs(tables: dict[str, FrfTable]) -> tuple[str, tuple[str, ...]]:

@@ -43,6 +43,9 @@ SET_POINT = re.compile(rf"[ _.]*(?:{SET_WORDS})$|(?<![a-z])(?:{SET_WORDS})(?![a-
 MAX_UNEVEN_STEPS = 0.01  # share of the steps of a counter that differ from the others, where it wraps
 MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
 MAX_CANDIDATES = 12  # channels whose spectra are looked at
+#: What `guess_input` finds where there is none, and why a channel is no candidate.
+NO_INPUT = "", 0.0, "no channel repeats", ""
+PROGRESSIVE = "rises or falls throughout, as a clock or a counter does"
 WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
 
 
@@ -224,28 +227,18 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     frf, frf_options = describe_frfs(tables)
     n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record beside them
     streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
-    times = {name for name in streams if is_time_name(name)} | {
-        clock for clock in file.clocks.values() if clock in streams
-    }
-    varying = {name: stream for name, stream in streams.items() if name not in times and is_varying(stream)}
-    candidates = {name: stream for name, stream in varying.items() if not is_progressive(stream)}
-    rising = dict.fromkeys(
-        (name for name in varying if name not in candidates), "rises or falls throughout, as a clock or a counter does"
-    )
+    candidates, progressive = split_moving(file, streams)
     rows = {name: describe_lost_rows(file, name) for name in candidates}
     filled = {
         name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
     }
-    u, period, lines, reference = "", 0.0, "no channel repeats", ""
-    for together in group_by_length(filled):
-        u, period, lines, reference = guess_input(file, together)
-        if u:
-            break
+    guesses = (guess_input(file, together) for together in group_by_length(filled))
+    u, period, lines, reference = next((one for one in guesses if one[0]), NO_INPUT)
     lost = rows.get(u)
     return FileContents(
         path=str(path),
         channels=channels,
-        notes=rising | dict(file.notes),
+        notes=dict.fromkeys(progressive, PROGRESSIVE) | dict(file.notes),
         u=u,
         y=guess_output(u, candidates if u else next(iter(group_by_length(candidates)), {})),
         period=period,
@@ -256,6 +249,14 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         frf=frf,
         frf_options=frf_options,
     )
+
+
+def split_moving(file: Channels, streams: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Return the streams that move and are no times, and the names of those that only rise or fall."""
+    times = {name for name in streams if is_time_name(name)} | set(file.clocks.values())
+    varying = {name: stream for name, stream in streams.items() if name not in times and is_varying(stream)}
+    candidates = {name: stream for name, stream in varying.items() if not is_progressive(stream)}
+    return candidates, [name for name in varying if name not in candidates]
 
 
 def screen_file(path: str | os.PathLike[str], contents: FileContents) -> ScreenedStreams:
@@ -452,7 +453,7 @@ def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str,
             description += f", {x.size // n} periods; {format_count(excited.size, 'line')}"
         found[name] = uneven, period, description
     if not found:
-        return "", 0.0, "no channel repeats", ""
+        return NO_INPUT
     best = min(
         found,
         key=lambda name: (

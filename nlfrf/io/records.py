@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import overload
+from typing import TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.reference import Design, design_period
 from nlfrf.records.samples import Cutting, record_from_samples, records_from_streams
 from nlfrf.signals.lines import LineGrid
-from nlfrf.signals.multisine import Multisine
 
 
 def read_measurement(path: str | os.PathLike[str]) -> Channels:
@@ -173,14 +172,14 @@ def keep_whole_periods(
         Input or reference of the first file.
     fs : float
         Sampling frequency [Hz].
-    asked : Asked
+    options : Cutting
         How they are to be cut.
     paths : sequence of str
         The files.
 
     Returns
     -------
-    Asked
+    Cutting
         How what is left is to be cut.
 
     Raises
@@ -228,20 +227,21 @@ MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a c
 Path_ = str | os.PathLike[str]
 
 
+class ReadOptions(TypedDict, total=False):
+    """How a record is cut out of files, by the names of the arguments of `load_record`."""
+
+    fs: float | None
+    n_samples: int | None
+    lines: LineGrid | None
+    n_discard: int
+    resample: bool
+    design: Design | Path_ | None
+    hold: str | None
+
+
 @overload
 def load_record(
-    path: Path_ | Sequence[Path_],
-    *,
-    u: str = ...,
-    y: str = ...,
-    r: str | None = ...,
-    fs: float | None = ...,
-    n_samples: int | None = ...,
-    lines: LineGrid | None = ...,
-    n_discard: int = ...,
-    resample: bool = ...,
-    design: Multisine | Path_ | None = ...,
-    hold: str | None = ...,
+    path: Path_ | Sequence[Path_], *, u: str = ..., y: str = ..., r: str | None = ..., **options: Unpack[ReadOptions]
 ) -> Record: ...
 
 
@@ -252,13 +252,7 @@ def load_record(
     u: str = ...,
     y: list[str] | tuple[str, ...],
     r: str | None = ...,
-    fs: float | None = ...,
-    n_samples: int | None = ...,
-    lines: LineGrid | None = ...,
-    n_discard: int = ...,
-    resample: bool = ...,
-    design: Multisine | Path_ | None = ...,
-    hold: str | None = ...,
+    **options: Unpack[ReadOptions],
 ) -> list[Record]: ...
 
 
@@ -269,13 +263,7 @@ def load_record(
     u: list[str] | tuple[str, ...] | None,
     y: str | list[str] | tuple[str, ...] | None = ...,
     r: str | list[str] | tuple[str, ...] | None = ...,
-    fs: float | None = ...,
-    n_samples: int | None = ...,
-    lines: LineGrid | None = ...,
-    n_discard: int = ...,
-    resample: bool = ...,
-    design: Design | Path_ | None = ...,
-    hold: str | None = ...,
+    **options: Unpack[ReadOptions],
 ) -> Record: ...
 
 
@@ -369,14 +357,19 @@ def load_record(
             )
         return stored_multirecord(files, u, y=y, fs=fs, options=options)
     u, y = "u" if u is None else u, "y" if y is None else y
-    if isinstance(u, list | tuple) and len(u) == 1 and isinstance(y, str):
-        u = u[0]
-    if isinstance(u, list | tuple):
+    if isinstance(u, list | tuple) and not (len(u) == 1 and isinstance(y, str)):
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
         return load_channels(files, u=u, y=y, r=r, fs=fs, options=options)
-    check_names(u, y, r)
-    names = {"u": str(u)} | ({} if r is None else {"r": str(r)})
-    outputs = [y] if isinstance(y, str) else list(y)
+    records = load_outputs(
+        files, *checked_names(u[0] if isinstance(u, list | tuple) else u, y, r), fs=fs, options=options
+    )
+    return records[0] if isinstance(y, str) else records
+
+
+def load_outputs(
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], *, fs: float | None, options: Cutting
+) -> list[Record]:
+    """Return a record for each output of one input, of files that this package wrote or that somebody measured."""
     if several := next((file.path for file in files if holds_several(file)), None):
         raise ValueError(
             f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "
@@ -385,13 +378,11 @@ def load_record(
     stored = [file.text("schema") == RECORD_SCHEMA for file in files]
     if any(stored) and not all(stored):
         raise ValueError("path must be records that this package wrote, or none of them, got some of each")
-    read = stored_records if all(stored) else measured_records
-    records = read(files, names, outputs, fs, options)
-    return records[0] if isinstance(y, str) else records
+    return (stored_records if all(stored) else measured_records)(files, names, outputs, fs, options)
 
 
-def check_names(u: object, y: object, r: object) -> None:
-    """Refuse what is no name of a channel, and an output that is asked for twice."""
+def checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], list[str]]:
+    """Return the names of input and reference, and of the outputs; refuse what is none, or an output given twice."""
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
             raise ValueError(f"{parameter} must name one channel, got {short_form(name)}")
@@ -402,6 +393,7 @@ def check_names(u: object, y: object, r: object) -> None:
         raise ValueError("y must name at least one output, got none")
     if len(set(outputs)) < len(outputs):
         raise ValueError(f"y must name different outputs, got {short_form(list(outputs))}")
+    return {"u": str(u)} | ({} if r is None else {"r": str(r)}), list(outputs)
 
 
 def measured_records(

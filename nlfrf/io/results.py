@@ -124,8 +124,8 @@ def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", del
         - a BLA: ``.npz`` or ``.h5``.
         - an uncertainty model, or a controller for negative feedback (state space, transfer function, number or
           matrix): ``.json``, exact to the bit.
-        - what `robust.check`, `robust.prove_friction` and `robust.friction.prove_saturated` return: a certificate,
-          ``.json``, with plant, controller, delay, weights and claim as given and a digest of it all.
+        - what `robust.check` and `robust.prove_friction` return: a certificate, ``.json``, with plant, controller,
+          delay, weights and claim as given and a digest of it all.
     path : path
         File to write.
     decimal : str

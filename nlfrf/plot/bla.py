@@ -113,6 +113,21 @@ def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) ->
     return finish_axes(ax)
 
 
+def phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Return (F,) unwrapped phase [deg] from the surest line of the lowest third, there -270 to 90 deg as of a lag.
+
+    A first line without a phase would turn all others by whole turns.
+
+    >>> phase_from_surest(np.exp(1j * np.radians([100.0, -170.0, -190.0])), np.array([2.0, 0.1, 0.1]))
+    array([-260., -170., -190.])
+    """
+    relative = radius / np.abs(G)
+    k = int(np.argmin(relative[: G.size // 3 + 1]))
+    phase = np.angle(G)
+    phase = np.concatenate([np.unwrap(phase[k::-1])[:0:-1], np.unwrap(phase[k:])])
+    return np.asarray(np.degrees(phase) - 360 * np.round((np.degrees(phase[k]) + 90) / 360))
+
+
 def plot_blas(
     blas: Sequence[Bla], labels: Sequence[str], *, confidence: float = 0.95, ax: Axes | None = None
 ) -> tuple[Axes, Axes]:
@@ -147,8 +162,7 @@ def plot_blas(
             alpha=BAND_ALPHA,
             lw=0,
         )
-        phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, radius)
-        phase -= 360 * np.round((phase[0] + 90) / 360)  # from -270 to 90 deg at first, as of what is late
+        phase, wide = phase_from_surest(bla.G, radius), phase_band(bla.G, radius)
         bottom.fill_between(bla.f, phase - wide, phase + wide, color=color, alpha=BAND_ALPHA, lw=0)
         top.plot(bla.f, to_decibel(size), line, ms=3, lw=1.2, color=color)
         bottom.plot(bla.f, phase, line, ms=3, lw=1.2, color=color, label=label)

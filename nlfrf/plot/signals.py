@@ -162,12 +162,14 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
         label = "last period" if last else "periods before" if p == 0 else None
         ax.plot(t, period, "-", lw=0.6, color=COLOR["excited" if last else "noise"], label=label)
     name, unit = getattr(record, f"{signal}_name", "") or signal, getattr(record, f"{signal}_unit", "")
-    rms = float(np.sqrt(np.mean(periods[-1] ** 2)))
-    crest = float(np.abs(periods[-1]).max()) / rms if rms else np.nan
+    swing = periods[-1] - np.mean(periods[-1])
+    rms = float(np.std(periods[-1]))
+    crest = float(np.abs(swing).max()) / rms if rms else np.nan
     ax.set(
         xlabel="time [s]",
         ylabel=label_with_unit(name, unit, f"unit of {signal}"),
-        title=f"{name}: {len(periods)} periods over one another, rms {rms:.3g}, crest factor {crest:.2f}",
+        title=f"{name}: {len(periods)} periods over one another; "
+        f"without the mean: rms {rms:.3g}, crest factor {crest:.2f}",
     )
     return finish_axes(ax)
 

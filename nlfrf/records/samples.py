@@ -284,22 +284,49 @@ def records_from_streams(
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     del u, outputs, r  # long streams are held once
     known = "r" if "r" in streams else "u"
-    excitation = streams[known]
-    for one in excitation:
+    for one in streams[known]:
         warn_of_hits(known, one[excited_span(one, one.size // 16)])
-    found = n_samples is None and design is None
     if n_samples is None and design is not None:
         n_samples = design_period(design, fs)
     elif n_samples is None:
         with add_swap_hint(streams, labels):
-            n_samples = rounded_period(excitation[0], resample)
+            n_samples = rounded_period(streams[known][0], resample)
     n_samples = require_integer("n_samples", n_samples, least=4)
+    screen_outputs(streams, n_samples=n_samples, fs=fs)
+    require_whole_period(min(one.size for one in streams[known]), n_samples, n_discard)
+    kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
+    del streams
+    cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=labels)
+    if design is not None:
+        cut.setdefault("r", reconstruct_reference(design, cut["u"]))
+        hold = design.hold if hold is None else hold
+    u, r = cut.pop("u"), cut.pop("r", None)
+    (y, label), *others = zip(cut.values(), labels.values(), strict=True)
+    first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold="unknown" if hold is None else hold, **label)
+    return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
+
+
+def screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> None:
+    """`warn_of_outliers` of every output in every realisation."""
     for name in output_names(streams):
         for u, y in zip(streams["u"], streams[name], strict=True):
             warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs)
-    require_whole_period(min(one.size for one in excitation), n_samples, n_discard)
-    kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
-    del streams, excitation
+
+
+def cut_periods(
+    kept: Streams,
+    known: str,
+    *,
+    n_samples: int,
+    fs: float,
+    options: Cutting,
+    labels: Mapping[str, SignalLabels],
+) -> tuple[dict[str, np.ndarray], LineGrid, float]:
+    """Cut streams into periods (M, P, N), with the lines and the sampling frequency that these show.
+
+    `known` names the input or the reference. Faults of every channel are refused, warned of or, with `resample`, cured.
+    """
+    resample = options.resample
     cut_silence(kept, known, n_samples=n_samples)
     stream = kept[known][0]
     for name, signal in kept.items():
@@ -307,7 +334,7 @@ def records_from_streams(
             warn_about_channel(name, one, n_samples)
     warn_of_other_rates(kept, fs)
     with add_swap_hint(kept, labels):
-        tracks = track_inputs(kept.get("r", kept["u"]), n_samples, resample)
+        tracks = track_inputs(kept[known], n_samples, resample)
     n_periods = min(one.size for one in kept["u"]) // n_samples
 
     def cut_into_periods(signal: list[np.ndarray]) -> np.ndarray:
@@ -316,9 +343,9 @@ def records_from_streams(
     # what may be cut once more is kept
     cut = {name: cut_into_periods(kept[name] if resample else kept.pop(name)) for name in list(kept)}
     with add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
-        check_period(cut.get("r", cut["u"]), stream, fs)
+        check_period(cut[known], stream, fs)
     warn_of_swapped(cut, labels)
-    lines = lines_of_periods(cut, design, found=found) if lines is None else lines
+    lines = lines_of_periods(cut[known], options) if options.lines is None else options.lines
     require_equal_gaps(kept, tracks)
     for _ in range(MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
         if not examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):
@@ -334,22 +361,16 @@ def records_from_streams(
         )
     if resample and all(tracks):  # so that f0 is what the input repeats at
         fs /= float(np.mean([where.spacing for where in tracks if where]))
-    if design is not None:
-        cut.setdefault("r", reconstruct_reference(design, cut["u"]))
-        hold = design.hold if hold is None else hold
-    u, r = cut.pop("u"), cut.pop("r", None)
-    (y, label), *others = zip(cut.values(), labels.values(), strict=True)
-    first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold="unknown" if hold is None else hold, **label)
-    return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
+    return cut, lines, fs
 
 
-def lines_of_periods(cut: Mapping[str, np.ndarray], design: Design | None, *, found: bool) -> LineGrid:
-    """Return the lines of the design, or those that the input shows; `found`: its period was found from repetitions."""
-    if design is not None:
-        return design.lines
-    lines = recognise_grid(cut.get("r", cut["u"]))
-    _, n_periods, n_samples = cut["u"].shape
-    if found and n_periods == 2 and lines.kind == "custom":
+def lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
+    """Return the lines of the design, or those that an input or reference (M, P, N) shows."""
+    if options.design is not None:
+        return options.design.lines
+    lines = recognise_grid(periods)
+    _, n_periods, n_samples = periods.shape
+    if options.n_samples is None and n_periods == 2 and lines.kind == "custom":
         data_warning(
             f"the period of {n_samples} samples was found from one repetition, of lines that form no grid: with "
             "samples lost between its two ends it would come out too short. Give the design that was played, or "

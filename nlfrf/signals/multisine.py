@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeAlias, overload
+from typing import TYPE_CHECKING, TypeAlias, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -124,6 +124,25 @@ class Multisine:
         return np.fft.irfft(spectrum, n_samples, axis=1)
 
 
+class SignalOptions(TypedDict, total=False):
+    """What `multisine` takes of a signal for any number of inputs, by the names of its arguments."""
+
+    amplitude: Amplitude | None
+    lines: LineGrid | np.ndarray | None
+    n_log: int | None
+    n_realizations: int
+    rng: Rng
+    hold: str
+
+
+class OrthogonalOptions(SignalOptions, total=False):
+    """The same for several inputs alone."""
+
+    design: str
+    mixing: ArrayLike | None
+    n_draws: int
+
+
 @overload
 def multisine(
     kind: str = ...,
@@ -133,12 +152,7 @@ def multisine(
     f_min: float,
     f_max: float,
     rms: float = ...,
-    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
-    lines: LineGrid | np.ndarray | None = ...,
-    n_log: int | None = ...,
-    n_realizations: int = ...,
-    rng: Rng = ...,
-    hold: str = ...,
+    **options: Unpack[SignalOptions],
 ) -> Multisine: ...
 
 
@@ -151,17 +165,8 @@ def multisine(
     f_min: float,
     f_max: float,
     rms: float | Sequence[float] | np.ndarray = ...,
-    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
-    lines: LineGrid | np.ndarray | None = ...,
-    n_log: int | None = ...,
-    n_realizations: int = ...,
     n_inputs: int,
-    design: str = ...,
-    transform: str = ...,
-    mixing: ArrayLike | None = ...,
-    n_draws: int = ...,
-    rng: Rng = ...,
-    hold: str = ...,
+    **options: Unpack[OrthogonalOptions],
 ) -> OrthogonalMultisine: ...
 
 
@@ -173,13 +178,12 @@ def multisine(
     f_min: float,
     f_max: float,
     rms: float | Sequence[float] | np.ndarray = 1.0,
-    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
+    amplitude: Amplitude | None = None,
     lines: LineGrid | np.ndarray | None = None,
     n_log: int | None = None,
     n_realizations: int = 1,
     n_inputs: int = 1,
     design: str = "orthogonal",
-    transform: str = "dft",
     mixing: ArrayLike | None = None,
     n_draws: int = 1,
     rng: Rng = None,
@@ -216,8 +220,6 @@ def multisine(
     design : str
         "orthogonal": n_u experiments make a set, every one of which excites all inputs on all lines. "zippered": one
         experiment, in which each line drives one input; on a random-odd grid.
-    transform : str
-        What tells the experiments of a set apart: "dft" (any n_u) or "hadamard" (signs; 1, 2, 4, 8, 12, ...).
     mixing : (n_u, n_u) ndarray, optional
         u = mixing @ (orthogonal signals): for logical axes, or V S^-1 of a first measurement where the plant is ill
         conditioned. `rms` is that of the signals before mixing.
@@ -273,7 +275,6 @@ def multisine(
             rms=rms_per_input(rms, n_inputs),
             n_realizations=n_realizations,
             design=design,
-            transform=transform,
             mixing=mixing,
             n_draws=require_integer("n_draws", n_draws, least=1),
             hold=hold,

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 DESIGNS = ("orthogonal", "zippered")
-TRANSFORMS = ("dft", "hadamard")
 
 
 @value
@@ -161,7 +160,6 @@ def orthogonal_multisine(
     rms: np.ndarray,
     n_realizations: int,
     design: str,
-    transform: str,
     mixing: ArrayLike | None,
     n_draws: int,
     hold: str,
@@ -169,7 +167,6 @@ def orthogonal_multisine(
 ) -> OrthogonalMultisine:
     """The signals of `multisine(n_inputs=...)`: relative amplitudes (n_u, F) scaled to rms (n_u,), phases drawn."""
     require_choice("design", design, DESIGNS)
-    require_choice("transform", transform, TRANSFORMS)
     n_inputs = len(amplitude)
     if design == "zippered":
         if mixing is not None:
@@ -177,7 +174,7 @@ def orthogonal_multisine(
         amplitude = amplitude * assign_lines(kind, grid, n_inputs=n_inputs, rng=rng)
         T = None
     else:
-        T = np.angle(orthogonal_matrix(n_inputs, transform))
+        T = np.angle(dft_matrix(n_inputs))
     if mixing is not None:
         mixing = require_real_array("mixing", mixing, ndim=2)
         check_mixing(mixing, n_inputs)
@@ -230,41 +227,9 @@ def assign_lines(kind: str, grid: LineGrid, *, n_inputs: int, rng: np.random.Gen
     return (owner == np.arange(n_inputs)[:, None]).astype(float)
 
 
-def orthogonal_matrix(n: int, transform: str) -> np.ndarray:
-    """Return (n, n) T with T T^H = n I and |T_ie| = 1: the DFT matrix, or a Hadamard matrix of signs.
-
-    >>> orthogonal_matrix(2, "hadamard")
-    array([[ 1.,  1.],
-           [ 1., -1.]])
-    """
-    if transform == "dft":
-        return np.exp(-2j * np.pi * np.outer(np.arange(n), np.arange(n)) / n)
-    core, doublings = n, 0
-    while core > 2 and core % 2 == 0 and not is_paley_order(core):
-        core, doublings = core // 2, doublings + 1
-    if core not in (1, 2) and not is_paley_order(core):
-        raise ValueError(f'n_inputs must be 1, 2, 4, 8, 12, ... for transform="hadamard", got {n}. "dft" takes any.')
-    H = np.array([[1.0]]) if core == 1 else paley_matrix(core) if core > 2 else np.array([[1.0, 1.0], [1.0, -1.0]])
-    for _ in range(doublings):
-        H = np.block([[H, H], [H, -H]])
-    return H
-
-
-def is_paley_order(n: int) -> bool:
-    """Return whether n - 1 is a prime with remainder 3 by 4: squares modulo it make a Hadamard matrix (Paley 1933)."""
-    q = n - 1
-    return q % 4 == 3 and all(q % d for d in range(2, int(q**0.5) + 1))
-
-
-def paley_matrix(n: int) -> np.ndarray:
-    """Return (n, n) Hadamard matrix from the squares modulo n - 1."""
-    q = n - 1
-    squares = {i * i % q for i in range(1, q)}
-    sign = np.array([0] + [1 if i in squares else -1 for i in range(1, q)], dtype=float)
-    H = np.ones((n, n))
-    H[1:, 0] = -1
-    H[1:, 1:] = sign[np.subtract.outer(np.arange(q), np.arange(q)) % q] + np.eye(q)
-    return H
+def dft_matrix(n: int) -> np.ndarray:
+    """Return (n, n) T with T T^H = n I and |T_ie| = 1, which tells the experiments of a set apart."""
+    return np.exp(-2j * np.pi * np.outer(np.arange(n), np.arange(n)) / n)
 
 
 def check_mixing(mixing: np.ndarray, n_inputs: int) -> None:

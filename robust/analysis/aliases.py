@@ -428,16 +428,16 @@ class RsBreakdown:
     ------
     omega, total : float
         The frequency, and rs there.
-    own : float
+    without_aliases : float
         rs of what acts at that frequency alone; with the aliases it is `total`.
-    member : float
+    single_frequency : float
         One or more where a linear perturbation of that frequency alone makes the loop unstable. Of an operator it is
         less than `without_aliases`, which counts every input that the hold passes to it.
-    measured : float
+    in_band : float
         rs of what acts inside the measured band alone; the rest is assumed.
-    source : float
+    omega_source : float
         The frequency [rad/s], of it and its aliases, that adds most.
-    filtered : bool
+    is_bounded : bool
         Whether the sum over all aliases is finite at all.
     F_max : float
         Largest |F| of an alias.

@@ -37,8 +37,9 @@ class Curves:
         Of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta).
     W : (W,) complex ndarray
         What the plant is scaled by where the form depends on its units; one elsewhere.
-    folded_rs, folded_worst, folded_growth : (W,) ndarray or None
-        rs, max |S_p| and growth with every alias, where the set is one of continuous plants under a sampled controller.
+    folded_rs, folded_S_worst, folded_performance_margin : (W,) ndarray or None
+        rs, max |S_p| and `performance_margin` with every alias, where the set is one of continuous plants under a
+        sampled controller.
     """
 
     omega: np.ndarray

@@ -158,7 +158,8 @@ class Proofs:
     Fields
     ------
     certificates : tuple of Certificate
-        Stability first, then performance where it was asked for and stability holds.
+        Stability first, then performance where it was asked for and stability holds; of a sampled set of several
+        channels the last one says that it contains the continuous set.
     robustly_stable, robust_performance : bool
         True only when established for the whole set, whatever the verdict makes of the set.
     violated : bool

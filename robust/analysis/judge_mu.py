@@ -17,6 +17,7 @@ from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Effort, Findings, Margins, Proofs, ReportCurves, decide_verdict
 from robust.analysis.loop import Loop
 from robust.analysis.loop_of_channels import LoopOfChannels
+from robust.analysis.sampled_set import SampledSet
 from robust.analysis.text import (
     ALIASES_NOT_PROVED,
     NO_MU,
@@ -54,9 +55,17 @@ def judge_mu(loop: Loop | LoopOfChannels, effort: Effort) -> Findings:
         at = int(S_worst.argmax())
         margins = replace(taken.margins, S_worst=float(S_worst[at]), omega_S_worst=float(omega[at]))
         taken = replace(taken, margins=margins)
-    if not (folding := loop.folding(form)):
-        return taken
-    return replace(taken, folding=folding, not_proved=f"{ALIASES_NOT_PROVED}; {taken.not_proved}")
+    return add_aliases(taken, folded) if (folded := loop.folded(form)) else taken
+
+
+def add_aliases(found: Findings, folded: SampledSet) -> Findings:
+    """Return findings of a sampled set with the proof that it contains the continuous one, where it is worth one."""
+    proofs, proved = found.proofs, False
+    if proofs.robustly_stable:
+        certificate = folded.certify_aliases()
+        proofs, proved = replace(proofs, certificates=(*proofs.certificates, certificate)), certificate.holds
+    text = found.not_proved if proved else f"{ALIASES_NOT_PROVED}; {found.not_proved}"
+    return replace(found, folding=folded.describe(proved=proved), proofs=proofs, not_proved=text)
 
 
 def best_form(found: dict[str, Findings]) -> str:

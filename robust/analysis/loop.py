@@ -62,10 +62,10 @@ class Loop:
         Delay [s] that G holds as a Padé approximation made here (continuous loops only).
     continuous_plant : control.StateSpace or None
         The continuous nominal that G was sampled from.
-    short, shift : control.StateSpace, float
+    undelayed_plant, plant_delay : control.StateSpace, float
         G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
         curves and margins are those of the exact delay.
-    given, delay : control.StateSpace, float
+    given_plant, delay : control.StateSpace, float
         The plant before hold and delay, and that delay [s]: what exact arithmetic takes.
     """
 
@@ -208,9 +208,8 @@ class Loop:
         """Return the frequencies (W,) [rad/s] of the set."""
         return self.model.omega
 
-    def folding(self, form: str) -> str:
-        """Return what was made of the aliases in `systems`, which have none."""
-        return ""
+    def folded(self, form: str) -> None:
+        """Return the sampled set that aliases are in, which `systems` have none of."""
 
     @cached_property
     def system(self) -> UncertainSystem:

@@ -11,7 +11,7 @@ from nlfrf._base.values import value
 from robust._base.types import Weight
 from robust.analysis.disk import LoopMargins, disk_margins
 from robust.analysis.findings import Given
-from robust.analysis.sampled_set import set_on_controller_time_base
+from robust.analysis.sampled_set import SampledSet, set_on_controller_time_base
 from robust.analysis.worst_plant import performance_loop
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
@@ -39,8 +39,8 @@ class LoopOfChannels:
     delay: float
 
     @cached_property
-    def forms(self) -> dict[str, tuple[UncertaintyModel, str]]:
-        """Return the set in each form on the time base of the controller, and what was made of its aliases."""
+    def forms(self) -> dict[str, tuple[UncertaintyModel, SampledSet | None]]:
+        """Return the set in each form on the time base of the controller, and the sampled one its aliases are in."""
         forms = [one for one in (self.model, self.model.alternative_form) if one is not None]
         return {one.form: set_on_controller_time_base(one, self.K, self.delay) for one in forms}
 
@@ -68,6 +68,6 @@ class LoopOfChannels:
         """Return the frequencies (W,) [rad/s] of the set."""
         return self.forms[form][0].omega
 
-    def folding(self, form: str) -> str:
-        """Return what was made of the aliases; empty where there are none."""
+    def folded(self, form: str) -> SampledSet | None:
+        """Return the sampled set that aliases are in; None where there are none."""
         return self.forms[form][1]

@@ -14,8 +14,8 @@ For the two blocks, with m_k = |M_k| the sum is C^1/2 Delta R with |Delta| <= 1,
 as a row of the parts and a column of the others are contractions (Cauchy-Schwarz). C goes into diagonal weights as a
 measured covariance does. Aliases near the band are taken one by one, what lies beyond is bounded as in `aliases`.
 
-The weights of the sampled set cover these radii on a grid, and the larger neighbour between its frequencies: computed
-in floating point, not proved. What is proved of the sampled set is proved at all frequencies.
+The weights of the sampled set are fitted over these radii on a grid and then raised by `COVERED`, so that they can be
+proved to cover every alias at all frequencies (`robust.proofs.exact.folded_sets`): `certify_aliases` does.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import numpy as np
 
 from nlfrf._base.arguments import format_hertz, require_nonnegative
 from nlfrf._base.values import value
+from robust._base.states import Outcome
 from robust._base.types import Controller
 from robust.analysis.aliases import Aliases
 from robust.lti.connections import require_shape
@@ -40,8 +41,13 @@ from robust.models.sets.forms import ADDITIVE, ELEMENTS
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form, require_several_channels
 from robust.models.sets.radius import diagonal_bound
+from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.folded_sets import ALIASES, FoldedClaim, FoldedPart, verify_folded
+from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
 WEIGHT_ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
+COVERED = 1.01  # factor on every weight, for the proof between the frequencies of the grid
+BLOCKS = 1.06  # factor on what the aliases in blocks add, which the proof knows to a twentieth
 FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight is a number
 GRID_START_RATIO = 1e-3  # of the lowest line: where the grid begins
 
@@ -58,25 +64,45 @@ class SampledSet:
         The grid on which its weights cover the radii [rad/s].
     own_share : (W,) ndarray
         Part of the radius that the frequency itself makes, the rest is from its aliases.
+    claim : FoldedClaim
+        That it contains the continuous set.
     """
 
     model: UncertaintyModel
     omega: np.ndarray
     own_share: np.ndarray
+    claim: FoldedClaim
 
-    @property
-    def description(self) -> str:
+    def describe(self, *, proved: bool) -> str:
         """Describe how the aliases were treated and how much they add."""
         k = int(np.argmin(self.own_share))
+        how = "is proved" if proved else f"was computed on {self.omega.size} frequencies in floating point"
         return (
-            f"every alias is in the weights of the sampled set, which cover it on {self.omega.size} frequencies in "
-            f"floating point; what folds down is at most {100 * (1 - self.own_share[k]):.2g} %, "
-            f"at {format_hertz(self.omega[k])}"
+            f"every alias is in the weights of the sampled set, which {how}; what folds down is at most "
+            f"{100 * (1 - self.own_share[k]):.2g} %, at {format_hertz(self.omega[k])}"
+        )
+
+    def certify_aliases(self) -> Certificate:
+        """Return the proof that it contains the continuous set, every alias included."""
+        found = verify_folded(self.claim)
+        if not found.verified:
+            return failed_certificate(ALIASES, 1.0, found.failed[0][1])
+        return Certificate(
+            subject=ALIASES,
+            outcome=Outcome.HOLDS,
+            level=1.0,
+            method=EXACT,
+            intervals=np.array([[0.0, np.pi / self.claim.dt]]),
+            reason="",
+            claim=self.claim,
+            again=verify_folded,
         )
 
 
-def set_on_controller_time_base(model: UncertaintyModel, K: Controller, delay: float) -> tuple[UncertaintyModel, str]:
-    """Return the set of several channels on the time base of its controller, and a description of the aliases in it.
+def set_on_controller_time_base(
+    model: UncertaintyModel, K: Controller, delay: float
+) -> tuple[UncertaintyModel, SampledSet | None]:
+    """Return the set of several channels on the time base of its controller, and how it was folded into it.
 
     A continuous set under a sampled controller is folded; another one is as it is, with its delay in the nominal.
     """
@@ -85,10 +111,10 @@ def set_on_controller_time_base(model: UncertaintyModel, K: Controller, delay: f
         require_shape(K, model.n_outputs, model.n_inputs)
         warn_of_unknown_hold(model, timebase(K))
         found = sampled_set(model, timebase(K), require_nonnegative("delay", delay))
-        return found.model, found.description
+        return found.model, found
     if delay:
         raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
-    return model, ""
+    return model, None
 
 
 def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> SampledSet:
@@ -118,7 +144,7 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         )
     left, right, share = folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)
     rows = np.concatenate([left, right])
-    weights = tuple(fit_sampled_weight(omega, row, dt) for row in rows)
+    weights = tuple(fit_sampled_weight(omega, row, dt) * COVERED for row in rows)
     # on the grid, as that is where they cover: what was measured is of the continuous set
     made = replace(
         model,
@@ -132,7 +158,31 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         records=(),
         origin=replace(model.origin, hold="zoh", fs=1 / dt),
     )
-    return SampledSet(model=made, omega=omega, own_share=share)
+    return SampledSet(model=made, omega=omega, own_share=share, claim=folded_claim(model, made))
+
+
+def folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClaim:
+    """Return the claim that a sampled set contains a continuous one; each element is a block of its own."""
+    left, right, V_left, V_right = (
+        tuple(map(to_matrices, weights)) for weights in (model.left, model.right, made.left, made.right)
+    )
+    if model.form == ELEMENTS:
+        one = (to_matrices(control.StateSpace([], [], [], [[1.0]], 0)),)
+        parts = tuple(
+            FoldedPart(plant=None, sampled=None, left=(w,), right=one, sampled_left=(v,), sampled_right=one)
+            for w, v in zip(right, V_right, strict=True)
+        )
+        return FoldedClaim(dt=timebase(made.nominal), parts=parts)
+    through = model.form != ADDITIVE
+    part = FoldedPart(
+        plant=to_matrices(model.nominal) if through else None,
+        sampled=to_matrices(made.nominal) if through else None,
+        left=left,
+        right=right,
+        sampled_left=V_left,
+        sampled_right=V_right,
+    )
+    return FoldedClaim(dt=timebase(made.nominal), parts=(part,))
 
 
 def sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
@@ -183,11 +233,11 @@ def folded_radii(
 
     if model.form == ELEMENTS:
         each = hold * sizes(model.right)
-        rows = each.sum(axis=2) + tails[:, None] * sine
+        rows = each.sum(axis=2) + BLOCKS * tails[:, None] * sine
         return np.zeros((0, omega.size)), rows, np.min(each[:, :, 0] / rows, axis=0)
     left, right = sizes(model.left), sizes(model.right)
     if model.form == ADDITIVE:
-        M = left.transpose(1, 2, 0)[..., None] * np.eye(len(left))
+        M, inverse = left.transpose(1, 2, 0)[..., None] * np.eye(len(left)), np.eye(len(left))[None]
     else:
         G = (
             response_by_channel(model.nominal, flat)
@@ -196,17 +246,18 @@ def folded_radii(
         )
         M = G * left.transpose(1, 2, 0)[:, :, None]
         M = np.where(at[..., None, None] < 0, M.conj(), M)
+        inverse = np.linalg.inv(np.moveaxis(response_by_channel(nominal, omega), 2, 0))
+        M = inverse[:, None] @ M
     m = np.linalg.norm(M, 2, axis=(2, 3))
-    beyond = float(tails.sum()) * sine  # of m_k, by its entries
+    size = np.linalg.norm(inverse, 2, axis=(1, 2))
+    beyond = BLOCKS * float(tails.sum()) * sine  # of |G W|, by its entries
     C = np.einsum("wk,wkji,wkli->wjl", hold / np.maximum(m, 1e-300), M, M.conj())
-    C = C + beyond[:, None, None] * np.eye(M.shape[2])
+    C = C + (beyond / size)[:, None, None] * (inverse @ np.swapaxes(inverse, 1, 2).conj())
+    beyond = beyond * size
     highest = np.array(
         [response(weight, np.geomspace(flat.max() / 10, flat.max() * 1e4, 400)) for weight in model.right]
     )
     R = np.sqrt((hold * m * right**2).sum(axis=2) + beyond * (np.abs(highest).max(axis=1) ** 2)[:, None])
-    if model.form != ADDITIVE:
-        inverse = np.linalg.inv(np.moveaxis(response_by_channel(nominal, omega), 2, 0))
-        C = inverse @ C @ np.swapaxes(inverse, 1, 2).conj()
     scale = np.sqrt(np.mean(R**2, axis=0))  # what stands left and what right is a matter of scale
     share = hold[:, 0] * m[:, 0] / ((hold * m).sum(axis=1) + beyond)
     return diagonal_bound(C) * scale, R / scale, share

@@ -14,6 +14,7 @@ from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import MuCurves, Peaks
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
+from robust.models.fit.weights import MAX_CHOSEN_ORDER
 from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
@@ -89,7 +90,12 @@ def advise_on_margin(
         cause = "weight"
     else:
         cause = shares[0][1] if shares else ""
-    if cause:
+    if cause == "weight" and model.weight.nstates >= MAX_CHOSEN_ORDER:
+        sentences.append(
+            f"The radius has a peak there that a weight of order {model.weight.nstates} does not follow: lower it by "
+            "more periods or realisations."
+        )
+    elif cause:
         sentences.append(f"{REMEDIES[cause][0].upper()}{REMEDIES[cause][1:]}.")
         sentences += ["Or measure there."] * (outside and cause != "assumed")
     return " ".join(sentences)
@@ -112,9 +118,11 @@ def advise_on_weight(loop: Loop, peaks: Peaks) -> str:
     if not on_lines < 1:
         return ""
     order = model.weight.nstates + 2
+    text = f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not: "
+    if model.weight.nstates >= MAX_CHOSEN_ORDER:
+        return f"{text}one of order {model.weight.nstates} does not follow the peak of the radius there."
     return (
-        f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not, as "
-        f"it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
+        f"{text}it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
         f"uncertainty(..., order={order})."
     )
 
@@ -158,7 +166,7 @@ def compare_joint(joint: float) -> str:
     """Return how a probability of a whole FRF compares to those of other plants, and what raises a low one."""
     low, high = USUAL_JOINT
     if joint < low:
-        return f"; {100 * low:g} to {100 * high:g} % are usual: uncertainty(..., simultaneous=True) covers all lines"
+        return f"; {100 * low:g} to {100 * high:g} % are usual: a set for all lines together (simultaneous) has more"
     return f" (usual: {100 * low:g} to {100 * high:g} %)"
 
 
@@ -222,7 +230,8 @@ def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     if not found.is_bounded:
         return (
             "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
-            "and what folds down has no bound. Roll the weight off there, or put the anti-alias filter into the nominal"
+            "and what folds down has no bound. A multiplicative set falls off with the plant. Or roll this weight off "
+            "there, as the guide on aliases shows, or put the anti-alias filter into the nominal"
         )
     if FORMS[model.form].inverse and not moves_frequencies(model) and found.F_max >= 1:
         return (
@@ -262,7 +271,7 @@ def describe_loop(loop: Loop) -> str:
 UNSTABLE_ADVICE = "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before."
 NOTHING_PROVED = "Nothing."
 NO_MARGINS = "Everything: margins mean nothing for a loop that is not stable."
-ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias"
+ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias between the frequencies of a grid"
 NO_MU = "Everything: mu means nothing for a loop that is not stable."
 #: Texts of a report on a plant that is known on its lines only.
 LINES_ADVICE = "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies."

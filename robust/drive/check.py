@@ -21,7 +21,6 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import (
-    SCREEN_WIDTH,
     format_hertz,
     format_paragraph,
     ratio_unit,
@@ -30,7 +29,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.command import MAX_ROWS
 from nlfrf._base.units import POSITIONS
-from nlfrf._base.values import to_plain, value
+from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
 from nlfrf.axis import Drive
 from robust._base.states import State, Verdict
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
@@ -40,11 +39,11 @@ from robust.analysis.robustness import check
 from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
 from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice
-from robust.friction.balance import motion_of_record
 from robust.friction.classes import any_bounded
-from robust.friction.force import FrictionForce, read_friction_force
-from robust.friction.identification import FrictionFit
-from robust.friction.in_motion import fit_linear
+from robust.friction.reading.balance import motion_of_record
+from robust.friction.reading.force import FrictionForce, read_friction_force
+from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.in_motion import fit_linear
 from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
@@ -56,6 +55,8 @@ from robust.models.sets.model import UncertaintyModel
 ORDERS = range(2, 6)
 #: An unstable pole above this share of the last line is a lead, and no machine that falls over.
 LEAD = 0.3
+#: Largest change of G that a pole and a zero make which cancel.
+CANCELLED = 0.05
 #: By which an unstable pole raises the logarithm of the likelihood where scatter does so once in a hundred times.
 SURE = 3.32
 #: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
@@ -207,7 +208,8 @@ class DriveCheck:
     @property
     def findings(self) -> tuple[str, ...]:
         """What the verdict means for the axis, then why and on which conditions, a sentence each."""
-        stable = f"The linear loop is stable with every linear plant of the set, |S| at most {self.report.peak:g}"
+        largest = f"max |S| is {self.report.margins.S_worst:.3g}, allowed are {self.report.peak:g}"
+        stable = f"The linear loop is stable with every linear plant of the set; {largest}"
         if self.safe:
             rests = "The axis comes to rest with every friction of the class below"
             return "PASSED, linear loop and friction: the axis may run with these gains", stable, rests
@@ -700,7 +702,12 @@ def check_drive(
 
 
 def simulate_drive(
-    friction: DriveFriction, settings: Drive, *, model: UncertaintyModel, report: RobustnessReport, masses: int
+    friction: DriveFriction,
+    settings: Drive,
+    *,
+    model: UncertaintyModel,
+    report: RobustnessReport,
+    masses: int,
 ) -> DriveFriction:
     """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
     force, reason = friction.force, reason_against_simulation(friction.force, settings, masses)
@@ -708,11 +715,10 @@ def simulate_drive(
         reason = "the linear loop is unstable"
     if reason or force is None:
         return replace(friction, unsimulated=reason)
-    S_most = max(report.peak, report.margins.S_worst)
 
     def keeps(other: Drive) -> bool:
         found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
-        return found.proofs.robustly_stable >= report.proofs.robustly_stable and found.margins.S_worst <= S_most
+        return found.proofs.robustly_stable and found.margins.S_worst <= report.peak
 
     found = simulate_rest(force, settings)
     if found.ended <= found.amplitudes.size / 2:
@@ -814,14 +820,29 @@ def fit_orders(machine: nlfrf.Bla) -> tuple[NominalFit, tuple[NominalFit, ...]]:
     """Return the fit of a machine, and those of every order: stable, unless an unstable pole is more than scatter.
 
     A free axis has its pole at zero, and a few lines above it cannot tell on which side. A loop that is stable with the
-    one and not with the other would be judged by scatter. A pole of friction that falls with speed is kept.
+    one and not with the other would be judged by scatter. A pole of friction that falls with speed is kept; one that a
+    zero cancels is fitted to a single line and is none of the machine, however much it is worth.
     """
     free, held = (
         scan_orders(machine, n_poles=ORDERS, relative_degree=2, delay=0.0, stable=stable) for stable in (False, True)
     )
-    if free.criterion.min() + SURE < held.criterion.min():
-        return free.fit, free.fits
-    return held.fit, held.fits
+    kept = [k for k, fit in enumerate(free.fits) if not cancels_unstable_pole(fit.G)]
+    if not kept or free.criterion[kept].min() + SURE >= held.criterion.min():
+        return held.fit, held.fits
+    rows = {name: getattr(free, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
+    free = replace(free, **rows, fits=tuple(free.fits[k] for k in kept))
+    return free.fit, free.fits
+
+
+def cancels_unstable_pole(G: control.StateSpace) -> bool:
+    """Whether a zero z stands so close to an unstable pole p that both change G(jw) by at most |z - p| / Re p < 5 %.
+
+    >>> s = control.tf("s")
+    >>> cancels_unstable_pole(control.ss((s - 1.01) / (s - 1) / s**2)), cancels_unstable_pole(control.ss(1 / (s - 1)))
+    (True, False)
+    """
+    zeros, poles = G.zeros(), G.poles()
+    return any(np.any(np.abs(zeros - p) < CANCELLED * p.real) for p in poles if p.real > 0)
 
 
 def reason_of_late_settings(machine: nlfrf.Bla, settings: Drive) -> str:

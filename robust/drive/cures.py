@@ -14,8 +14,8 @@ from robust._base.states import FrictionVerdict
 from robust.drive.p_pi import cascade
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_loop
-from robust.friction.ports import largest_forces
-from robust.friction.prove import prove_friction
+from robust.friction.proof.ports import largest_forces
+from robust.friction.proof.prove import prove_friction
 
 #: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
 STEP = 1.5

@@ -23,8 +23,8 @@ from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
 from robust.friction.classes import AnyFriction, any_bounded
-from robust.friction.levels import SIGMAS, FrictionClass
 from robust.friction.plant import FrictionPlant
+from robust.friction.reading.levels import SIGMAS, FrictionClass
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel

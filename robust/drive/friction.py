@@ -19,15 +19,15 @@ from robust._base.states import FrictionVerdict
 from robust.drive.cures import FrictionCure, friction_cures
 from robust.drive.p_pi import cascade
 from robust.drive.simulation import SimulatedRest
-from robust.friction.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
 from robust.friction.classes import AnyFriction, FrictionAtPorts
-from robust.friction.force import FrictionForce, edge_of_level, friction_of_period
-from robust.friction.identification import FrictionFit, identify_friction
-from robust.friction.in_motion import SlidingFit
-from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states
-from robust.friction.prove import FrictionProof, prove_friction
-from robust.friction.two_masses import interval_at_port, machines_with_load
+from robust.friction.proof.prove import FrictionProof, prove_friction
+from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
+from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
+from robust.friction.reading.identification import FrictionFit, identify_friction
+from robust.friction.reading.in_motion import SlidingFit
+from robust.friction.reading.levels import ASSUMPTION_NOTE, FrictionClass
+from robust.friction.reading.two_masses import interval_at_port, machines_with_load
 from robust.friction.units import format_length, format_plain
 from robust.io.certificates import prove_all
 
@@ -217,8 +217,10 @@ class DriveFriction:
         elif self.largest is not None:
             distance += f" for friction up to {self.largest_forces}"
         if asked is not None:
-            swing = 0.0 if self.simulated is None else 2 * self.simulated.amplitude * self.simulated.hunts
-            answer = "yes" if known <= asked else "no, as simulated" if swing > 2 * asked else "not proved"
+            seen = self.simulated
+            far = np.nan if seen is None else np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
+            simulated = "; in simulation yes" if far <= asked else ""
+            answer = "yes" if known <= asked else "no, as simulated" if far > asked else f"not proved{simulated}"
             answer = f". Asked were {format_length(asked, unit)}: {answer}"
         return distance + answer
 

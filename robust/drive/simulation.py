@@ -14,7 +14,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
-from robust.friction.force import FrictionForce
+from robust.friction.reading.force import FrictionForce
 from robust.friction.units import format_length
 
 #: Laws of friction that are tried; Leuven with an exponential virgin curve.
@@ -50,7 +50,9 @@ CHANGES = (
     ("tn", np.inf),
 )
 
-KEPT = "the linear loop keeps its verdict"
+#: Distance [m] or [rad] below which a simulation is at its set point.
+SHOWN = 1e-9
+KEPT = "the linear loop passes with it"
 
 
 @value
@@ -67,6 +69,8 @@ class SimulatedRest:
         Of the swing [s]; nan where it rests.
     unit : str
         Of the position.
+    offsets : (runs,) ndarray or None
+        Largest distance from the set point in the end [m] or [rad].
     advice : str
         The mildest change of the drive that was found to help; empty of an axis that rests, and where none was found.
 
@@ -79,6 +83,7 @@ class SimulatedRest:
     amplitudes: np.ndarray
     periods: np.ndarray
     unit: str = "m"
+    offsets: np.ndarray | None = None
     advice: str = ""
 
     @property
@@ -106,12 +111,23 @@ class SimulatedRest:
         of = f"{ended} runs from random moves, with friction as read ({laws}); nothing is proved by that"
         if ended < self.amplitudes.size:
             of += f"; {self.amplitudes.size - ended} more came to no end"
-        rests = f"rests in {ended - self.count if self.count else 'all'} of {of}"
-        return (
-            f"simulated: hunts {self.describe_swing()}, in {self.count} of {of}"
-            if self.hunts
-            else f"simulated: {rests}"
-        )
+        does = f"rests in {ended - self.count if self.count else 'all'}"
+        if self.hunts:
+            does = f"hunts {self.describe_swing()}, in {self.count}"
+        return f"simulated: {does} of {of}{self.describe_end()}"
+
+    @property
+    def offset(self) -> float:
+        """Return the largest distance from the set point in the end [m] or [rad]; nan where none is known."""
+        known = np.zeros(0) if self.offsets is None else self.offsets[np.isfinite(self.offsets)]
+        return float(known.max()) if known.size else np.nan
+
+    def describe_end(self) -> str:
+        """Say how far from the set point the runs end."""
+        if not np.isfinite(self.offset):
+            return ""
+        far = format_length(max(self.offset, SHOWN), self.unit)
+        return f"; in the end {'less than' if self.offset < SHOWN else 'at most'} {far} off the set point"
 
     def describe_swing(self) -> str:
         """Say by how much it hunts, and how often."""
@@ -146,7 +162,11 @@ def reason_against_simulation(force: FrictionForce | None, settings: Drive, mass
 
 
 def simulate_rest(
-    force: FrictionForce, settings: Drive, *, order: Sequence[int] = range(RUNS), most: float = np.inf
+    force: FrictionForce,
+    settings: Drive,
+    *,
+    order: Sequence[int] = range(RUNS),
+    most: float = np.inf,
 ) -> SimulatedRest:
     """Run an axis from random moves into a hold, with numbers drawn from their intervals.
 
@@ -170,17 +190,17 @@ def simulate_rest(
     laws = laws_not_refuted(force)
     run = tuple(law for law in laws if law in STIFF) if "rigid" in laws else laws
     draws = qmc.Sobol(4 + MOVES, seed=1).random_base2(int(np.ceil(np.log2(RUNS))))
-    found: list[tuple[float, float]] = []
+    found: list[tuple[float, float, float]] = []
     for k in order:
-        found.append(swing_in_the_end(run[k % len(run)], force, settings, draws[k]))
+        found.append(run_to_the_end(run[k % len(run)], force, settings, draws[k]))
         if found[-1][0] > most:
             break
-    amplitudes, periods = np.array(found).T
-    return SimulatedRest(laws=laws, amplitudes=amplitudes, periods=periods, unit=settings.base_unit)
+    amplitudes, periods, offsets = np.array(found).T
+    return SimulatedRest(laws=laws, amplitudes=amplitudes, periods=periods, unit=settings.base_unit, offsets=offsets)
 
 
-def swing_in_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float]:
-    """Return amplitude [m] and period [s] of one run, by (4 + MOVES,) draws between zero and one."""
+def run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float, float]:
+    """Return amplitude [m], period [s] and offset [m] of one run, by (4 + MOVES,) draws between zero and one."""
     friction, oversampling = draw_friction(law, force, settings, draws[:4])
     axis = nlfrf.rig.ServoAxis(
         motor_inertia=force.sliding.mass,
@@ -196,14 +216,14 @@ def swing_in_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.
     position = np.concatenate([np.repeat(ends, move), np.full(hold, ends[-1])])
     trace = nlfrf.rig.run(axis, position, oversampling=oversampling)
     if trace.diverged:
-        return np.nan, np.nan
+        return np.nan, np.nan, np.nan
     last = trace.x[0][-int(LAST * hold) :]
-    swing = float(np.ptp(last))
+    swing, offset = float(np.ptp(last)), float(np.abs(last - ends[-1]).max())
     if swing < SWINGS * way:
-        return 0.0, np.nan
+        return 0.0, np.nan, offset
     away = last - (last.max() + last.min()) / 2
     turns = np.count_nonzero(np.diff(np.sign(away[np.abs(away) > swing / 4])))
-    return swing / 2, 2 * last.size / settings.fs / turns if turns else np.nan
+    return swing / 2, 2 * last.size / settings.fs / turns if turns else np.nan, offset
 
 
 def coulomb_of(force: FrictionForce) -> float:

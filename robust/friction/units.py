@@ -54,12 +54,13 @@ def format_plain(number: float) -> str:
 
 
 def format_length(length: float, unit: str) -> str:
-    """Return a length or angle with its unit, below a thousandth in millionths.
+    """Return a length or angle with its unit, below a thousandth in millionths, below a tenth in thousandths.
 
-    >>> format_length(2.19e-05, "m"), format_length(0.5, "rad"), format_length(1e-5, "mm")
-    ('21.9 um', '0.5 rad', '1e-05 mm')
+    >>> format_length(2.19e-05, "m"), format_length(0.5, "rad"), format_length(1e-5, "mm"), format_length(2.5e-3, "m")
+    ('21.9 um', '0.5 rad', '1e-05 mm', '2.5 mm')
     """
-    return f"{1e6 * length:.3g} u{unit}" if unit in UNITS and abs(length) < 1e-3 else f"{length:.3g} {unit}"
+    scale, prefix = (1e6, "u") if abs(length) < 1e-3 else (1e3, "m") if abs(length) < 0.1 else (1.0, "")
+    return f"{scale * length:.3g} {prefix}{unit}" if unit in UNITS else f"{length:.3g} {unit}"
 
 
 def position_unit_of(unit: str) -> str:

@@ -28,21 +28,24 @@ from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.levels import FrictionClass, require_si
-from robust.friction.linear_uncertainty import friction_frequency_test
+from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.prove import FrictionProof, machines_of_nominal, plant_matrices, prove_friction
-from robust.friction.reading import friction_class
-from robust.friction.saturation import SaturatedProof
+from robust.friction.proof.certify import plant_matrices
+from robust.friction.proof.linear_uncertainty import friction_frequency_test
+from robust.friction.proof.prove import FrictionProof, prove_friction
+from robust.friction.reading.friction_class import friction_class
+from robust.friction.reading.levels import FrictionClass, require_si
 from robust.friction.units import position_unit_of
 from robust.io.models import CERTIFICATE_SCHEMAS, PathLike, load_bla, load_model
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
+from robust.proofs.exact.channel_files import ChannelsClaim, verify_channels
 from robust.proofs.exact.claim import LoopClaim, Matrices, to_matrices
 from robust.proofs.exact.claim_files import differing_fields, read_claim, write_claim
-from robust.proofs.exact.interval_kyp import IntervalClaim, ScaledFile, verify_scaled_file
+from robust.proofs.exact.folded_sets import FoldedClaim
+from robust.proofs.exact.interval_kyp import IntervalClaim
 from robust.proofs.exact.loops import Verification, verify_loop
 from robust.proofs.exact.scaled_kyp import ScaledClaim
 
@@ -56,23 +59,23 @@ def certificate_path(report: Path, number: int = 0) -> Path:
     return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
 
 
-def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, path: PathLike) -> None:
+def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -> None:
     """Write what was proved as JSON: plant, controller, delay, weights and claim as given, and a digest of it all.
 
     Of several channels it holds the loop with its perturbations pulled out, P and the scaling of each claim.
     """
-    if isinstance(report, (FrictionProof, SaturatedProof)) and report.certificate is not None:
+    if isinstance(report, FrictionProof) and report.certificate is not None:
         save_friction_proof(report, path)
         return
     known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
     proofs = [c for c in known.certificates if c.holds]
     found = [c.claim for c in proofs if isinstance(c.claim, LoopClaim)]
-    scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim | IntervalClaim)}
+    scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim | IntervalClaim | FoldedClaim)}
     how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
     warned = getattr(report, "warnings", ())
     if isinstance(report, RobustnessReport) and scaled and not found:
         given = report.given
-        write_claim(path, ScaledFile(claims=scaled, form=report.form, delay=given.delay), found=how, warnings=warned)
+        write_claim(path, ChannelsClaim(claims=scaled, form=report.form, delay=given.delay), found=how, warnings=warned)
         return
     if not found:
         raise ValueError(
@@ -87,9 +90,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     write_claim(path, claim, found=how, warnings=warned)
 
 
-def save_friction_proof(
-    proof: FrictionProof | SaturatedProof, path: PathLike, basis: FrictionBasis | None = None
-) -> None:
+def save_friction_proof(proof: FrictionProof, path: PathLike, basis: FrictionBasis | None = None) -> None:
     """Write a proof with friction, and what its class was read from."""
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):
@@ -108,9 +109,9 @@ def save_friction_proof(
     )
 
 
-def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ScaledFile:
+def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ChannelsClaim:
     """Return what a certificate claims, of a loop, of several channels or of a machine with friction."""
-    found = read_claim(path, FrictionClaim) or read_claim(path, ScaledFile) or read_claim(path, LoopClaim)
+    found = read_claim(path, FrictionClaim) or read_claim(path, ChannelsClaim) or read_claim(path, LoopClaim)
     if found is None:
         raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
     return found
@@ -183,7 +184,7 @@ def verify_certificate(
 
 
 def verify_several_channels(
-    given: ScaledFile, model: UncertaintyModel | FrictionPlant | None, *, K: Controller | None
+    given: ChannelsClaim, model: UncertaintyModel | FrictionPlant | None, *, K: Controller | None
 ) -> Verification:
     """Return the claims on several channels, proved again; their loop is compared with that of model and controller."""
     wrong = []
@@ -194,26 +195,31 @@ def verify_several_channels(
             raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
         if not is_loop_of(given, model, K):
             wrong.append(("model and controller", "their loop is not the one of the certificate"))
-    found = verify_scaled_file(given)
+    found = verify_channels(given)
     return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
 
 
 LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
 
 
-def is_loop_of(given: ScaledFile, model: UncertaintyModel, K: Controller) -> bool:
+def is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) -> bool:
     """Return whether the loop of model and controller responds as that of the certificate, at its perturbations."""
     form = next((one for one in (model, model.alternative_form) if one is not None and one.form == given.form), None)
     if form is None:
         return False
     if form.is_single:
-        mine = assemble_loop(form, K, w_P=None, delay=given.delay).perturbation_loop
+        mine, folded = assemble_loop(form, K, w_P=None, delay=given.delay).perturbation_loop, None
     else:
-        mine = set_on_controller_time_base(form, K, given.delay)[0].loop(K).loop
+        known, folded = set_on_controller_time_base(form, K, given.delay)
+        mine = known.loop(K).loop
     omega = structure_grid(mine)
     response = response_by_channel(mine, omega)
     rows, cols = mine.noutputs, mine.ninputs
     for claim in given.claims.values():
+        if isinstance(claim, FoldedClaim):
+            if folded is None or not is_same_folding(claim, folded.claim):
+                return False
+            continue
         theirs = control.StateSpace(*(getattr(claim.system, name) for name in "ABCD"), claim.system.dt)
         if theirs.noutputs < rows or theirs.ninputs < cols or timebase(theirs) != timebase(mine):
             return False
@@ -221,6 +227,14 @@ def is_loop_of(given: ScaledFile, model: UncertaintyModel, K: Controller) -> boo
         if np.any(off > LOOP_TOLERANCE * np.abs(response).max(axis=(0, 1))):
             return False
     return True
+
+
+def is_same_folding(claim: FoldedClaim, mine: FoldedClaim) -> bool:
+    """Return whether the same continuous set is folded, number by number."""
+    if claim.dt != mine.dt or len(claim.parts) != len(mine.parts):
+        return False
+    pairs = zip(claim.parts, mine.parts, strict=True)
+    return not any(differing_fields(*pair, ("plant", "left", "right")) for pair in pairs)
 
 
 def matrices_of_controller(K: Controller) -> Matrices:

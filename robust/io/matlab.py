@@ -20,12 +20,12 @@ from robust.lti.lti import response, timebase
 from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.interval_kyp import ScaledFile
+from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.exact.scaled_kyp import ScaledClaim, scaling_matrices
 from robust.proofs.search.certificate import SCALED_KYP
 
 
-def export_matlab(content: UncertaintyModel | RobustnessReport | ScaledFile | Controller, path: PathLike) -> None:
+def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim | Controller, path: PathLike) -> None:
     """Write a model, a controller or a proof for MATLAB: a ``.mat`` of plain structs and a ``.m`` file that loads it.
 
     The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
@@ -65,8 +65,8 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ScaledFile | Co
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
     if isinstance(content, UncertaintyModel):
         struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
-    elif isinstance(content, (RobustnessReport, ScaledFile)):
-        struct, script = {"kind": ScaledFile.SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
+    elif isinstance(content, (RobustnessReport, ChannelsClaim)):
+        struct, script = {"kind": ChannelsClaim.SCHEMA, "proofs": proof_structs(content)}, PROOF_LOADER
     else:
         K = as_controller("content", content)
         struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **sections_by_name(K)}, CONTROLLER_LOADER
@@ -112,11 +112,11 @@ def model_struct(model: UncertaintyModel) -> dict[str, object]:
     return struct
 
 
-def proof_structs(content: RobustnessReport | ScaledFile) -> np.ndarray:
+def proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
     """Return the proofs by P and one scaling as a cell array of structs."""
     held = (
         content.claims
-        if isinstance(content, ScaledFile)
+        if isinstance(content, ChannelsClaim)
         else {c.subject: c.claim for c in content.proofs.certificates if c.holds}
     )
     claims = {subject: claim for subject, claim in held.items() if isinstance(claim, ScaledClaim)}

@@ -12,8 +12,8 @@ from nlfrf._base.arguments import require_kind, short_form
 from nlfrf._base.axes import AxesLike, axes_or_new, bode_axes, finish_axes
 from robust._base.states import FrictionVerdict
 from robust.friction.describing_function import QuasiLinear
-from robust.friction.force import FrictionForce
-from robust.friction.identification import FrictionFit
+from robust.friction.reading.force import FrictionForce
+from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length
 from robust.plot.style import COLOR
 
@@ -166,14 +166,19 @@ def force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
 
 
 class RestCase(NamedTuple):
-    """What is assumed or changed, the verdict with it, and the largest distance from the set point, nan if unknown."""
+    """What is assumed or changed, the verdict with it, and the largest distance from the set point, nan if unknown.
+
+    Of a simulation there is no verdict.
+    """
 
     name: str
-    verdict: FrictionVerdict
+    verdict: FrictionVerdict | None
     distance: float
 
 
-def plot_rest(cases: Sequence[RestCase], *, unit: str = "m", ax: AxesLike | None = None) -> Axes:
+def plot_rest(
+    cases: Sequence[RestCase], *, unit: str = "m", asked: float | None = None, ax: AxesLike | None = None
+) -> Axes:
     """Draw how far from its set point an axis is in the end, a bar for each case: at rest there, or moving for ever.
 
     Parameters
@@ -182,6 +187,8 @@ def plot_rest(cases: Sequence[RestCase], *, unit: str = "m", ax: AxesLike | None
         What is assumed or changed, the verdict with it, and the largest distance from the set point [m].
     unit : str
         Of the distance.
+    asked : float, optional
+        Distance within which the axis is asked to stay [m].
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
@@ -191,20 +198,22 @@ def plot_rest(cases: Sequence[RestCase], *, unit: str = "m", ax: AxesLike | None
         require_kind("cases", case, RestCase)
     ax = axes_or_new(ax)
     distances = np.array([1e6 * distance for *_, distance in cases])
-    known = distances[np.isfinite(distances) & (distances > 0)]
+    known = np.append(distances, [] if asked is None else 1e6 * asked)
+    known = known[np.isfinite(known) & (known > 0)]
     low, high = (known.min() / 10, known.max() * 30) if known.size else (0.1, 10.0)
-    words = {True: "comes to rest", False: "may move for ever"}
+    words = {"weight": "proved: comes to rest", "limit": "may move for ever", "noise": "simulated, no proof"}
     for row, ((name, verdict, distance), size) in enumerate(zip(cases, distances, strict=True)):
-        rests = verdict is FrictionVerdict.PROVED
+        kind = "noise" if verdict is None else "weight" if verdict is FrictionVerdict.PROVED else "limit"
         end = max(size, low) if np.isfinite(size) else high
-        label = words.pop(rests, None)
-        ax.barh(row, end - low, 0.4, left=low, color=COLOR["weight" if rests else "limit"], alpha=0.6, label=label)
+        ax.barh(row, end - low, 0.4, left=low, color=COLOR[kind], alpha=0.6, label=words.pop(kind, None))
         if not size:
-            ax.plot(low, row, "o", ms=9, color=COLOR["weight" if rests else "limit"], clip_on=False)
+            ax.plot(low, row, "o", ms=9, color=COLOR[kind], clip_on=False)
         where = "no bound known" if not np.isfinite(size) else format_length(distance, unit)
         texts = {(row, end if np.isfinite(size) else low): where if size else "at the set point"}
         for (height, left), text in ({(row - 0.36, low): name} | texts).items():
             ax.annotate(text, (left, height), xytext=(9, 0), textcoords="offset points", va="center", fontsize="small")
+    if asked is not None:
+        ax.axvline(1e6 * asked, color="black", ls="--", lw=1.0, label=f"asked: {format_length(asked, unit)}")
     ax.set_yticks([])
     ax.set_ylim(-0.7, len(cases) - 0.5)
     ax.invert_yaxis()

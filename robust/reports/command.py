@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import repeat_warnings, require_nonnegative, require_positive
+from nlfrf._base.arguments import MissingArgumentError, repeat_warnings, require_nonnegative, require_positive
 from nlfrf._base.command import spinner
 from nlfrf._base.files import command_signature, require_file_of, write_text
 from robust._base.channels import is_single
@@ -62,22 +61,10 @@ def read_frf(path: Path, *, relative_std: float | None, n_averages: float | None
     """Return an FRF of another program; where its variance is missing, how a BLA is made of it for all commands."""
     try:
         return nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
-    except ValueError as error:
-        option = "" if relative_std is not None or n_averages is not None else missing_variance(path, channel)
-        if not option:
-            raise
+    except MissingArgumentError as error:
+        option = {"relative_std": "--relative-std STD", "n_averages": "--averages N"}[error.parameter]
         way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
         raise ValueError(f"{error}; {way}") from None
-
-
-def missing_variance(path: Path, channel: str) -> str:
-    """Return the option with which a BLA is made of an FRF that is read with neither; empty where it is not that."""
-    for option, n_averages, relative_std in (("--averages N", 10.0, None), ("--relative-std STD", None, 0.1)):
-        with suppress(ValueError), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            nlfrf.io.load_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel)
-            return option
-    return ""
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
@@ -112,7 +99,8 @@ def fit_nominal_model(
         best = scan("auto" if delay is None else delay)
         order = f"order: the data ask for {describe_order(best)}; robust orders lists the others"
         if len(levels) == 1:
-            return best, order + (", and none explains all that was measured" if best.p_value < UNLIKELY_COST else "")
+            order += ", and none explains all that was measured" if best.p_value < UNLIKELY_COST else ""
+            return repeat_warnings(best), order
         tau = delay if delay is not None else "estimate" if best.delay else 0.0
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
         return fit, f"order: of {len(levels)} records one asks for {describe_order(best)}, none for more poles"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
 
 import nlfrf
@@ -15,6 +16,7 @@ from robust.models.validation import Validation, validate
 from robust.reports import parts
 from robust.reports.parts import Section, describe_roots, describe_system, rows_of_value
 
+MIRRORED = 1e-4  # relative distance of a zero from the mirror image of a pole that makes both one all-pass
 NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
 
@@ -33,7 +35,7 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
                 f"excitation{which}",
                 f"{kind} grid, {grid.excited.size} excited lines from {grid.excited[0] * record.f0:g} to "
                 f"{grid.excited[-1] * record.f0:g} Hz, {grid.odd.size} odd and {grid.even.size} even detection lines; "
-                f"rms {rms}, crest factor {np.abs(u).max() / np.sqrt(np.mean(u**2)):.3g}",
+                f"rms {rms}, crest factor {np.abs(u - u.mean()).max() / u.std():.3g}",
             ),
             (
                 f"record{which}",
@@ -120,10 +122,10 @@ def bla_section(blas: list[Bla]) -> Section:
                 plot.plot_bode, bla, tall=True, caption=f"Best linear approximation{which} with its 95 % bound."
             ),
             parts.draw_picture(plot.plot_bla, bla, caption=f"The same{which} over what makes the bound."),
-            parts.draw_picture(
-                plot.plot_levels, bla, caption=f"Output{which} by kind of line: linear, distortion, noise."
-            ),
         ]
+        if np.any(np.isfinite(bla.levels.excited)):  # an FRF of another program has none
+            caption = f"Output{which} by kind of line: linear, distortion, noise."
+            pictures.append(parts.draw_picture(plot.plot_levels, bla, caption=caption))
     condition = "Subject to the warnings, the" if any(bla.warnings for bla in blas) else "The"
     return Section(
         name="bla",
@@ -166,9 +168,7 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
         facts.append(("nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines"))
     else:
         facts.append(("nominal plant", describe_system(model.nominal)))
-        facts.append(("poles", describe_roots(poles(model.nominal), timebase(model.nominal))))
-        if model.is_single:
-            facts.append(("zeros", describe_roots(zeros(model.nominal), timebase(model.nominal))))
+        facts += roots_of_plant(model.nominal)
     if nominal is not None:
         facts.append(("fit", str(nominal).removeprefix("nominal model: ")))
     for i, bla in enumerate(blas):
@@ -195,6 +195,19 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
         facts=tuple(facts),
         pictures=tuple(pictures),
     )
+
+
+def roots_of_plant(G: control.StateSpace) -> list[tuple[str, str]]:
+    """Return the rows of poles and zeros; a continuous delay is told from them, as zeros that mirror its poles."""
+    dt, p, z = timebase(G), poles(G), zeros(G) if G.ninputs == G.noutputs == 1 else np.zeros(0)
+    delay = np.array([not dt and np.any(np.abs(z + root.conj()) < MIRRORED * np.abs(root)) for root in p], dtype=bool)
+    mirror = np.array([np.any(np.abs(p[delay] + root.conj()) < MIRRORED * np.abs(root)) for root in z], dtype=bool)
+    rows = [("poles", describe_roots(p[~delay], dt))]
+    rows += [("zeros", describe_roots(z[~mirror], dt))] * (G.ninputs == G.noutputs == 1)
+    if delay.any():
+        late = -2e3 * float(np.sum(1 / p[delay]).real)  # the slope of its phase at zero
+        rows.append(("delay", f"{late:.4g} ms, by an all-pass of order {delay.sum()} (Padé)"))
+    return rows
 
 
 def describe_change(seen: Validation) -> str:

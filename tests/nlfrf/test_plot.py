@@ -23,7 +23,7 @@ def test_samples_are_drawn_period_by_period(ax):
     first, last = ax.get_lines()
     assert np.array_equal(last.get_ydata(), record.y[0, 1])
     assert first.get_xdata()[-1] == pytest.approx(127 / 128)
-    assert "y: 2 periods over one another, rms 2" in ax.get_title()
+    assert "y: 2 periods over one another; without the mean: rms 2" in ax.get_title()
     with pytest.raises(ValueError, match="signal must be one that the record has, got 'r'"):
         pictures.plot_samples(record, signal="r", ax=ax)
     with pytest.raises(ValueError, match="signal must be one of 'u', 'y', 'r'"):

@@ -1,5 +1,6 @@
 """Every public name says in numpydoc sections what it takes, in which shape and unit, what it refuses, its source."""
 
+import ast
 import dataclasses
 import inspect
 import re
@@ -92,6 +93,27 @@ def test_docstring(name, thing):
         for one in names:
             if one in UNITS and NUMBERS.search(kind):
                 assert UNITS[one] in description, f"{one} : {kind} without its unit {UNITS[one]}: {description}"
+
+
+def classes_with_fields():
+    """Every value class of the packages that inherits no fields, with its module."""
+    for package in ("nlfrf", "robust"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if not isinstance(node, ast.ClassDef) or "Fields\n---" not in (ast.get_docstring(node) or ""):
+                    continue
+                has_fields = any(isinstance(one, ast.AnnAssign) for one in node.body)
+                if has_fields and all(isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases):
+                    yield f"{path.relative_to(ROOT)}: {node.name}", node
+
+
+@each(classes_with_fields())
+def test_the_fields_that_are_documented_exist(name, node):
+    """Names change, and docstrings of classes that nobody sees are left behind."""
+    text = re.split(r"(?:^|\n)([A-Z][a-z]+)\n-{3,}\n", ast.get_docstring(node))
+    documented = {one for names, _, _ in entries(text[text.index("Fields") + 1]) for one in names}
+    known = {one.target.id for one in node.body if isinstance(one, ast.AnnAssign)}
+    assert documented <= known, f"no field is called {sorted(documented - known)}"
 
 
 @each((f"{module}.{name}", thing) for module, name, thing in pictures())

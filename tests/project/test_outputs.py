@@ -26,6 +26,7 @@ COMMANDS = (
     "nlfrf identify mid.csv -o {}",
     "nlfrf identify multi.npz -o {}",
     "nlfrf inspect mid.csv --picture {}",
+    "nlfrf frf bode.csv --relative-std 0.02 -o {}",
     "nlfrf plot bla.npz -o {}",
     "nlfrf reproduce --realizations 10 -o {}",
     "nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o {}",
@@ -78,6 +79,7 @@ def files(tmp_path_factory):
     gains = f'fs = "{record.fs:g} Hz"\nkv = "10 1/s"\nkp = "10 N/(m/s)"\n'
     Path("gains.toml").write_text(gains)
     assert run("nlfrf axis design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
+    Path("bode.csv").write_text("Frequency (Hz),Gain (dB),Phase (deg)\n10,0,-45\n20,-20,-90\n")
     (folder / "sub").mkdir()
     yield folder
     os.chdir(before)

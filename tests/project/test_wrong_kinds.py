@@ -25,7 +25,7 @@ FLAGS = {
     "simultaneous",
     "stable",
 }  # true or false, whatever they are
-IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress", "transform"}  # in some cases only
+IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress"}  # in some cases only
 #: Parameters that no sound value is made of here: results of functions that have a test of their own.
 RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
 RESULTS |= {"validation", "design", "loops", "read", "cases"}

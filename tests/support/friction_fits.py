@@ -4,10 +4,10 @@ import pickle
 import warnings
 from hashlib import sha256
 
-from robust.friction.identification import identify_friction
+from robust.friction.reading.identification import identify_friction
 
 #: Where the packages call `identify_friction`.
-CALLERS = ("robust.drive.friction", "robust.friction.reading")
+CALLERS = ("robust.drive.friction", "robust.friction.reading.friction_class")
 _FITS = {}
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from enum import Enum
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -111,25 +112,50 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     names, units, constants = find_names(rows, kinds)
     label = names[0] if find_role(names) is Role.NAMES else ""
     names = names[len(names) > width :] if label else names
-    first = place_names(names, kinds)
-    why = f"is one of {len(names)} names above {width} columns: give each column its name, or use col1, col2, ..."
-    unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
-    shift = first or 0
-    placed = ["" if unplaced else name for name in slice_row(names, -shift, width)]
-    stated = slice_row(units, -shift, width) if units and not unplaced else spread(labelled.get(Role.UNITS, []), kinds)
-    clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
+    placed, stated, unplaced = place_names_and_units(names, units, kinds)
+    stated = stated or spread(labelled.get(Role.UNITS, []), kinds)
     abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
+    clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
     if clock.fs and not clock.unit and (scale := seconds_per_unit(abscissa)):
         clock = Clock(clock.fs / scale, clock.label, abscissa)  # a step in a line of its own, its unit in another
+    rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
     for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
-        rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
-        as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < SAME_CLOCK
+        as_clock = j in columns and is_sampled_at(columns[j], rate)
         stated[j] = stated[j] or (clock.unit if as_clock else "")
         placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
-    stated = [unit or (abscissa if is_time_name(name) else "") for unit, name in zip(stated, placed, strict=True)]
-    units = ["" if unit == "-" else unit.strip("[]()").strip() for unit in stated]
     steps, starts = steps_and_starts(layout, labelled, kinds)
-    return Header(tuple(make_unique(placed)), tuple(units), steps, starts, clock, unplaced)
+    return Header(
+        tuple(make_unique(placed)),
+        tuple(map(bare_unit, stated, placed, repeat(abscissa))),
+        steps,
+        starts,
+        clock,
+        unplaced,
+    )
+
+
+def place_names_and_units(
+    names: list[str], units: list[str], kinds: list[Kind]
+) -> tuple[list[str], list[str], dict[str, str]]:
+    """Return the name of each column, its unit where there are any, and why names have no column."""
+    width, first = len(kinds), place_names(names, kinds)
+    why = f"is one of {len(names)} names above {width} columns: give each column its name, or use col1, col2, ..."
+    unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
+    if unplaced:
+        return [""] * width, [], unplaced
+    shift = first or 0
+    return slice_row(names, -shift, width), slice_row(units, -shift, width) if units else [], {}
+
+
+def is_sampled_at(times: np.ndarray, rate: float) -> bool:
+    """Return whether a column of times has the steps of a sampling frequency, in its own unit; no of an unknown one."""
+    return rate > 0 and bool(abs(sampling_frequency(times) / rate - 1) < SAME_CLOCK)
+
+
+def bare_unit(unit: str, name: str, abscissa: str) -> str:
+    """Return the unit of a column without its brackets, that of the abscissa where a time states none."""
+    unit = unit or (abscissa if is_time_name(name) else "")
+    return "" if unit == "-" else unit.strip("[]()").strip()
 
 
 def sort_rows(layout: Layout) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
@@ -236,27 +262,35 @@ def find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], lis
     >>> find_names([["t", "u", "y"], ["s", "N", "mm"], ["", "load cell", "encoder"]], kinds)     # a row of comments
     (['t', 'u', 'y'], ['s', 'N', 'mm'], [])
     """
-    rows = rows[:1] + [row for row in rows[1:] if not all(TYPE_CELL.fullmatch(cell) or not cell for cell in row)]
+    rows = rows[:1] + [row for row in rows[1:] if not all(map(TYPE_CELL.fullmatch, filter(None, row)))]
     over, above = [[], [], *(names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
-    row, constants = rows[-1] if rows else [], []
+    row = rows[-1] if rows else []
     if above and {*row[len(above) :]} <= {"", "-"}:
         row = slice_row(row, 0, len(above))
         clocks = [j for j, name in enumerate(above) if STEP_NAME.fullmatch(name) and NUMBER_CELL.fullmatch(row[j])]
         constants = [f"{above[j]},{row[j]}" for j in clocks]
         row = ["" if clocks and NUMBER_CELL.fullmatch(cell) else cell for cell in row]
-        seconds = [
-            is_time_name(name) and seconds_per_unit(row[j].strip("[]() ") or "?") for j, name in enumerate(above)
-        ]
-        others = [name for name, second in zip(above, seconds, strict=True) if not second]
-        sockets = all(map(SOCKET_NAME.fullmatch, others)) or len({*others}) < len(others)
-        if is_units_row(row, above) or (any(seconds) and not sockets):
-            return above, row, constants
-        if any(seconds):
-            both = [(above[j], row[j]) if second else (row[j], "") for j, second in enumerate(seconds)]
-            return [name for name, _ in both], [unit for _, unit in both], constants
+        if (found := names_and_units(above, row)) is not None:
+            return (*found, constants)
     if over and len(above) == len(over) and all(UNIT_CELL.fullmatch(cell) for cell in above):
         return over, above, []
     return names_in(row, kinds), [], []
+
+
+def names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[str]] | None:
+    """Return names and units of a row of names and one below it, which may hold both; None where it has no units."""
+    seconds = [
+        is_time_name(name) and seconds_per_unit(cell.strip("[]() ") or "?")
+        for name, cell in zip(above, row, strict=True)
+    ]
+    others = [name for name, second in zip(above, seconds, strict=True) if not second]
+    sockets = all(map(SOCKET_NAME.fullmatch, others)) or len({*others}) < len(others)
+    if is_units_row(row, above) or (any(seconds) and not sockets):
+        return above, row
+    if not any(seconds):
+        return None
+    names = [one if second else other for one, other, second in zip(above, row, seconds, strict=True)]
+    return names, [cell if second else "" for cell, second in zip(row, seconds, strict=True)]
 
 
 def names_in(row: list[str], kinds: list[Kind]) -> list[str]:

@@ -93,19 +93,7 @@ def find_layout(text: str) -> Layout:
     """
     head = join_quoted_lines(first_lines(text))
     lines = [line for line, _ in head]
-    declared = next((line[4:].strip() or "\t" for line in lines[:3] if line.lower().startswith("sep=")), None)
-    cuts = [cut_lines(lines[-N_SAMPLE_LINES:], *split) for split in SEPARATORS if declared in (None, split[0])]
-    best = max(
-        cuts,
-        key=lambda c: (
-            c.n_data_rows > 1,
-            c.n_data_rows * (sum(c.numeric) > 1),
-            3 * sum(c.numeric) - 2 * sum(c.filled),
-            c.n_data_rows,
-        ),
-    )
-    if best.n_data_rows < 2:
-        raise ValueError("no rows of numbers were found: one row a sample, one column a channel, is what can be read")
+    best = best_cutting(lines)
     rows = [split_cells(line, delimiter := best.delimiter) for line in lines]
     first = next(i for i, row in enumerate(rows) if is_data(row, best))
     # pandas writes the numbers of columns without names above them
@@ -122,6 +110,23 @@ def find_layout(text: str) -> Layout:
         has_padding=padded,
         comment=comment,
     )
+
+
+def best_cutting(lines: list[str]) -> Cutting:
+    """Return the way to cut the lines that gives most numbers, or the one that a file declares; refuse one of none."""
+    declared = next((line[4:].strip() or "\t" for line in lines[:3] if line.lower().startswith("sep=")), None)
+    best = max(
+        (cut_lines(lines[-N_SAMPLE_LINES:], *split) for split in SEPARATORS if declared in (None, split[0])),
+        key=lambda c: (
+            c.n_data_rows > 1,
+            c.n_data_rows * (sum(c.numeric) > 1),
+            3 * sum(c.numeric) - 2 * sum(c.filled),
+            c.n_data_rows,
+        ),
+    )
+    if best.n_data_rows < 2:
+        raise ValueError("no rows of numbers were found: one row a sample, one column a channel, is what can be read")
+    return best
 
 
 def first_lines(text: str) -> list[str]:

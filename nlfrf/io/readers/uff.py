@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 TIME_RESPONSE = 1
 FREQUENCY_FUNCTIONS = {4: "", 6: ".coherence"}  # FRF and coherence, and what is behind the name of the FRF
+Dataset: TypeAlias = dict[str, Any]  # one of the file, by the names that pyuff has for its fields
 AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
@@ -52,7 +53,7 @@ def contents(path: Path) -> Contents:
     return arrays, units, clocks, {}
 
 
-def frequency_functions(sets: list[dict[str, Any]]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return FRFs by degrees of freedom, "5 z / 1 x", each with its frequencies and coherence, and their units."""
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
@@ -69,13 +70,13 @@ def frequency_functions(sets: list[dict[str, Any]]) -> tuple[dict[str, np.ndarra
     return arrays, units
 
 
-def stated_unit(one: dict[str, Any], axis: str) -> str:
+def stated_unit(one: Dataset, axis: str) -> str:
     """Return the unit of an axis, empty where the file states none."""
     unit = str(one.get(f"{axis}_axis_units_lab") or "").strip()
     return "" if unit.upper() == "NONE" else unit
 
 
-def record_name(one: dict[str, Any]) -> str:
+def record_name(one: Dataset) -> str:
     """Return the name of a record's point, its first line, or its node and direction."""
     point, text = (str(one.get(key) or "").strip() for key in ("rsp_ent_name", "id1"))
     for name in (text, point):

@@ -80,8 +80,12 @@ class PeriodAlignment:
     @property
     def pace(self) -> np.ndarray:
         """(2,) the straight line through the delays, jumps taken out: samples per period, and at the first."""
-        j = np.arange(self.delay.size)[self.sound]
-        smooth = (self.delay - self.jumps)[self.sound]
+        j = np.flatnonzero(self.sound)
+        if not j.size:
+            raise ValueError(
+                f"n_samples must be the period of the input, got {self.n_samples}: none of its periods is sound"
+            )
+        smooth = (self.delay - self.jumps)[j]
         return np.polyfit(j, smooth, 1) if j.size > 1 else np.array([0.0, smooth[0]])
 
     @property

@@ -152,7 +152,7 @@ class OutputAlignment:
         The whole samples of it, from samples of y that were lost (negative) or repeated.
     sound : (P,) bool ndarray
         Periods that repeat the others but for a delay and a gain, with no gap inside.
-    torn : (P,) bool ndarray
+    corrupted : (P,) bool ndarray
         Periods of which a part stands elsewhere than in the others.
     noise : float
         Standard deviation of the delays by noise [samples].

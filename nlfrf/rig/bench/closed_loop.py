@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, overload
+from typing import Any, TypedDict, TypeVar, Unpack, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -371,14 +371,13 @@ def object_array(items: list[object]) -> np.ndarray:
     return held
 
 
-def collect_results(runs: LoopRuns, out: Arrays, of: Callable[[Trajectory], object] | None) -> list[Any]:
+def collect_results(runs: LoopRuns, out: Arrays, of: Callable[[Trajectory], object] | None) -> list[object]:
     """Return the trajectories of computed runs, or `of(response)` of each."""
     if "refused" in out:
         raise out["refused"][0]
     if "found" in out:
         return list(out["found"])
-    found = to_trajectories(runs, out)
-    return found if of is None else [of(one) for one in found]
+    return [one if of is None else of(one) for one in to_trajectories(runs, out)]
 
 
 def to_trajectories(runs: LoopRuns, out: Arrays) -> list[Trajectory]:
@@ -421,36 +420,25 @@ def run_one_loop(
     return to_trajectories(runs, out)[0]
 
 
+class StackOptions(TypedDict, total=False):
+    """How a stack of loops is driven and computed, by the names of the arguments of `run_loops`."""
+
+    disturbance: ArrayLike | None
+    noise: ArrayLike | None
+    initial: ArrayLike
+    oversampling: int
+    executor: Executor | None
+    progress: Progress | None
+    resume: str | os.PathLike[str] | None
+
+
 @overload
-def run_loops(
-    rig: Rig,
-    r: ArrayLike,
-    controllers: object,
-    *,
-    disturbance: ArrayLike | None = ...,
-    noise: ArrayLike | None = ...,
-    initial: ArrayLike = ...,
-    oversampling: int = ...,
-    executor: Executor | None = ...,
-    progress: Progress | None = ...,
-    resume: str | os.PathLike[str] | None = ...,
-) -> list[Trajectory]: ...
+def run_loops(rig: Rig, r: ArrayLike, controllers: object, **options: Unpack[StackOptions]) -> list[Trajectory]: ...
 
 
 @overload
 def run_loops(
-    rig: Rig,
-    r: ArrayLike,
-    controllers: object,
-    *,
-    of: Callable[[Trajectory], Result],
-    disturbance: ArrayLike | None = ...,
-    noise: ArrayLike | None = ...,
-    initial: ArrayLike = ...,
-    oversampling: int = ...,
-    executor: Executor | None = ...,
-    progress: Progress | None = ...,
-    resume: str | os.PathLike[str] | None = ...,
+    rig: Rig, r: ArrayLike, controllers: object, *, of: Callable[[Trajectory], Result], **options: Unpack[StackOptions]
 ) -> list[Result]: ...
 
 
@@ -540,11 +528,11 @@ def run_loops(
     # what a folder keeps are the runs themselves, whatever is wanted of them
     there = of is not None and executor is not None and resume is None and can_pickle(of)
     task = ReducedRuns(of) if of is not None and there else simulate_runs
-    found: dict[int, list[Any]] = {}
+    found: dict[int, list[object]] = {}
     for i, out in run_each(task, batches, executor=executor, progress=progress, resume=resume):
         warn_of_forgotten_loops(float(out["lost"].max()))
         found[i] = collect_results(batches[i], out, of)
-    return [one for i in range(len(batches)) for one in found[i]]
+    return cast("list[Result]", [one for i in range(len(batches)) for one in found[i]])
 
 
 def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int) -> LoopRuns:

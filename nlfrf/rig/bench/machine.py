@@ -6,10 +6,8 @@ M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force,    y = se
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import channel_names, require_real_array
 from nlfrf._base.values import freeze_array
@@ -22,19 +20,17 @@ FIELDS = ("mass", "stiffness", "damping", "friction", "cubic", "actuators", "sen
 SYMMETRY_TOLERANCE = 1e-9
 
 
-def check_axes(given: Mapping[str, Any]) -> dict[str, object]:
+def check_axes(given: Mapping[str, object]) -> dict[str, object]:
     """Check the fields of a machine of several axes; return them as read-only arrays."""
     mass = require_real_array("mass", given["mass"], ndim=2)
     n = len(mass)
     if mass.shape != (n, n) or n == 0:
         raise ValueError(f"mass must be a number or a square matrix, got shape {mass.shape}")
     require_definite("mass", mass, least=SYMMETRY_TOLERANCE)
-    found: dict[str, Any] = {"mass": mass}
+    found = {"mass": mass}
     for name in ("stiffness", "damping"):
-        matrix = given[name]
-        if np.ndim(matrix) == 0 and matrix == 0:
-            matrix = np.zeros((n, n))
-        found[name] = require_square(name, matrix, n)
+        none = np.asarray(given[name]).ndim == 0 and given[name] == 0
+        found[name] = np.zeros((n, n)) if none else require_square(name, given[name], n)
     require_definite("stiffness", found["stiffness"], least=-SYMMETRY_TOLERANCE)
     # the part that is not symmetric is gyroscopic: it takes no energy
     require_definite("damping", (found["damping"] + found["damping"].T) / 2, least=-SYMMETRY_TOLERANCE)
@@ -46,10 +42,12 @@ def check_axes(given: Mapping[str, Any]) -> dict[str, object]:
     for name, axis in (("actuators", 0), ("sensors", 1)):
         found[name] = placement_matrix(name, given[name], n=n, axis=axis)
     channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
-    for name, (letter, count) in channels.items():
-        found[name] = channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
-    found = {name: freeze_array(part) if isinstance(part, np.ndarray) else part for name, part in found.items()}
-    return found | {"friction": check_laws(given["friction"], n)}
+    names = {
+        name: channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
+        for name, (letter, count) in channels.items()
+    }
+    frozen = {name: freeze_array(part) for name, part in found.items()}
+    return {**frozen, **names, "friction": check_laws(given["friction"], n)}
 
 
 def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
@@ -76,18 +74,18 @@ def check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
     return tuple(friction)
 
 
-def require_square(name: str, matrix: ArrayLike, n: int) -> np.ndarray:
+def require_square(name: str, matrix: object, n: int) -> np.ndarray:
     """Return an (n, n) matrix as an array."""
-    if np.shape(matrix) != (n, n):
-        raise ValueError(f"{name} must have the shape of mass, ({n}, {n}), got shape {np.shape(matrix)}")
+    if (shape := np.asarray(matrix).shape) != (n, n):
+        raise ValueError(f"{name} must have the shape of mass, ({n}, {n}), got shape {shape}")
     return require_real_array(name, matrix, ndim=2)
 
 
-def placement_matrix(name: str, matrix: ArrayLike | None, *, n: int, axis: int) -> np.ndarray:
+def placement_matrix(name: str, given: object, *, n: int, axis: int) -> np.ndarray:
     """Return the matrix of actuators or sensors: one row (axis 0) or column (axis 1) for each axis of the machine."""
-    if matrix is None:
+    if given is None:
         return np.eye(n)
-    matrix = require_real_array(name, matrix, ndim=2)
+    matrix = require_real_array(name, given, ndim=2)
     if matrix.shape[axis] != n or 0 in matrix.shape:
         raise ValueError(f"{name} must have {n} {('rows', 'columns')[axis]}, one an axis, got shape {matrix.shape}")
     if not np.abs(matrix).max(axis=axis).all():

@@ -98,16 +98,13 @@ def run_each(
     ValueError
         What the task refuses, or an executor that dies: what was done till then is in the folder.
     """
-    folder = None if resume is None else open_folder(resume)
-    todo, total, n_done = list(range(len(values))), len(values), 0
-    if folder is not None:
-        names = [f"{fingerprint(task, value)}.npz" for value in values]
-        for i in todo.copy():
-            found = load_result(folder / names[i])
-            if found is not None:
-                todo.remove(i)
-                n_done += 1
-                yield i, found
+    files = [] if resume is None else files_of_results(open_folder(resume), task, values)
+    todo, total = list(range(len(values))), len(values)
+    for i, file in enumerate(files):
+        if (found := load_result(file)) is not None:
+            todo.remove(i)
+            yield i, found
+    n_done = total - len(todo)
     if n_done and progress is not None:
         progress(n_done, total)
     threads = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else None
@@ -124,8 +121,8 @@ def run_each(
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 i = running.pop(future)
                 result = future.result()
-                if folder is not None:
-                    write_arrays(folder / names[i], result, role=Role.KEPT)
+                if files:
+                    write_arrays(files[i], result, role=Role.KEPT)
                 n_done += 1
                 if progress is not None:
                     progress(n_done, total)
@@ -133,7 +130,7 @@ def run_each(
     except ValueError:
         raise
     except Exception as error:
-        where = "are lost: give resume= a folder to keep them" if folder is None else f"are kept in {folder}"
+        where = f"are kept in {files[0].parent}" if files else "are lost: give resume= a folder to keep them"
         raise ValueError(
             f"executor must finish all {total} runs, got {type(error).__name__} ({error}) after {n_done}, which {where}"
         ) from error
@@ -142,6 +139,11 @@ def run_each(
             future.cancel()
         if threads is not None:
             threads.shutdown(cancel_futures=True)
+
+
+def files_of_results(folder: Path, task: Callable[[Input], Arrays], values: Sequence[Input]) -> list[Path]:
+    """Return the file in a folder that keeps the result of each value."""
+    return [folder / f"{fingerprint(task, value)}.npz" for value in values]
 
 
 def open_folder(resume: str | os.PathLike[str]) -> Path:

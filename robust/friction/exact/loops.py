@@ -113,12 +113,12 @@ def equilibrium(loop: ExactLoop) -> fmpq_mat:
 
 @value(copy=False)
 class ExactBlock:
-    """What is missed, w, enters the jump or the flow, and 2 w seen'y >= weight w^2.
+    """What is missed, w, enters the jump or the flow by `input_column`, and 2 w output_row y >= weight w^2.
 
     Fields
     ------
-    enters, seen : fmpq_mat
-        Columns.
+    input_column, output_row : fmpq_mat
+        Both as columns.
     weight : fmpq
     """
 

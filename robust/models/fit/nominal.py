@@ -91,7 +91,7 @@ class MatrixFitProblem:
         The matrix.
     left, right : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
         What whitens its error.
-    kind : dict
+    options : dict
         n_poles, rank, direct and stable.
     """
 
@@ -341,7 +341,8 @@ def warn_of_fit(
         where = ", ".join(f"{w / 2 / np.pi:.4g}" for w in far)
         data_warning(
             f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is "
-            f"{omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. Take fewer poles, or measure there",
+            f"{omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. "
+            "Measure there, or take fewer poles where the FRF allows it",
             DesignWarning,
         )
 

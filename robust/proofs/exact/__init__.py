@@ -1,11 +1,13 @@
 """Proof and verification in exact arithmetic: claims over the rationals, positivity, Taylor models.
 
 aliases        claims about continuous plants under a sampled controller
+channel_files  what is claimed of several channels, in files
 claim          what is claimed of a loop, with every number as given
 claim_files    claims as plain numbers and words, in files with a digest
 closed_loops   the norm of a plant closed through a controller, in many digits and in ball arithmetic
 conditions     what a claim asks at a frequency, in sums and products
-interval_kyp   a level of mu interval by interval, from P, Q and a scaling for each; files of several channels
+folded_sets    claims that a sampled set of several channels contains a continuous one
+interval_kyp   a level of mu interval by interval, from P, Q and a scaling for each
 loops          the entry point for one loop: a claim in, `Verification` out
 matrices       matrix inequalities over the rationals: norms and definiteness decided
 polynomials    exact numbers, roots of polynomials, signs on a half line

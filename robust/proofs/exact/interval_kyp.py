@@ -13,9 +13,8 @@ which has a matrix of its own. All of it is put together over the rationals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from flint import fmpq, fmpq_mat
@@ -291,24 +290,6 @@ def placed_scalings(
     return X_L, X_R, K_all
 
 
-# ---- What is claimed of several channels in a file, by one scaling or interval by interval.
-
-
-@value
-class ScaledFile:
-    """What a file claims of a loop: claims by their subjects, with form and delay [s] of the set they are about."""
-
-    SCHEMA: ClassVar[str] = "robust-mu-certificate"
-    UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
-    LOOP: ClassVar[str] = (
-        "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point"
-    )
-
-    claims: dict[str, ScaledClaim | IntervalClaim]
-    form: str
-    delay: float
-
-
 def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
     """Decide stability and level of either claim."""
     return decide_intervals(claim) if isinstance(claim, IntervalClaim) else decide_scaled(claim)
@@ -318,12 +299,3 @@ def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) 
     """Prove the claim again over the rationals; it takes milliseconds an interval, whatever `time_cap` is."""
     del time_cap
     return summarise_claims(decide_level(claim), 0)
-
-
-def verify_scaled_file(given: ScaledFile) -> Verification:
-    """Prove every claim of a file again over the rationals."""
-    decided: dict[str, Decision] = {}
-    for subject, claim in given.claims.items():
-        found = decide_level(claim)
-        decided |= {"nominal stability": found[STABLE], subject: found[LEVEL]}
-    return summarise_claims(decided, 0)

@@ -24,9 +24,9 @@ from robust._base.channels import is_single
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
 from robust.friction.classes import AnyFriction
-from robust.friction.levels import FrictionClass, machines_of
 from robust.friction.plant import FrictionPlant
-from robust.friction.prove import prove_friction
+from robust.friction.proof.prove import prove_friction
+from robust.friction.reading.levels import FrictionClass, machines_of
 from robust.lti.lti import is_clockless, is_constant, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles

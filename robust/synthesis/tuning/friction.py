@@ -4,9 +4,9 @@ With the friction f at its port, the mobility M = v/f of the closed loop there, 
 
     q = Re(C M) - L < 0,   C = mu_0 + sum mu_j (1 - a_j/(rho (a_j - s))),   L = sum mu_j a_j w^2/(rho K0 (a_j^2 + w^2))
 
-at every frequency is the test that the proof begins with (`robust.friction.multipliers`). The controller is in M by the
-sensitivity S = 1/(1 + G_d K) alone. With the displacements x at the port and y at the sensor, by the friction f and the
-force u, and with hold and delay e in front of the force,
+at every frequency is the test that the proof begins with (`robust.friction.proof.multipliers`). The controller is in M
+by the sensitivity S = 1/(1 + G_d K) alone. With the displacements x at the port and y at the sensor, by the friction f
+and the force u, and with hold and delay e in front of the force,
 
     M = -s ((x_f - p) + p S),      p = e x_u y_f/G_d,
 
@@ -28,9 +28,9 @@ import numpy as np
 from nlfrf._base.arguments import require_real
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
-from robust.friction.levels import FrictionClass, machines_of
-from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
 from robust.friction.plant import FrictionPlant
+from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
+from robust.friction.reading.levels import FrictionClass, machines_of
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 

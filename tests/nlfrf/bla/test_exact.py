@@ -10,7 +10,7 @@ import nlfrf
 from nlfrf import identify
 from nlfrf.bla.distortion import cubic_count_ratios
 from nlfrf.bla.line_index import index_lines
-from nlfrf.signals.orthogonal import orthogonal_matrix
+from nlfrf.signals.orthogonal import dft_matrix
 
 EXCITED = (1, 3, 9, 11, 17, 19)
 
@@ -20,7 +20,7 @@ def followed(powers, line, n_u=2, psi=True):
 
     `powers`: which input each factor is, as (0, 0, 1) for u1^2 u2. Amplitudes one.
     """
-    T = orthogonal_matrix(n_u, "dft")
+    T = dft_matrix(n_u)
     columns = [defaultdict(complex) for _ in range(n_u)]
     answers = [defaultdict(complex) for _ in range(n_u)]
     signed = [s * k for k in EXCITED for s in (1, -1)]
@@ -139,7 +139,7 @@ def test_a_static_nonlinearity_over_many_sets_is_its_mean_gradient():
 def test_one_phase_for_all_inputs_reads_the_cross_term_three_times_too_high():
     ms = nlfrf.multisine("odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1)
     psi = np.random.default_rng(0).uniform(0, 2 * np.pi, (1, 80, ms.f.size))
-    T = np.angle(orthogonal_matrix(2, "dft"))
+    T = np.angle(dft_matrix(2))
     copied = nlfrf.signals.OrthogonalMultisine(
         fs=512,
         n_samples=512,

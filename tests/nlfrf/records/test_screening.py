@@ -10,6 +10,7 @@ import nlfrf
 from benchmarks import bench_screening
 from benchmarks.sound_records import FS, N, played
 from nlfrf.records.screening.gaps import is_free_response, modal_share
+from nlfrf.records.screening.input import are_in_place
 from nlfrf.records.screening.stream import excited_span, unwrap_position
 
 #: Whole turns, and where a position of that kind starts again.
@@ -234,3 +235,8 @@ def test_a_position_that_hovers_at_its_end_is_unwrapped(turn):
     with pytest.warns(nlfrf.DataWarning, match="wraps at a turn"):
         left = unwrap_position("y", noise % turn) - noise
     np.testing.assert_allclose(left, left[0], atol=1e-9 * turn)
+
+
+def test_periods_of_which_none_is_sound_have_no_pace():
+    with pytest.raises(ValueError, match="n_samples must be the period of the input, got 100: none of its periods"):
+        _ = are_in_place(100, np.zeros(3, dtype=bool)).pace

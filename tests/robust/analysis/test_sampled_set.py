@@ -68,14 +68,25 @@ def test_two_equal_loops_are_one():
     assert together.margins.rs == pytest.approx(alone.margins.rs, rel=0.1)
     assert together.margins.rs <= alone.margins.rs * (1 + 1e-3)  # a bound on the safe side
     assert "every alias is in the weights" in together.folding
-    assert together.not_proved.startswith("That the weights of the sampled set cover every alias; ")
+    assert "which is proved" in together.folding
+    assert "cover every alias" not in together.not_proved
+
+
+def test_a_report_whose_aliases_are_not_proved_says_that_they_rest_on_a_grid(monkeypatch):
+    monkeypatch.setattr("robust.proofs.exact.folded_sets.MOST_INTERVALS", 1)
+    K = control.StateSpace([], [], [], 1.5 * np.eye(2), T)
+    report = check(ADDITIVE, K)
+    assert "in floating point" in report.folding
+    text = "That the weights of the sampled set cover every alias between the frequencies of a grid; "
+    assert report.not_proved.startswith(text)
+    assert not report.proofs.certificates[-1].holds
 
 
 def test_the_disc_of_an_entry_is_the_sum_over_its_aliases():
     found = sampled_set(ELEMENTS, T)
     aliases = aliases_of_set("additive", LAG, weight=ROLL, perturbation="LTI", dt=T, delay=0.0)
     exact = aliases.sampled_radius(found.omega, response(sampled(LAG, T), found.omega))
-    np.testing.assert_allclose(found.model.radius[0], exact, rtol=1e-3)  # one takes more aliases in blocks
+    np.testing.assert_allclose(found.model.radius[0], exact, rtol=2e-3)  # one takes more aliases in blocks
     assert np.all(found.model.radius[0] >= exact * (1 - 1e-3))
 
 

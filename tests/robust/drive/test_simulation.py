@@ -19,8 +19,8 @@ from robust.drive.simulation import (
     simulate_rest,
     with_advice,
 )
-from robust.friction.force import FrictionForce
-from robust.friction.in_motion import SlidingFit
+from robust.friction.reading.force import FrictionForce
+from robust.friction.reading.in_motion import SlidingFit
 
 #: A kilogram with 1 N of Coulomb friction, and gains that hunt where stiction is twice that.
 SETTINGS = Drive(fs=2000, kv=60, kp=200, kp_unit="N/(m/s)", tn=0.012)
@@ -115,9 +115,16 @@ def test_the_distance_that_was_asked_for_is_answered():
     """It is answered by what is proved, else by a hunting axis that swings by more."""
     hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
     assert DriveFriction(simulated=hunting).answers("m", 3e-6)["within"].endswith("Asked were 3 um: no, as simulated")
-    assert DriveFriction(simulated=hunting).answers("m", 5e-6)["within"].endswith("Asked were 5 um: not proved")
+    assert (
+        DriveFriction(simulated=hunting)
+        .answers("m", 5e-6)["within"]
+        .endswith("Asked were 5 um: not proved; in simulation yes")
+    )
     rests = replace(hunting, amplitudes=np.zeros(RUNS))
     assert DriveFriction(simulated=rests).answers("m", 7e-6)["within"].endswith("not proved")
+    away = replace(rests, offsets=np.full(RUNS, 8e-6))  # at rest, off the set point
+    assert DriveFriction(simulated=away).answers("m", 7e-6)["within"].endswith("no, as simulated")
+    assert "in the end at most 8 um off the set point" in str(away)
     assert "Asked" not in DriveFriction(simulated=rests).answers("m")["within"]
 
 

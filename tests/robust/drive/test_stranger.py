@@ -37,6 +37,14 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
 
 
 @pytest.mark.attack
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_pole_that_a_zero_cancels_is_none_of_the_machine(seed, tmp_path):
+    """It is worth more than scatter, as it takes up one line: both axes were called unstable with their own gains."""
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    bench_stranger.play(rig, rig.random_axis(seed), tmp_path)
+    assert bench_stranger.check(tmp_path)[1]["linear"]["verdict"] == "statistically robust"
+
+
 def test_a_pole_that_a_zero_cancels_makes_no_loop_unstable(tmp_path):
     """The best fit that does not lead had an unstable pole 0.7 % from a zero: all was lost, and the axis hunts."""
     rig = bench_stranger.load_rig(bench_stranger.RIG)

@@ -10,7 +10,7 @@ import pytest
 import nlfrf
 from robust import friction_plant, prove_friction
 from robust.friction import any_bounded
-from robust.friction.force import LevelPeak, break_away, read_friction_force
+from robust.friction.reading.force import LevelPeak, break_away, read_friction_force
 
 GRID = {"fs": 4000, "n_samples": 4000}
 LUGRE = {"sigma0": 2e6, "sigma2": 0.0, "Fc": 15.4, "Fs": 20.0, "vs": 0.01}

@@ -28,7 +28,7 @@ from nlfrf.axis import Drive
 from nlfrf.friction import VaryingSliders, element_forces
 from robust.drive import cascade
 from robust.drive.friction import judge_friction
-from robust.friction.balance import (
+from robust.friction.reading.balance import (
     LOAD,
     Candidate,
     Motion,

@@ -19,9 +19,9 @@ from robust import check, prove_friction
 from robust.friction import any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim
 from robust.io import verify_certificate
+from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.claim_files import content_digest, read_claim
-from robust.proofs.exact.interval_kyp import ScaledFile
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model
 from tests.robust.io.test_export import MODELS
@@ -68,7 +68,7 @@ def written(tmp_path_factory):
     for K in (control.tf([1.0, 0.1], [1, 0.7, 0.1]), control.tf([0.5, -0.4], [1, -1], 0.01), 2.5, np.eye(2)):
         add(robust.load, K)
     add(partial(read_claim, kind=LoopClaim), check(make_model(), SAMPLED))
-    add(partial(read_claim, kind=ScaledFile), check(MATRICES["elements"], 0.1 * np.eye(2)))
+    add(partial(read_claim, kind=ChannelsClaim), check(MATRICES["elements"], 0.1 * np.eye(2)))
     kp, ki, kd, _ = ORACLES["P1"][0]
     proof = prove_friction(RIG, pid(kp, ki, kd), any_maxwell_slip(64e3, 1.05))
     add(partial(read_claim, kind=FrictionClaim), proof)

@@ -12,7 +12,7 @@ from robust import check, fit_nominal, frd, ncfsyn, performance_weight, uncertai
 from robust import plot as pictures
 from robust._base.states import FrictionVerdict
 from robust.analysis import sample_loops
-from robust.friction.identification import FrictionFit
+from robust.friction.reading.identification import FrictionFit
 from robust.lti.lti import response
 from robust.models import scan_orders
 from robust.shaping import loop_bounds
@@ -193,7 +193,7 @@ def test_what_rests_where_has_a_bar_a_case_from_the_set_point_on(ax):
     low, high = ax.get_xlim()
     assert ends == pytest.approx([20, 50, low, high])
     assert low <= 2
-    assert labels(ax) == ["may move for ever", "comes to rest"]
+    assert labels(ax) == ["may move for ever", "proved: comes to rest"]
     texts = notes(ax)
     assert texts[::2] == [case.name for case in cases]
     assert texts[1::2] == ["20 um", "50 um", "at the set point", "no bound known"]

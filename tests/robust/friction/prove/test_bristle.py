@@ -8,10 +8,22 @@ from scipy.integrate import solve_ivp
 
 from robust import friction_plant, prove_friction
 from robust.friction import any_bristle
-from robust.friction.dissipation import bristle_dissipation
-from robust.friction.multipliers import bristle_multipliers, bristle_terms, enlarge_block, filter_rates, largest_share
 from robust.friction.plant import friction_loop, loop_frequencies, mobility
-from robust.friction.storage import SLACKS, build_storage, in_balanced_coordinates, judge_storage, proposed_storage
+from robust.friction.proof.dissipation import bristle_dissipation
+from robust.friction.proof.multipliers import (
+    bristle_multipliers,
+    bristle_terms,
+    enlarge_block,
+    filter_rates,
+    largest_share,
+)
+from robust.friction.proof.storage import (
+    SLACKS,
+    build_storage,
+    in_balanced_coordinates,
+    judge_storage,
+    proposed_storage,
+)
 from tests.support.friction_loops import RIG, T, pd, pid
 
 NODES, GAUSS = np.polynomial.legendre.leggauss(12)

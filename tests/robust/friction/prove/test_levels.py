@@ -12,8 +12,8 @@ import pytest
 import nlfrf
 import robust
 from robust import cli, save
-from robust.friction.levels import fit_level, one_mass_reaction, require_si
 from robust.friction.plant import friction_loop
+from robust.friction.reading.levels import fit_level, one_mass_reaction, require_si
 from robust.io.certificates import class_from_files, prove_all, save_proofs
 from tests.support.bla import make_bla
 from tests.support.friction_loops import RIG, Element, motion, pid

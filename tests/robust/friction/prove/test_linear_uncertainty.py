@@ -8,8 +8,8 @@ import pytest
 
 from robust import friction_plant, prove_friction
 from robust.friction import any_bristle, any_maxwell_slip, friction_frequency_test
-from robust.friction.linear_uncertainty import find_multipliers, uncertain_rows
-from robust.friction.multipliers import multiplier_terms
+from robust.friction.proof.linear_uncertainty import find_multipliers, uncertain_rows
+from robust.friction.proof.multipliers import multiplier_terms
 from tests.support.friction_loops import ORACLES, RIG, T, oracle_loop, pd, pid
 from tests.support.printed import unwrapped
 

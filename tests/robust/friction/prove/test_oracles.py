@@ -7,8 +7,8 @@ import pytest
 from nlfrf.friction import Leuven, LuGre
 from robust import friction_plant, prove_friction
 from robust.friction import any_bounded, any_bristle, any_maxwell_slip, any_passive
-from robust.friction.multipliers import filter_rates, largest_stiffness, multiplier_terms
 from robust.friction.plant import destabilizing_stiffness, divergence_velocity, friction_loop, steady_error_bound
+from robust.friction.proof.multipliers import filter_rates, largest_stiffness, multiplier_terms
 from tests.support.friction_loops import ORACLES, RIG, T, oracle_loop, pid
 
 

@@ -12,8 +12,6 @@ from benchmarks.friction_ports import draw_case, draw_law, prove_case, run_case
 from nlfrf.axis import Drive
 from robust.drive import cascade
 from robust.friction.classes import any_bounded, any_bristle, any_maxwell_slip
-from robust.friction.dissipation import maxwell_slip_dissipation
-from robust.friction.multipliers import filter_rates, multiplier_terms, negative_multipliers, port_terms
 from robust.friction.plant import (
     FrictionPlant,
     destabilizing_stiffness,
@@ -23,8 +21,10 @@ from robust.friction.plant import (
     mobility,
     two_mass_plant,
 )
-from robust.friction.prove import prove_friction
-from robust.friction.storage import certified_dissipation
+from robust.friction.proof.dissipation import maxwell_slip_dissipation
+from robust.friction.proof.multipliers import filter_rates, multiplier_terms, negative_multipliers, port_terms
+from robust.friction.proof.prove import prove_friction
+from robust.friction.proof.storage import certified_dissipation
 from robust.io.certificates import verify_certificate
 
 T = 1 / 4000
@@ -311,7 +311,7 @@ def test_refusals(given, message):
 def test_what_knows_one_port_refuses_several():
     K = cascade(DRIVE, output_unit="N")
     for call in (
-        lambda: robust.friction.prove_saturated(SCREW, K, CLASSES[0], Fs=1.0, limit=20.0),
+        lambda: robust.prove_friction(SCREW, K, CLASSES, Fs=(1.0, 1.0), saturation=20.0),
         lambda: robust.friction.friction_frequency_test(SCREW, K, CLASSES[0], mass=1.0, stiffness=0.0),
         lambda: robust.friction.quasi_linear(nlfrf.paper_rig().friction, SCREW, K),
         lambda: robust.design_frf(control.tf([1], [1, 1, 1]), "PD", M_S=2.0, dt=T, prove=(SCREW, CLASSES[0])),

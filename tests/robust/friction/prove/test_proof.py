@@ -9,11 +9,18 @@ from nlfrf.axis import Drive
 from robust import friction_plant, prove_friction, sampled
 from robust.drive import cascade
 from robust.friction import any_bounded, any_maxwell_slip
-from robust.friction.dissipation import maxwell_slip_dissipation
-from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
+from robust.friction.nominal import machines_of_nominal, undamped
 from robust.friction.plant import friction_loop, loop_frequencies, mobility
-from robust.friction.prove import certify_maxwell_slip, machines_of_nominal, undamped
-from robust.friction.storage import SLACKS, build_storage, in_balanced_coordinates, judge_storage, proposed_storage
+from robust.friction.proof.certify import certify_maxwell_slip
+from robust.friction.proof.dissipation import maxwell_slip_dissipation
+from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
+from robust.friction.proof.storage import (
+    SLACKS,
+    build_storage,
+    in_balanced_coordinates,
+    judge_storage,
+    proposed_storage,
+)
 from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
 from tests.support.printed import unwrapped
 
@@ -216,7 +223,7 @@ def test_a_numerical_failure_is_told(monkeypatch):
     def fails(*_args, **_options):
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr("robust.friction.prove.certify_friction", fails)
+    monkeypatch.setattr("robust.friction.proof.certify.certify_friction", fails)
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP)
     assert (proof.verdict, proof.reason) == ("not decided", "numerical failure: Singular matrix")
     assert proof.certificate is None

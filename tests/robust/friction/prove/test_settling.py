@@ -13,8 +13,8 @@ from robust.friction import any_maxwell_slip
 from robust.friction.exact.claim import Settling
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop, steady_error_bound
-from robust.friction.prove import Finding, settling_verdict
-from robust.friction.settling import largest_rest
+from robust.friction.proof.certify import Finding, settling_verdict
+from robust.friction.proof.settling import largest_rest
 from robust.io import verify_certificate
 
 T = 1 / 4000

@@ -9,7 +9,8 @@ import pytest
 
 import nlfrf
 from nlfrf.friction import Leuven, VaryingSliders
-from robust.friction import any_bristle, any_maxwell_slip, any_passive, prove_saturated
+from robust import prove_friction
+from robust.friction import any_bristle, any_maxwell_slip, any_passive
 from robust.friction.plant import friction_plant
 from robust.io import verify_certificate
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
@@ -44,7 +45,7 @@ def laws(seed, n):
 @cache
 def oracle_proof(name):
     (Kp, Ki, Kd, delay), _, _ = ORACLES[name]
-    return prove_saturated(RIG, pid(Kp, Ki, Kd), SLIP, Fs=FS, limit=LIMIT, delay=delay)
+    return prove_friction(RIG, pid(Kp, Ki, Kd), SLIP, Fs=FS, saturation=LIMIT, delay=delay)
 
 
 @pytest.fixture(params=["P1", "P3", "P4"])
@@ -101,7 +102,7 @@ def test_weights_that_no_actuator_allows_are_found():
 @pytest.mark.filterwarnings("ignore:the hysteresis memory")
 def test_from_every_state_where_the_machine_is_damped():
     machine, K = friction_plant(1.0, 80e3, 40.0), pd(1e3, 10.0)
-    proof = prove_saturated(machine, K, SLIP, Fs=FS, limit=LIMIT)
+    proof = prove_friction(machine, K, SLIP, Fs=FS, saturation=LIMIT)
     assert proof.verdict == "proved"
     assert np.isinf(proof.kick)
     assert "from every state" in proof.claim
@@ -112,20 +113,20 @@ def test_from_every_state_where_the_machine_is_damped():
 
 def test_a_continuous_controller_too(tmp_path):
     PD = control.ss(control.tf([60.0, 20e3], [1e-4, 1]))
-    proof = prove_saturated(RIG, PD, SLIP, Fs=FS, limit=LIMIT)
+    proof = prove_friction(RIG, PD, SLIP, Fs=FS, saturation=LIMIT)
     assert proof.kick > proof.kick_linear > 0
     nlfrf.save(proof, tmp_path / "proof.json")
     assert verify_certificate(tmp_path / "proof.json").verified
 
 
 def test_part_of_a_sample_late():
-    proof = prove_saturated(RIG, pid(20e3, 3e5, 60.0), SLIP, Fs=FS, limit=LIMIT, delay=0.3 * T)
+    proof = prove_friction(RIG, pid(20e3, 3e5, 60.0), SLIP, Fs=FS, saturation=LIMIT, delay=0.3 * T)
     assert proof.kick > 2 * proof.kick_linear
     assert proof.certificate.verify().verified
 
 
 def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
-    proof = prove_saturated(RIG, pd(20e3, 60.0), any_bristle(64e3, 1 / 0.7, 13.0), Fs=FS, limit=LIMIT)
+    proof = prove_friction(RIG, pd(20e3, 60.0), any_bristle(64e3, 1 / 0.7, 13.0), Fs=FS, saturation=LIMIT)
     assert proof.kick == proof.kick_linear > 0
     assert proof.share == 0
     assert "not tried for a bristle" in proof.reason
@@ -137,7 +138,7 @@ def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
 
 @pytest.mark.parametrize("friction", [SLIP, any_bristle(64e3, 1.2)])
 def test_an_actuator_that_is_asked_for_nothing_never_saturates(friction):
-    proof = prove_saturated(friction_plant(1.0, 80e3, 40.0), 0.0, friction, Fs=FS, limit=LIMIT)
+    proof = prove_friction(friction_plant(1.0, 80e3, 40.0), 0.0, friction, Fs=FS, saturation=LIMIT)
     assert (proof.verdict, proof.kick, proof.reason) == ("proved", np.inf, "")
     assert "from every state" in proof.claim
     excluded = "LuGre" if friction is SLIP else "rigid stiction"
@@ -146,13 +147,13 @@ def test_an_actuator_that_is_asked_for_nothing_never_saturates(friction):
 
 def test_the_kick_grows_with_what_the_limit_leaves_over_friction():
     """With integral action the actuator holds the friction: the kick is in proportion to the limit less Fs."""
-    proof = prove_saturated(RIG, pid(40e3, 1e6, 120.0), SLIP, Fs=FS, limit=3.0, delay=T)
+    proof = prove_friction(RIG, pid(40e3, 1e6, 120.0), SLIP, Fs=FS, saturation=3.0, delay=T)
     for name in ("kick", "kick_linear"):
         assert getattr(oracle_proof("P3"), name) == pytest.approx(19 / 2 * getattr(proof, name), rel=1e-6)
 
 
 def test_what_is_refuted_without_saturation_is_with_it():
-    proof = prove_saturated(RIG, pid(0.0, 2e6, 0.0), SLIP, Fs=FS, limit=LIMIT)
+    proof = prove_friction(RIG, pid(0.0, 2e6, 0.0), SLIP, Fs=FS, saturation=LIMIT)
     assert proof.verdict == "refuted"
     assert proof.kick == 0
     assert str(proof).startswith("refuted: without saturation: the sliding loop is unstable")
@@ -163,7 +164,7 @@ def test_friction_at_a_port_that_the_actuator_cannot_hold():
         [[0.0, 1.0], [-80e3, -0.4]], [[0.0, 0.0], [0.01, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2))
     )
     K = pid(2e6, 3e7, 6e3)
-    proof = prove_saturated(friction_plant(lever, port=True), K, SLIP, Fs=FS, limit=LIMIT)
+    proof = prove_friction(friction_plant(lever, port=True), K, SLIP, Fs=FS, saturation=LIMIT)
     assert proof.verdict == "not decided"
     assert proof.reason == "holding the friction takes all of the limit"
 
@@ -171,12 +172,13 @@ def test_friction_at_a_port_that_the_actuator_cannot_hold():
 @pytest.mark.parametrize(
     ("friction", "options", "words"),
     [
-        (SLIP, {"limit": 1.0}, "limit must be above Fs, the largest friction force, got 1 N and Fs = 1 N"),
-        (SLIP, {"limit": -1.0}, "limit must be positive"),
+        (SLIP, {"saturation": 1.0}, "saturation must be above Fs, the largest friction force, got 1 N and Fs = 1 N"),
+        (SLIP, {"saturation": -1.0}, "saturation must be positive"),
         (SLIP, {"Fs": 0.0}, "Fs must be positive"),
+        (SLIP, {"Fs": None}, "saturation must be above Fs, the largest friction force, got 20 N and Fs = nan N"),
         (any_passive(), {}, "friction must be any_maxwell_slip"),
     ],
 )
 def test_refusals(friction, options, words):
     with pytest.raises(ValueError, match=words):
-        prove_saturated(RIG, pd(20e3, 60.0), friction, **{"Fs": FS, "limit": LIMIT} | options)
+        prove_friction(RIG, pd(20e3, 60.0), friction, **{"Fs": FS, "saturation": LIMIT} | options)

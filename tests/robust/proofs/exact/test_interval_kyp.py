@@ -12,8 +12,9 @@ from robust.io import verify_certificate
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.mu.intervals import certify_intervals
+from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.exact.claim_files import content_digest, from_plain, to_plain, write_claim
-from robust.proofs.exact.interval_kyp import ComplexMatrix, IntervalClaim, ScaledFile, verify_level
+from robust.proofs.exact.interval_kyp import ComplexMatrix, IntervalClaim, verify_level
 from robust.proofs.search.certificate import GENERALISED_KYP
 from robust.proofs.search.scaled_kyp import certify_scaled
 from tests.support.scaled_loops import STRUCTURES, random_loop
@@ -128,7 +129,7 @@ def test_a_file_gives_every_number_back_and_is_verified(proof, tmp_path):
     claim, path = proof.claim, tmp_path / "proof.json"
     again = from_plain(IntervalClaim, json.loads(json.dumps(to_plain(claim))))
     assert to_plain(again) == to_plain(claim)
-    write_claim(path, ScaledFile(claims={"robust stability": claim}, form="", delay=0.0))
+    write_claim(path, ChannelsClaim(claims={"robust stability": claim}, form="", delay=0.0))
     assert verify_certificate(path).proved == ("nominal stability", "robust stability")
     content = json.loads(path.read_text())
     content["claim"]["claims"]["robust stability"]["level"] *= 0.9

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from nlfrf._base.values import value
-from robust.friction.balance import (
+from robust.friction.reading.balance import (
     Candidate,
     Motion,
     Terms,

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import short_form
 from robust._base.channels import is_single
-from robust.friction.identification import identify_friction
-from robust.friction.levels import FrictionClass, class_from_blas
+from robust.friction.reading.identification import identify_friction
+from robust.friction.reading.levels import FrictionClass, class_from_blas
 
 
 def friction_class(

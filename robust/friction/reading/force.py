@@ -15,9 +15,9 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.values import value
-from robust.friction.balance import HALF_WIDTH, as_real, motion_of_record, unit_of
-from robust.friction.identification import FrictionFit
-from robust.friction.in_motion import SlidingFit, identify_sliding
+from robust.friction.reading.balance import HALF_WIDTH, as_real, motion_of_record, unit_of
+from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.in_motion import SlidingFit, identify_sliding
 from robust.lti.sampling import hold_correction
 
 #: Share of its peak that the steps of the encoder may make of a force: where they make more, it is cut off in

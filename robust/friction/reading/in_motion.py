@@ -10,7 +10,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
-from robust.friction.balance import (
+from robust.friction.reading.balance import (
     FORCE_ERROR,
     HALF_WIDTH,
     MODEL_ERROR,
@@ -31,7 +31,7 @@ from robust.friction.balance import (
     unit_of,
     units_of,
 )
-from robust.friction.levels import require_si, weighted_mean
+from robust.friction.reading.levels import require_si, weighted_mean
 
 
 @value

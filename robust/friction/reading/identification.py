@@ -13,7 +13,9 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
-from robust.friction.balance import (
+from robust.friction.classes import AnyFriction, any_maxwell_slip
+from robust.friction.plant import FrictionPlant, friction_plant
+from robust.friction.reading.balance import (
     COARSE,
     COARSE_CYCLE,
     FINE,
@@ -53,17 +55,15 @@ from robust.friction.balance import (
     units_of,
     with_branches,
 )
-from robust.friction.classes import AnyFriction, any_maxwell_slip
-from robust.friction.levels import (
+from robust.friction.reading.levels import (
     ASSUMPTION_NOTE,
     FEWEST_LINES,
     FrictionClass,
     require_one_position_unit,
     require_si,
 )
-from robust.friction.load import start_with_load
-from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.two_masses import class_with_load
+from robust.friction.reading.load import start_with_load
+from robust.friction.reading.two_masses import class_with_load
 from robust.friction.units import format_length, position_unit_of
 
 #: (steps per sample, shrinkage by noise) of fits that ought to give the same. What they differ by is in every interval:

@@ -14,11 +14,11 @@ from nlfrf._base.values import value
 
 @value
 class Block:
-    """A nonlinearity that acts at the first jump: y+ = J y - enters w, and 2 w seen'y >= weight w^2.
+    """A nonlinearity that acts at the first jump: y+ = J y - input_column w, and 2 w output_row y >= weight w^2.
 
     Fields
     ------
-    enters, seen : (n,) ndarray
+    input_column, output_row : (n,) ndarray
     weight : float
         Positive.
     """

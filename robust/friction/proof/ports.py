@@ -9,9 +9,9 @@ import numpy as np
 
 from nlfrf._base.arguments import require_positive, short_form
 from robust.friction.classes import AnyFriction, FrictionAtPorts
-from robust.friction.dissipation import ROUNDED_UP
-from robust.friction.multipliers import negative_multipliers, port_terms
 from robust.friction.plant import ROUNDING, FrictionLoop, FrictionPlant, steady_error_bound
+from robust.friction.proof.dissipation import ROUNDED_UP
+from robust.friction.proof.multipliers import negative_multipliers, port_terms
 
 #: Forces at two ports, over what a definite matrix allows: slack for what the sampler folds.
 COUPLINGS = (0.9, 0.99)

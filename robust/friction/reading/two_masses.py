@@ -7,13 +7,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from robust.friction.balance import HALF_WIDTH
 from robust.friction.classes import FrictionAtPorts, any_maxwell_slip
-from robust.friction.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.plant import FrictionPlant, two_mass_plant
+from robust.friction.reading.balance import HALF_WIDTH
+from robust.friction.reading.levels import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.units import format_length, format_plain, position_unit_of
 
-FrictionFit: TypeAlias = Any  # of robust.friction.identification, which takes the class from here
+FrictionFit: TypeAlias = Any  # of robust.friction.reading.identification, which takes the class from here
 PORTS = ("motor", "load")
 
 

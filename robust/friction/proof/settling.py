@@ -20,7 +20,7 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.friction.plant import FrictionLoop
-from robust.friction.storage import Dissipation, balancing_coordinates
+from robust.friction.proof.storage import Dissipation, balancing_coordinates
 from robust.proofs.search.certificate import solve_program
 
 if TYPE_CHECKING:

@@ -20,9 +20,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from robust.friction.multipliers import BristleMultipliers
 from robust.friction.plant import FrictionLoop
-from robust.friction.storage import Dissipation
+from robust.friction.proof.multipliers import BristleMultipliers
+from robust.friction.proof.storage import Dissipation
 
 #: rho = 1 as it is taken, a larger class: at one itself the stored energy is not strictly positive. With integral
 #: action K0 (rho - 1) < k + K_p limits what is provable; 1.001 left a PID of 200 N/m undecided from K0 = 1e5 N/m on.

@@ -1,9 +1,9 @@
-"""A proof for a machine with friction whose actuator saturates: from every state, or up to a kick."""
+"""What a proof with friction is worth where the actuator saturates: from every state, or up to a kick."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -11,11 +11,9 @@ from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust._base.types import Controller
-from robust.friction.classes import AnyFriction
-from robust.friction.dissipation import maxwell_slip_dissipation
+from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.exact.claim import Actuator, FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.multipliers import filter_rates, hermitian_product, negative_multipliers
 from robust.friction.plant import (
     FrictionLoop,
     FrictionPlant,
@@ -23,18 +21,19 @@ from robust.friction.plant import (
     friction_loop,
     loop_frequencies,
     require_one_port,
-    separate_delay,
 )
-from robust.friction.prove import (
+from robust.friction.proof.certify import (
     NOT_IN_CLASS,
+    Finding,
     Multipliers,
     build_claim,
     certify_friction,
     describe_scope,
-    prove_friction,
     reference_rate,
 )
-from robust.friction.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
+from robust.friction.proof.dissipation import maxwell_slip_dissipation
+from robust.friction.proof.multipliers import filter_rates, hermitian_product, negative_multipliers
+from robust.friction.proof.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import Certificate
 
@@ -88,9 +87,9 @@ class LureLoop:
     ------
     loop : FrictionLoop
         With the filters as its last states.
-    asked : (n,) ndarray
+    command_row : (n,) ndarray
         The force that is asked for, of the state before a sample.
-    enters : (n,) ndarray
+    input_column : (n,) ndarray
         Where what is missed is taken off: at a sample, or of the flow.
     forgets : (J,) ndarray
         How fast the filters forget: a share of each sample, or a rate [1/s].
@@ -395,134 +394,48 @@ NOT_CLAIMED = (
 NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
 
 
-@value
-class SaturatedProof:
-    """What is proved of a loop around a machine with friction whose actuator saturates.
+class ForceLimits(NamedTuple):
+    """The class of friction, its largest force and that of the actuator."""
 
-    Fields
-    ------
-    verdict : FrictionVerdict
-        "proved": from every state. "proved up to a kick": from rest, relaxed, up to `kick`; beyond it nothing is said.
-        "refuted": without saturation already, of the class and not of the machine. "not decided".
-    claim, not_claimed, reason : str
-        What is proved, in one sentence; what is not; why the verdict is what it is.
-    friction : AnyFriction
-        The class.
-    Fs, limit : float
-        Largest friction force and largest force of the actuator [N].
-    kick : float
-        Velocity at the friction port [m/s] of a kick on the machine at rest and relaxed, up to which it comes to rest;
-        infinite where it does from every state, zero where no kick is proved.
-    kick_linear : float
-        The part of it up to which the actuator never saturates at all [m/s].
-    share : float
-        What of the force that is asked for, less what holds the friction, the actuator may miss on the way; one where
-        it may miss all of it, zero where it never saturates.
-    certificate : Certificate or None
-        What was judged; `certificate.verify()` proves it again over the rationals. With a share of zero that of the
-        loop that does not saturate.
-
-    References
-    ----------
-    S. Tarbouriech, G. Garcia, J. Gomes da Silva, I. Queinnec, *Stability and Stabilization of Linear Systems with
-    Saturating Actuators*, Springer, 2011 (sectors that hold on a region).
-
-    Examples
-    --------
-    >>> from robust.friction import any_maxwell_slip
-    >>> from robust import friction_plant
-    >>> rig = friction_plant(1.0, 80e3, 40.0)
-    >>> prove_saturated(rig, 1e3, any_maxwell_slip(64e3), Fs=1.0, limit=20.0).verdict
-    'proved'
-    """
-
-    verdict: FrictionVerdict
-    claim: str
-    not_claimed: str
-    reason: str
     friction: AnyFriction
     Fs: float
     limit: float
-    kick: float
-    kick_linear: float
-    share: float
-    certificate: Certificate | None
-
-    def __str__(self) -> str:
-        text = self.claim if self.verdict.is_proved else self.reason
-        more = [self.reason] if self.verdict.is_proved and self.reason else []
-        return "\n".join([f"{self.verdict}: {text}", *more, self.not_claimed])
 
 
-def prove_saturated(
-    machine: FrictionPlant, K: Controller, friction: AnyFriction, *, Fs: float, limit: float, delay: float = 0.0
-) -> SaturatedProof:
-    """Prove that a loop comes to rest with every friction of a class though its actuator saturates, or up to a kick.
-
-    Parameters
-    ----------
-    machine : FrictionPlant
-        The linear part, from `friction_plant`.
-    K : control.StateSpace, TransferFunction or float
-        Controller, u = K (r - y), without anti-windup; sampled, or continuous and proper.
-    friction : AnyFriction
-        The class: `any_maxwell_slip`; of `any_bristle` only how far the actuator never saturates.
-    Fs : float
-        Largest friction force [N].
-    limit : float
-        Largest force of the actuator [N], more than Fs.
-    delay : float
-        From sampling to the force changing [s].
-
-    Returns
-    -------
-    SaturatedProof
-        A numerical failure is "not decided", with its reason.
-
-    Raises
-    ------
-    ValueError
-        As `prove_friction`; another class; a limit that is not above Fs.
-
-    References
-    ----------
-    Tarbouriech and others, 2011; P. Park, *Stability criteria of sector- and slope-restricted Lur'e systems*, IEEE
-    Trans. Automatic Control 47, 2002.
-
-    Examples
-    --------
-    >>> import control
-    >>> from robust.friction import any_maxwell_slip
-    >>> from robust import friction_plant
-    >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
-    >>> proof = prove_saturated(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3), Fs=1.0, limit=20.0)
-    >>> proof.verdict, proof.kick > 2 * proof.kick_linear
-    ('proved up to a kick', True)
-    """
-    Fs, limit = require_positive("Fs", Fs), require_positive("limit", limit)
-    if not limit > Fs:
-        unit = friction.units.force if isinstance(friction, AnyFriction) else "N"
-        raise ValueError(
-            f"limit must be above Fs, the largest friction force, got {limit:g} {unit} and Fs = {Fs:g} {unit}"
-        )
-    plain = prove_friction(machine, K, friction, delay=delay)
+def limits_of_force(
+    machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts, forces: np.ndarray, saturation: float
+) -> ForceLimits:
+    """Return what friction and actuator have, or refuse what no proof is made for."""
     require_one_port(machine)
-    machine, delay = separate_delay(machine, delay)
-    if friction.kind not in ("Maxwell slip", "bristle"):
+    if not isinstance(friction, AnyFriction) or friction.kind not in ("Maxwell slip", "bristle"):
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.description}")
-    known = ForceLimits(friction=friction, Fs=Fs, limit=limit)
+    limit, Fs, unit = require_positive("saturation", saturation), float(forces[0]), friction.units.force
+    if not limit > Fs:  # nan: not given
+        raise ValueError(
+            f"saturation must be above Fs, the largest friction force, got {limit:g} {unit} and Fs = {Fs:g} {unit}"
+        )
+    return ForceLimits(friction=friction, Fs=Fs, limit=limit)
+
+
+def with_actuator(
+    machine: FrictionPlant, K: control.StateSpace, *, delay: float, plain: Finding, known: ForceLimits
+) -> dict[str, Any]:
+    """Return what is found with the actuator, from what is without, by the fields of a proof."""
+    friction = known.friction
+
+    def nothing(verdict: FrictionVerdict, reason: str) -> dict[str, Any]:
+        parts = {"verdict": verdict, "reason": reason, "claim": "", "certificate": None, "saturation": known.limit}
+        return parts | {"not_claimed": NO_ACTUATOR_CLAIM, "kick": 0.0, "kick_linear": 0.0, "share": 0.0}
+
     if plain.verdict is not FrictionVerdict.PROVED:
-        return no_saturated_proof(plain.verdict, f"without saturation: {plain.reason}", known)
-    K = state_space("K", K)
+        return nothing(plain.verdict, f"without saturation: {plain.reason}")
     cut = open_at_actuator(machine, K, delay)
     rest, offset = cut.loop.rest()
-    left = limit - Fs * float(abs(cut.command_row @ rest) + np.abs(cut.command_row) @ offset)
+    left = known.limit - known.Fs * float(abs(cut.command_row @ rest) + np.abs(cut.command_row) @ offset)
     if left <= 0:
-        return no_saturated_proof(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit", known)
+        return nothing(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit")
     if not machine.velocity @ machine.B_port > 0:
-        return no_saturated_proof(
-            FrictionVerdict.NOT_DECIDED, "a kick at the friction port moves no velocity at once", known
-        )
+        return nothing(FrictionVerdict.NOT_DECIDED, "a kick at the friction port moves no velocity at once")
     try:
         linear = certify_friction(cut.loop, friction, reference_rate(machine, cut.loop)).energy
         kick_linear = 0.0 if linear is None else largest_velocity(machine, cut, energy=linear, reach=left)
@@ -532,54 +445,25 @@ def prove_saturated(
             else None
         )
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
-        return no_saturated_proof(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}", known)
+        return nothing(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}")
     everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
     certificate, kick, share = plain.certificate, kick_linear, 0.0
     if reach is not None and reach.kick > kick_linear:
         exact = build_claim(machine, K, delay=delay, friction=friction, numbers=(reach.numbers,), stored=reach.energy)
         certificate, kick, share = saturation_certificate(exact, reach, known), reach.kick, reach.share
-    return SaturatedProof(
-        verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        claim=describe_claim(
-            np.inf if everywhere else kick, describe_scope(machine, friction, K=K, delay=delay), known
-        ),
-        reason="" if everywhere else describe_why_local(cut, friction),
-        not_claimed=NOT_CLAIMED.format(
-            other=NOT_IN_CLASS[friction.kind], Fs=Fs, limit=limit, unit=friction.units.force
-        ),
-        kick=kick,
-        kick_linear=kick_linear,
-        share=share,
-        certificate=certificate,
-        friction=friction,
-        Fs=Fs,
-        limit=limit,
-    )
-
-
-class ForceLimits(NamedTuple):
-    """The class of friction, its largest force and that of the actuator."""
-
-    friction: AnyFriction
-    Fs: float
-    limit: float
-
-
-def no_saturated_proof(verdict: FrictionVerdict, reason: str, known: ForceLimits) -> SaturatedProof:
-    """Return the result where nothing is proved with the actuator."""
-    return SaturatedProof(
-        verdict=verdict,
-        claim="",
-        not_claimed=NO_ACTUATOR_CLAIM,
-        reason=reason,
-        friction=known.friction,
-        Fs=known.Fs,
-        limit=known.limit,
-        kick=0.0,
-        kick_linear=0.0,
-        share=0.0,
-        certificate=None,
-    )
+    scope = describe_scope(machine, friction, K=K, delay=delay)
+    other, unit = NOT_IN_CLASS[friction.kind], friction.units.force
+    return {
+        "verdict": FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
+        "claim": describe_claim(np.inf if everywhere else kick, scope, known),
+        "reason": "" if everywhere else describe_why_local(cut, friction),
+        "not_claimed": NOT_CLAIMED.format(other=other, Fs=known.Fs, limit=known.limit, unit=unit),
+        "certificate": certificate,
+        "saturation": known.limit,
+        "kick": kick,
+        "kick_linear": kick_linear,
+        "share": share,
+    }
 
 
 def saturation_certificate(claim: FrictionClaim, reach: RegionOfAttraction, known: ForceLimits) -> Certificate:

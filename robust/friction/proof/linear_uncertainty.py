@@ -17,8 +17,8 @@ from nlfrf._base.arguments import require_nonnegative, short_form
 from nlfrf._base.values import value
 from robust._base.types import Controller
 from robust.friction.classes import AnyFriction
-from robust.friction.multipliers import filter_rates
 from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies, mobility, require_one_port
+from robust.friction.proof.multipliers import filter_rates
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import solve_program
 

@@ -12,9 +12,9 @@ from nlfrf import Bla
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import ArrayField, value
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
+from robust.friction.nominal import error_of_nominal, machines_of_nominal
 from robust.friction.passivity import port_responses, refuse_unknown_amplitude
 from robust.friction.plant import FrictionPlant, friction_plant, require_one_port, with_port_impedance
-from robust.friction.prove import error_of_nominal, machines_of_nominal
 from robust.friction.units import MechanicalUnits, mechanical_units, position_unit_of
 from robust.lti.sampling import hold_correction
 

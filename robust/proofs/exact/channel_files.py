@@ -1,0 +1,40 @@
+"""What is claimed of several channels, in a file: by one scaling or interval by interval, with all aliases."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from nlfrf._base.values import value
+from robust.proofs.exact.folded_sets import FoldedClaim, decide_folded
+from robust.proofs.exact.interval_kyp import IntervalClaim, decide_level
+from robust.proofs.exact.loops import Verification, summarise_claims
+from robust.proofs.exact.polynomials import Decision
+from robust.proofs.exact.scaled_kyp import LEVEL, STABLE, ScaledClaim
+
+
+@value
+class ChannelsClaim:
+    """What a file claims of a loop: claims by their subjects, with form and delay [s] of the set they are about."""
+
+    SCHEMA: ClassVar[str] = "robust-mu-certificate"
+    UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
+    LOOP: ClassVar[str] = (
+        "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point"
+    )
+
+    claims: dict[str, ScaledClaim | IntervalClaim | FoldedClaim]
+    form: str
+    delay: float
+
+
+def verify_channels(given: ChannelsClaim) -> Verification:
+    """Prove every claim of a file again, over the rationals or in balls rounded outward."""
+    decided: dict[str, Decision] = {}
+    for subject, claim in given.claims.items():
+        if isinstance(claim, FoldedClaim):
+            decided |= decide_folded(claim)
+        else:
+            found = decide_level(claim)
+            decided |= {"nominal stability": found[STABLE], subject: found[LEVEL]}
+    return summarise_claims(decided, 0)

@@ -1,0 +1,597 @@
+r"""Claims that a sampled set of several channels contains a continuous one, every alias included.
+
+Behind hold h_k and delay the perturbation of the sampled plant is sum_k h_k G_k W_l,k Delta_k W_r,k over all aliases
+omega_k = omega + 2 pi k/T, with free |Delta_k| <= 1 (G_k = 1 where the form does not pass through the plant). It is
+G_d V_l Delta V_r with one |Delta| <= 1 if at every omega up to Nyquist there are numbers m_k > 0 with
+
+    sum_k |h_k|/m_k M_k M_k* < 1,  M_k = V_l^-1 G_d^-1 G_k W_l,k,    and    sum_k |h_k| m_k |w_r,i,k/v_r,i|^2 < 1
+
+for every i, as a row of the parts and a column of the others are contractions (Cauchy-Schwarz). On an interval every
+m_k is the exponential of a line, and both sums are enclosed by their Taylor polynomials about its middle. What follows
+these is bounded by series with the moduli of the coefficients, for which every transfer function is the exponential of
+a series: there a zero beside a pole cancels it. The interval is cut until both sums pass. Aliases near the band are
+taken one by one, the others by upper bounds of |h_k| |G_k W_l,k| in blocks and by the power law of the last ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from math import ceil, prod
+from typing import TypeAlias
+
+import numpy as np
+from flint import acb, acb_series, arb, arb_series, ctx, fmpq_poly
+
+from nlfrf._base.arguments import format_hertz
+from nlfrf._base.values import value
+from robust.proofs.exact.aliases import (
+    FAR,
+    LONGER,
+    MOST_SINGLE,
+    SINGLE,
+    Ratio,
+    magnitude_ratio,
+    max_magnitude,
+    product_of_systems,
+    root_radius,
+)
+from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.loops import Verification, summarise_claims
+from robust.proofs.exact.matrices import ldl_pivots
+from robust.proofs.exact.polynomials import (
+    Decision,
+    Quotient,
+    complex_roots,
+    proved,
+    to_rational,
+    transfer_quotient,
+    undecided,
+)
+
+ALIASES = "every alias in the weights"
+BITS = 192
+FEW_SINGLE = 2  # aliases on either side taken one by one where that is enough
+CLEAR = (
+    0.99  # what the sums are to stay below at the middle of an interval for more aliases not to be worth their price
+)
+MOST_INTERVALS = 4000
+NARROW = 1e-9  # relative width of an interval that is not cut any more
+
+LEAST_SHARE = 1e-12  # of the largest term, as which a smaller one is weighed
+
+ORDER = 6  # of the terms of Taylor polynomials
+NEAR = 0.5  # of the distance to a zero: an interval that reaches farther has it as a factor of its own
+UPWARD = 1 + 1e-9  # what rounding in a few sums of positive doubles is covered by
+Number: TypeAlias = float | arb | acb
+
+
+@value
+class FoldedPart:
+    """A full block of a continuous set, and the one of the sampled set that it is folded into.
+
+    Fields
+    ------
+    plant, sampled : Matrices or None
+        Continuous plant behind the perturbation, and the sampled one; None where the perturbation adds to the output.
+    left, right : tuple of Matrices
+        Continuous weights, W_l and W_r are diagonal.
+    sampled_left, sampled_right : tuple of Matrices
+        Those of the sampled set.
+    """
+
+    plant: Matrices | None
+    sampled: Matrices | None
+    left: tuple[Matrices, ...]
+    right: tuple[Matrices, ...]
+    sampled_left: tuple[Matrices, ...]
+    sampled_right: tuple[Matrices, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.left)
+        if not n or len(self.sampled_left) != n or not self.right or len(self.sampled_right) != len(self.right):
+            raise ValueError("weights must be as many of the sampled set as of the continuous one")
+        if any(w.D.shape != (1, 1) for w in (*self.left, *self.right, *self.sampled_left, *self.sampled_right)):
+            raise ValueError("weights must have one input and one output")
+        if (self.plant is None) != (self.sampled is None):
+            raise ValueError("plant and sampled must be given together, got one of them")
+        if any(G is not None and G.D.shape != (n, n) for G in (self.plant, self.sampled)):
+            raise ValueError(f"plant and sampled must be square, of {n} channels as the weights")
+
+
+@value
+class FoldedClaim:
+    """What is claimed: with sampling time dt [s] each part of a continuous set lies in that of the sampled one."""
+
+    dt: float
+    parts: tuple[FoldedPart, ...]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise ValueError(f"dt must be a sampling time [s], got {self.dt}")
+
+
+def decide_folded(claim: FoldedClaim) -> dict[str, Decision]:
+    """Decide that every part lies within the sampled one.
+
+    Of 0.1/(1 + s/10) at dt = 0.1 s all aliases add up to 0.1 at zero frequency and to less than 0.095 at Nyquist.
+
+    >>> one, none = np.ones((1, 1)), np.zeros((0, 0))
+    >>> def gain(x): return Matrices(A=none, B=none.reshape(0, 1), C=none.reshape(1, 0), D=np.array([[x]]))
+    >>> lag = Matrices(A=-10 * one, B=one, C=one, D=0 * one)
+    >>> part = dict(plant=None, sampled=None, left=(lag,), right=(gain(1.0),), sampled_right=(gain(1.0),))
+    >>> def within(x): return FoldedClaim(dt=0.1, parts=(FoldedPart(**part, sampled_left=(gain(x),)),))
+    >>> [decide_folded(within(x))[ALIASES].holds for x in (0.103, 0.099)]
+    [True, False]
+    """
+    with ctx.workprec(BITS):
+        for part in claim.parts:
+            found = decide_part(FoldedSum(part, claim.dt))
+            if not found.holds:
+                return {ALIASES: found}
+    return {ALIASES: proved()}
+
+
+def verify_folded(claim: FoldedClaim, *, time_cap: float = 60.0) -> Verification:
+    """Prove the claim again in balls rounded outward; the number of intervals is capped, whatever `time_cap` is."""
+    del time_cap
+    return summarise_claims(decide_folded(claim), BITS)
+
+
+def decide_part(folded: FoldedSum) -> Decision:
+    """Decide one part, interval by interval from zero to Nyquist."""
+    waiting, last = [(0.0, float(np.nextafter(np.pi / folded.period, np.inf)), 0)], len(folded.singles) - 1
+    for _ in range(MOST_INTERVALS):
+        if not waiting:
+            return proved()
+        low, high, level = waiting.pop()
+        at = Interval(low, high, folded.dt)
+        holds, reached = folded.decide(at, folded.singles[level])
+        if holds:
+            continue
+        if level < last and reached >= CLEAR:
+            waiting.append((low, high, level + 1))
+            continue
+        if reached >= 1 and low:
+            return undecided(f"at {format_hertz(at.middle)} what folds down reaches {reached:.6g} of the weights")
+        if high - low <= NARROW * high or high < NARROW / folded.period:
+            break
+        cut = high / 8 if not low else float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
+        waiting += [(cut, high, level), (low, cut, 0)]
+    return undecided(f"undecided from {format_hertz(low)} to {format_hertz(high)}")
+
+
+class Interval:
+    """An interval of omega [rad/s]: its middle and half its width, omega = middle + u radius with u in [-1, 1]."""
+
+    def __init__(self, low: float, high: float, dt: arb) -> None:
+        self.middle, self.starts_at_zero = (low + high) / 2, low == 0
+        self.radius = max(high - self.middle, self.middle - low) * (1 + 1e-15)
+        self.omega, self.omega_offset = Expansion.line(self.middle, self.radius), Expansion.line(0, self.radius)
+        self.s_offset = Expansion.line(0, acb(0, self.radius))
+        # z - 1, in which slow systems are precise, is z + z_offset; the coefficients are those of exp at most
+        turn, angle = acb(0, dt * self.middle).exp(), dt * self.radius
+        self.z = turn - 1
+        self.z_offset = Expansion(
+            series=(acb_series([0, acb(0, angle)], ORDER).exp() - 1) * turn,
+            bound=arb_series([0, angle], ORDER).exp() - 1,
+            total=angle.expm1().abs_upper(),
+        )
+
+
+@value(copy=False)
+class Expansion:
+    """A function of u in [-1, 1] by its Taylor series about zero, a bound of every coefficient and of their sum.
+
+    `bound` has the absolute values of the coefficients below the order at most, `total` is at least the sum of all:
+    what it leaves of the `total` bounds the remainder. Products and sums of bounds are bounds of products and sums.
+    """
+
+    series: acb_series
+    bound: arb_series
+    total: arb
+
+    @classmethod
+    def line(cls, start: Number, slope: Number = 0) -> Expansion:
+        """Return start + slope u."""
+        series = acb_series([acb(start), acb(slope)], ORDER)
+        return cls(series=series, bound=absolute(series), total=sum_of(absolute(series)))
+
+    def __mul__(self, other: Expansion) -> Expansion:
+        return Expansion(
+            series=self.series * other.series,
+            bound=self.bound * other.bound,
+            total=(self.total * other.total).abs_upper(),
+        )
+
+    def __add__(self, other: Expansion) -> Expansion:
+        return Expansion(
+            series=self.series + other.series,
+            bound=self.bound + other.bound,
+            total=(self.total + other.total).abs_upper(),
+        )
+
+    @property
+    def conjugate(self) -> Expansion:
+        """The conjugate, of real u."""
+        series = acb_series([c.conjugate() for c in self.series.coeffs()], ORDER)
+        return Expansion(series=series, bound=self.bound, total=self.total)
+
+    @property
+    def squared(self) -> Expansion:
+        """The squared magnitude, of real u."""
+        return self * self.conjugate
+
+    @property
+    def coefficients(self) -> list[acb]:
+        """All coefficients below the order."""
+        found = self.series.coeffs()
+        return found + [acb(0)] * (ORDER - len(found))
+
+    @property
+    def ball(self) -> acb:
+        """A ball that holds the function for all u."""
+        u, found = arb(0, 1), acb(0)
+        for c in self.coefficients[::-1]:
+            found = found * u + c
+        rest = arb(0, (self.total - sum_of(self.bound)).abs_upper())
+        return found + acb(rest, rest)
+
+
+def absolute(series: acb_series) -> arb_series:
+    """Return the absolute values of the coefficients."""
+    return arb_series([c.abs_upper() for c in series.coeffs()], ORDER)
+
+
+def sum_of(bound: arb_series) -> arb:
+    """Return the sum of the coefficients."""
+    return sum(bound.coeffs(), arb(0))
+
+
+@value(copy=False)
+class Logarithm:
+    """A function of u that has no root, by the Taylor series of its logarithm and a bound of what follows."""
+
+    value: acb
+    series: acb_series
+    rest: float
+
+    def __add__(self, other: Logarithm) -> Logarithm:
+        return Logarithm(value=self.value * other.value, series=self.series + other.series, rest=self.rest + other.rest)
+
+    @property
+    def inverse(self) -> Logarithm:
+        """One over the function."""
+        return Logarithm(value=1 / self.value, series=-self.series, rest=self.rest)
+
+    @property
+    def function(self) -> Expansion:
+        """The function itself."""
+        size, bound = self.value.abs_upper(), absolute(self.series)
+        return Expansion(
+            series=self.series.exp() * self.value,
+            bound=bound.exp() * size,
+            total=((sum_of(bound) + self.rest).exp() * size).abs_upper(),
+        )
+
+
+def exponential(start: float, slope: float) -> Expansion:
+    """Return start exp(slope u)."""
+    return Logarithm(value=acb(start), series=acb_series([0, acb(slope)], ORDER), rest=0.0).function
+
+
+@value(copy=False)
+class Product:
+    """A function that has no root, and a factor with roots or none."""
+
+    smooth: Logarithm
+    roots: Expansion | None = None
+
+    def __mul__(self, other: Product) -> Product:
+        found = self.roots if other.roots is None else other.roots if self.roots is None else self.roots * other.roots
+        return Product(smooth=self.smooth + other.smooth, roots=found)
+
+    @property
+    def inverse(self) -> Product:
+        """One over the function; ValueError where it may have a root."""
+        if self.roots is not None:
+            raise ValueError("a root may lie within")
+        return Product(smooth=self.smooth.inverse)
+
+    @property
+    def function(self) -> Expansion:
+        """The function itself."""
+        return self.smooth.function if self.roots is None else self.smooth.function * self.roots
+
+
+@value(copy=False)
+class Factored:
+    """A transfer function by its gain and its roots in s or z - 1, as balls."""
+
+    gain: arb
+    zeros: tuple[acb, ...]
+    poles: tuple[acb, ...]
+
+    @classmethod
+    def of(cls, system: Quotient, *, at_one: bool = False) -> Factored:
+        """Return a quotient of polynomials over the rationals in s, or in z where `at_one`."""
+        num, den = (p(fmpq_poly([1, 1])) if at_one else p for p in (system.num, system.den))
+        if not num:
+            return cls(gain=arb(0), zeros=(), poles=())
+        gain = arb(num[num.degree()] / den[den.degree()])
+        return cls(gain=gain, zeros=all_roots(num), poles=all_roots(den))
+
+    def at(self, start: acb, offset: Expansion) -> Product:
+        """Return it at start + offset, which is zero in the middle; ValueError where a pole may lie within."""
+        zeros, poles = ([start - x for x in roots] for roots in (self.zeros, self.poles))
+        size = float(offset.total.upper())
+        near = [x for x in zeros if not size < NEAR * float(abs(x).mid())]
+        far = [x for x in zeros if size < NEAR * float(abs(x).mid())]
+        shares = [size / float(abs(x).lower()) for x in (*far, *poles) if x.abs_lower() > 0]
+        if len(shares) < len(far) + len(poles) or not all(share < 1 for share in shares):
+            raise ValueError("a pole may lie within")
+        step, one = acb_series([0, 1], ORDER), acb_series([1], ORDER)
+        ratio = prod((step / x + 1 for x in far), start=one) / prod((step / x + 1 for x in poles), start=one)
+        series = ratio.log()
+        bound = absolute(series)
+        beyond = sum((c * offset.total**k for k, c in enumerate(bound.coeffs()) if k), arb(0))
+        rest = float((beyond - sum_of(bound(offset.bound))).abs_upper())
+        smooth = Logarithm(
+            value=prod(far, start=acb(self.gain)) / prod(poles, start=acb(1)),
+            series=series(offset.series),
+            rest=(rest + sum(share**ORDER / ORDER / (1 - share) for share in shares)) * UPWARD,
+        )
+        roots = prod((Expansion.line(x) + offset for x in near), start=Expansion.line(1)) if near else None
+        return Product(smooth=smooth, roots=roots)
+
+
+def all_roots(p: fmpq_poly) -> tuple[acb, ...]:
+    """Return every root as often as it is one."""
+    return tuple(root for root, many in complex_roots(p) for _ in range(many)) if p.degree() > 0 else ()
+
+
+@value(copy=False)
+class Term:
+    """One term of both sums: |h_k|, M_k by rows, |w_r,i,k/v_r,i|^2 for every i."""
+
+    hold: Expansion
+    M: list[list[Expansion]]
+    right: list[Expansion]
+
+    def size(self, V: list[Product]) -> tuple[float, float]:
+        """Largest singular value of V_l M in the middle, and its logarithmic derivative, in floating point.
+
+        V : one over each V_l. So m_k does not depend on what the sampled weights are.
+        """
+        M, slope = (np.array([[complex(x.coefficients[k]) for x in row] for row in self.M]) for k in (0, 1))
+        scale = np.array([[complex(v.smooth.value), complex(v.smooth.series[1])] for v in V])
+        M, slope = M / scale[:, :1], (slope - scale[:, 1:] * M) / scale[:, :1]
+        u, s, v = np.linalg.svd(M)
+        return float(s[0]), float((u[:, 0].conj() @ slope @ v[0].conj()).real / s[0]) if s[0] > 0 else 0.0
+
+
+@value(copy=False)
+class Sums:
+    """The sum of |h_k|/m_k M_k M_k* by rows, and those of |h_k| m_k |w_r,i,k/v_r,i|^2."""
+
+    left: list[list[Expansion]]
+    right: list[Expansion]
+
+
+def both_sums(terms: list[Term], sizes: list[tuple[float, float]]) -> Sums:
+    """Return both sums with m_k = size exp(slope u)."""
+    n, zero = len(terms[0].M), Expansion.line(0)
+    left = [[zero] * n for _ in range(n)]
+    right = [zero] * len(terms[0].right)
+    for term, (size, slope) in zip(terms, sizes, strict=True):
+        share, weight = term.hold * exponential(1 / size, -slope), term.hold * exponential(size, slope)
+        conjugates = [[x.conjugate for x in row] for row in term.M]
+        for i, row in enumerate(term.M):
+            weighted = [x * share for x in row]
+            for j in range(i, n):
+                left[i][j] = sum((x * y for x, y in zip(weighted, conjugates[j], strict=True)), left[i][j])
+        right = [x + weight * y for x, y in zip(right, term.right, strict=True)]
+    return Sums(left=left, right=right)
+
+
+def best_balance(sums: Sums) -> tuple[float, tuple[float, float]]:
+    """Return what both sums reach with all m_k times the best number, it and its logarithmic derivative (floating)."""
+    left, left_slope = (np.array([[complex(x.coefficients[k]) for x in row] for row in sums.left]) for k in (0, 1))
+    right, right_slope = (np.array([float(x.coefficients[k].real.mid()) for x in sums.right]) for k in (0, 1))
+    if not (np.isfinite(left).all() and np.isfinite(right).all()):
+        return np.inf, (1.0, 0.0)
+    values, vectors = np.linalg.eigh(left, UPLO="U")
+    v, i = vectors[:, -1], int(right.argmax())
+    turned = np.triu(left_slope) + np.triu(left_slope, 1).conj().T
+    slope = float((v.conj() @ turned @ v).real / values[-1] - right_slope[i] / right[i]) / 2
+    return float(np.sqrt(values[-1] * right[i])), (float(np.sqrt(values[-1] / right[i])), slope)
+
+
+def is_below_one(upper: list[list[acb]]) -> bool:
+    """Return whether a Hermitian matrix of balls, of which the upper half is given, is less than the identity."""
+    n = len(upper)
+    M = [[upper[i][j] if i <= j else upper[j][i].conjugate() for j in range(n)] for i in range(n)]
+    rows = [[(i == j) - x.real for j, x in enumerate(row)] + [x.imag for x in row] for i, row in enumerate(M)]
+    rows += [[-x.imag for x in row] + [(i == j) - x.real for j, x in enumerate(row)] for i, row in enumerate(M)]
+    for i in range(n):
+        rows[i][n + i] = rows[n + i][i] = arb(0)
+    pivots = ldl_pivots(rows)
+    return len(pivots) == 2 * n and all(p > 0 for p in pivots)
+
+
+def upper_sinc(x: Expansion) -> Expansion:
+    """Return a polynomial that is sin(x)/x or more, by at most 4e-7 up to pi/2: its series breaks off at a plus."""
+    minus, one, found = x * x * Expansion.line(-1), Expansion.line(1), Expansion.line(1)
+    for k in (72, 42, 20, 6):
+        found = one + minus * Expansion.line(arb(1) / k) * found
+    return found
+
+
+def entries_of(system: Matrices) -> list[list[Quotient]]:
+    """Return the transfer functions of a system by outputs and inputs, with one denominator."""
+    B, C, D = system.B, system.C, system.D
+    return [
+        [transfer_quotient(replace(system, B=B[:, [i]], C=C[[j]], D=D[[j]][:, [i]])) for i in range(D.shape[1])]
+        for j in range(D.shape[0])
+    ]
+
+
+def inverse_of(system: Matrices) -> list[list[Factored]]:
+    """Return the inverse of a square sampled system by rows: d adj(N)/det(N) of N/d, less d^(n - 1) in both."""
+    entries = entries_of(system)
+    n, d = len(entries), entries[0][0].den
+    N = [[entry.num for entry in row] for row in entries]
+    common = d ** (n - 1)
+    den = determinant(N) // common  # exact: N is C adj(z - A) B + d D
+    if not den:
+        raise ValueError("sampled must have an inverse, got a plant that has none at any frequency")
+
+    def cofactor(i: int, j: int) -> fmpq_poly:
+        minor = [row[:i] + row[i + 1 :] for k, row in enumerate(N) if k != j]
+        return determinant(minor) * (-1) ** (i + j) * d // common
+
+    rows = [[Quotient(num=cofactor(i, j), den=den, degree=0) for j in range(n)] for i in range(n)]
+    return [[Factored.of(entry, at_one=True) for entry in row] for row in rows]
+
+
+def determinant(rows: list[list[fmpq_poly]]) -> fmpq_poly:
+    """Return the determinant of a matrix of polynomials, one of a matrix of none."""
+    if not rows:
+        return fmpq_poly([1])
+    first, *others = rows
+    return sum(
+        (x * determinant([row[:j] + row[j + 1 :] for row in others]) * (-1) ** j for j, x in enumerate(first)),
+        fmpq_poly([0]),
+    )
+
+
+class FoldedSum:
+    """A part with all of it that does not depend on frequency."""
+
+    def __init__(self, part: FoldedPart, dt: float) -> None:
+        self.period, self.dt = dt, arb(to_rational(dt))
+        self.step = 2 * arb.pi() / self.dt
+        lefts, rights = ([transfer_quotient(w) for w in each] for each in (part.left, part.right))
+        self.left, self.right = ([Factored.of(w) for w in each] for each in (lefts, rights))
+        self.V_left, self.V_right = (
+            [Factored.of(transfer_quotient(w), at_one=True) for w in each]
+            for each in (part.sampled_left, part.sampled_right)
+        )
+        entries = [] if part.plant is None else entries_of(part.plant)
+        self.G = [[Factored.of(g) for g in row] for row in entries]
+        self.inverse = [] if part.sampled is None else inverse_of(part.sampled)
+        plant = [g for row in entries for g in row]
+        self.farthest = float(root_radius(*plant, *lefts, *rights)) / float(self.step.mid())
+        self.singles = (0, FEW_SINGLE, min(max(SINGLE, ceil(min(self.farthest, 1e6)) + 2), MOST_SINGLE))
+        through = map(product_of_systems, plant, lefts * len(lefts)) if plant else lefts
+        F, right = [magnitude_ratio(path) for path in through if path.num], [magnitude_ratio(w) for w in rights]
+        self.tails = {k: self.tail(F, k + 1) for k in self.singles}
+        self.highest = {k: [self.largest_beyond(w, k + 1) for w in right] for k in self.singles}
+        self.plant_tail = self.tail([magnitude_ratio(g) for g in plant if g.num], 1)
+
+    def edges(self, first: int) -> list[int]:
+        """Return where the blocks of aliases begin, from the first one on."""
+        found = [first]
+        while found[-1] < max(FAR * self.farthest, 2.0 * first):
+            found.append(max(found[-1] + 1, int(found[-1] * LONGER)))
+        return found
+
+    def blocks(self, first: int) -> tuple[list[tuple[arb, arb]], arb]:
+        """Return the intervals of frequency of the blocks, and where the last one ends."""
+        at = [(edge - arb(1) / 2) * self.step for edge in self.edges(first)]
+        return list(pairwise(at)), at[-1]
+
+    def tail(self, paths: list[Ratio], first: int) -> arb:
+        """Upper bound of the sum of |h_k F_k| over |k| >= first and over all F, without |sin(omega dt/2)|."""
+        edges, halves, total = self.edges(first), (-arb(1) / 2, arb(1) / 2), arb(0)
+        blocks, last = self.blocks(first)
+        for (a, b), block in zip(pairwise(edges), blocks, strict=True):
+            holds = sum(((b + x).digamma() - (a + x).digamma() for x in halves), arb(0)) * 2 / self.dt / self.step
+            total += holds * sum((max_magnitude(F, *block) for F in paths), arb(0))
+        for F in paths:
+            c, n = F.beyond(last), F.order + 1
+            if c == 0:
+                continue
+            both = sum((arb(n).zeta(edges[-1] + x) for x in halves), arb(0)) if n > 1 else arb.pos_inf()
+            total += c * 2 / self.dt * both / self.step**n
+        return total.abs_upper() if total.is_finite() else arb.pos_inf()
+
+    def largest_beyond(self, w: Ratio, first: int) -> arb:
+        """Upper bound of |w| beyond the lowest of the aliases |k| >= first."""
+        blocks, last = self.blocks(first)
+        sizes = [max_magnitude(w, *block) for block in blocks] + [w.beyond(last) / last**w.order]
+        total = arb(0)
+        for size in sizes:
+            total = total.max(size)
+        return total.abs_upper() if total.is_finite() else arb.pos_inf()
+
+    def decide(self, at: Interval, singles: int) -> tuple[bool, float]:
+        """Return whether both sums stay below one on an interval, and about what they reach at its middle.
+
+        singles : aliases on either side that are taken one by one.
+        """
+        try:
+            V = [w.at(at.z, at.z_offset).inverse for w in self.V_left]
+            terms = self.terms(at, V, singles)
+        except ValueError:
+            return False, 0.0
+        sizes = [term.size(V) for term in terms]
+        least = LEAST_SHARE * max(size for size, _ in sizes)
+        sums = both_sums(terms, [(size, slope) if size > least else (least, 0.0) for size, slope in sizes])
+        reached, (factor, slope) = best_balance(sums)
+        if not reached < 1:
+            return False, reached
+        times, over = exponential(factor, slope), exponential(1 / factor, -slope)
+        right = all((x * times).ball.real < 1 for x in sums.right)
+        return right and is_below_one([[(x * over).ball for x in row] for row in sums.left]), reached
+
+    def terms(self, at: Interval, V: list[Product], singles: int) -> list[Term]:
+        """Return the terms of both sums, the first one of all aliases that are not taken one by one. V : 1/V_l.
+
+        On an interval from zero on, where the plant may have a pole, G_0 is not taken: h_0 G_0 is G_d less the sum of
+        the other h_k G_k, so that G_d^-1 h_0 G_0 is off from one by at most `off`. ValueError where a pole is near.
+        """
+        v = [w.at(at.z, at.z_offset).inverse.function.squared for w in self.V_right]
+        inverse, n = [[y.at(at.z, at.z_offset) for y in row] for row in self.inverse], len(V)
+        rest = [v[i] * Expansion.line(w * w) for i, w in enumerate(self.highest[singles])]
+        one, zero, sinc = Expansion.line(1), Expansion.line(0), upper_sinc(at.omega * Expansion.line(self.dt / 2))
+
+        def diagonal(entries: list[Expansion]) -> list[list[Expansion]]:
+            return [[x if i == j else zero for j in range(n)] for i, x in enumerate(entries)]
+
+        scaled = [[(V[i] * y).function for y in row] for i, row in enumerate(inverse)]
+        found = [
+            Term(
+                hold=sinc * at.omega * Expansion.line(self.dt / 2 * self.tails[singles]),
+                M=scaled or diagonal([x.function for x in V]),
+                right=rest,
+            )
+        ]
+        for k in range(-singles, singles + 1):
+            start = acb(0, at.middle + k * self.step)
+            W = [w.at(start, at.s_offset) for w in self.left]
+            right = [w.at(start, at.s_offset).function.squared * v[i] for i, w in enumerate(self.right)]
+            if not inverse:
+                M = diagonal([(x * w).function for x, w in zip(V, W, strict=True)])
+            elif at.starts_at_zero and not k:
+                size = sum((y.function.total * y.function.total for row in inverse for y in row), arb(0)).sqrt()
+                off = size * self.plant_tail * self.dt * arb(at.middle + at.radius) / 2
+                most = Expansion.line((off * sum((w.function.total for w in W), arb(0))).abs_upper())
+                found.append(Term(hold=one, M=diagonal([x.function * most for x in V]), right=right))
+                found.append(
+                    Term(hold=one, M=diagonal([(x * w).function for x, w in zip(V, W, strict=True)]), right=right)
+                )
+                continue
+            else:
+                G = [[g.at(start, at.s_offset) for g in row] for row in self.G]
+                M = [
+                    [sum(((V[i] * inverse[i][m] * G[m][j] * W[j]).function for m in range(n)), zero) for j in range(n)]
+                    for i in range(n)
+                ]
+            found.append(Term(hold=sinc * self.hold_share(at, k) if k else sinc, M=M, right=right))
+        return found
+
+    def hold_share(self, at: Interval, k: int) -> Expansion:
+        """Return |h_k/h_0| = |omega/omega_k|."""
+        share = Factored(gain=arb(1 if k > 0 else -1), zeros=(acb(0),), poles=(acb(-k * self.step),))
+        return share.at(acb(at.middle), at.omega_offset).function
