@@ -581,7 +581,9 @@ def check_gains(
         float | None, typer.Option(help="Distance [m] or [rad] within which the axis is to stay: the page says if.")
     ] = None,
     spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
-    masses: Annotated[int, typer.Option(help="2: friction is read of a motor and a load, which takes minutes.")] = 1,
+    masses: Annotated[
+        int, typer.Option(help="2: friction is read of a motor and a load, which takes a minute or two.")
+    ] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt.")
     ] = None,

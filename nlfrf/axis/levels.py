@@ -196,14 +196,15 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
 class Level(NamedTuple):
     """What is read of one level.
 
-    Rms of force and position, stiffness, its share of the force on the lowest lines, rms of the position in steps of
-    the encoder, and whether the force is at a limit.
+    Rms of force and position, stiffness, its share of the force on the lowest lines and that of the damping, rms of the
+    position in steps of the encoder, and whether the force is at a limit.
     """
 
     force: float
     position: float
     stiffness: float
     stiffness_share: float
+    damping_share: float
     steps: float
     limited: bool
 
@@ -226,8 +227,8 @@ def read_level(record: Record) -> Level:
     steps = np.abs(np.diff(record.y.ravel()))
     steps = steps[steps > 1e-9 * np.ptp(record.y)]
     limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
-    share = float(found[0] * np.linalg.norm(Y[low]) / np.linalg.norm(U[low]))
-    return Level(force, position, float(found[0]), share, position / float(steps.min()), limited)
+    share, _, damped = found * scale / np.linalg.norm(U[low])
+    return Level(force, position, float(found[0]), float(share), float(damped), position / float(steps.min()), limited)
 
 
 def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
@@ -241,8 +242,9 @@ def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -
     ]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
-    below = what_lies_below(read, units, gains) if len(good) > 3 else ""
-    if reason := reason_against_reading(read, units, below):
+    held = held_levels(read, gains) if len(good) > 3 else 0
+    below = what_lies_below(read, units, gains, held) if len(good) > 3 else ""
+    if reason := reason_against_reading(read, units, below, held):
         return states, reason
     k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
     first, last = plateau_of(k, position)
@@ -290,28 +292,35 @@ def judge_breaking_away(
     return states, ""
 
 
-def what_lies_below(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> str:
-    """Return what is known below the lowest level that can be read, and what shows more."""
-    first = next(k for k, one in enumerate(read) if one.readable)
-    lowest, missing = f"{read[first].force:.3g} {units[0]} rms", gains.size - len(read)
+def held_levels(read: list[Level], gains: np.ndarray) -> int:
+    """Return at how many levels below the lowest that can be read friction holds the axis.
+
+    Nothing but friction holds an axis that moves less than its share of the motion at the highest level.
+    """
+    first, missing = next(k for k, one in enumerate(read) if one.readable), gains.size - len(read)
     steps = np.append(np.zeros(missing), [one.steps for one in read])
     below = np.arange(gains.size) < missing + first
+    return int(np.count_nonzero(below & (2 * STEPS * gains[-1] < read[-1].steps * gains) & (steps < STEPS)))
+
+
+def what_lies_below(read: list[Level], units: tuple[str, str], gains: np.ndarray, held: int) -> str:
+    """Return what is known below the lowest level that can be read, and what shows more."""
+    first = next(k for k, one in enumerate(read) if one.readable)
+    lowest = f"{read[first].force:.3g} {units[0]} rms"
     finer = "A lower level shows no more, a finer encoder does; the force of the friction is read without it"
-    # nothing but friction holds an axis that moves less than its share of the motion at the highest level
-    held = int(np.count_nonzero(below & (2 * STEPS * gains[-1] < read[-1].steps * gains) & (steps < STEPS)))
     if held:
         return (
             f"At {held} of {gains.size} levels friction holds the axis within {STEPS:g} steps of the encoder, and from "
             f"{lowest} on it lets go. {finer}"
         )
-    unresolved = below.any() or read[first].steps < PLATEAU_SPAN * STEPS
+    unresolved = gains.size - len(read) + first > 0 or read[first].steps < PLATEAU_SPAN * STEPS
     return finer if unresolved else f"Begin the ramp below {lowest}: raise --span"
 
 
-def reason_against_reading(read: list[Level], units: tuple[str, str], below: str) -> str:
+def reason_against_reading(read: list[Level], units: tuple[str, str], below: str, held: int) -> str:
     """Return why the levels show no friction that falls with the level; empty where they may.
 
-    below : what lies below the lowest.
+    below : what lies below the lowest. held : how many levels there friction holds.
     """
     good = [one for one in read if one.readable]
     if len(good) < 4:
@@ -320,12 +329,18 @@ def reason_against_reading(read: list[Level], units: tuple[str, str], below: str
             f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
             f"than {STEPS:g} steps of the encoder, {limited} are at the limit of the force. Give them another range"
         )
+    k = np.array([one.stiffness for one in good])
+    stiffest = int(np.argmax(k))
+    rises = stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]
+    if rises and not held and np.median([one.damping_share for one in good[:stiffest]]) > MIN_STIFFNESS_SHARE:
+        return (
+            f"below {good[stiffest].force:.3g} {units[0]} rms friction damps the axis and does not hold it, as where "
+            "the axis vibrates by itself. Look for the vibration, and end it by lower gains"
+        )
     if not any(one.stiffness_share > MIN_STIFFNESS_SHARE for one in good):
         least = f"{good[0].force:.3g} {units[0]} rms"
         return f"no level that can be read sticks: from {least} on the force moves a mass. {below}"
-    k = np.array([one.stiffness for one in good])
-    stiffest = int(np.argmax(k))
-    if stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]:
+    if rises:
         return (
             f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} "
             f"{'/'.join(units)}: that is backlash or a hardening spring, friction makes it fall. Take the play out "

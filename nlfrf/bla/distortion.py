@@ -744,8 +744,9 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
     one = np.full(F, n * M - common * n * n)
     cross, two = (M - common * n) * x_sum, M * (x * x).sum(axis=0) - common * x_sum * x_sum + 1.0
     covariance = np.array([two, -cross, one]) / (one * two - cross * cross)
-    around = np.clip(np.arange(F) - EVIDENCE_LINES // 2, 0, max(F - EVIDENCE_LINES, 0))
-    distinct = np.array([np.unique(near[:, first : first + EVIDENCE_LINES]).size / n for first in around])
+    several = min(EVIDENCE_LINES, F)
+    around = np.sort(near.T[centred_windows(F, several)[:, None] + np.arange(several)].reshape(F, -1), axis=1)
+    distinct = (1 + np.count_nonzero(around[:, 1:] != around[:, :-1], axis=1)) / n
     return WindowCoordinates(
         x=x,
         x_rough=roughness_positions(index)[0],

@@ -243,7 +243,6 @@ class MuCurves:
     mu: np.ndarray
     mu_rp: np.ndarray
     parameters: Crossing | None
-    hit_time_cap: bool
 
     @property
     def peak(self) -> float:

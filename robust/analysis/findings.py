@@ -31,15 +31,12 @@ class Effort:
     gap : float or None
         Relative distance between proof and counter-example for which a box of real parameters is cut up; None to do so
         only where the verdict is still open.
-    time_cap : float
-        Seconds, of bounds of mu.
     """
 
     certify: bool = True
     proof: ProofMethod = "exact"
     solver: str | None = None
     gap: float | None = None
-    time_cap: float = 60.0
 
 
 @value

@@ -6,7 +6,6 @@ The upper bound of mu over a grid decides what is worth proving, the lower bound
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import control
@@ -81,7 +80,6 @@ def best_form(found: dict[str, Findings]) -> str:
 def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
     """Return what is found of a loop whose perturbations are pulled out."""
     statistical = any(block.perturbation == "statistical" for block in system.blocks.values())
-    deadline = time.monotonic() + effort.time_cap
     omega, nominal = structure_grid(system.N), decide_stability(system.N)
     if not nominal.stable:
         nothing = np.full(omega.size, np.nan)
@@ -93,14 +91,14 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
             proved=NOTHING_PROVED,
             not_proved=NO_MU,
         )
-    curves = bound_curves(system, omega, deadline - 0.5 * effort.time_cap)
-    broken, worst = find_worst_perturbation(system, curves, deadline - 0.3 * effort.time_cap)
+    curves = bound_curves(system, omega)
+    broken, worst = find_worst_perturbation(system, curves)
     certificates: tuple[Certificate, ...] = ()
     if effort.certify and curves.peak < 1 and not broken <= 1:
-        certificates = prove_stability_and_performance(system, curves, effort.solver, deadline)
+        certificates = prove_stability_and_performance(system, curves, effort.solver)
     still_open, cut = effort.certify and broken > 1 and not any(one.holds for one in certificates), None
     if still_open or effort.gap:
-        cut = subdivide_parameters(system, DEFAULT_GAP if effort.gap is None else effort.gap, deadline)
+        cut = subdivide_parameters(system, DEFAULT_GAP if effort.gap is None else effort.gap)
     if cut is not None:
         broken, worst, certificates = apply_parameter_margin(
             system, cut, broken=broken, worst=worst, certificates=certificates
@@ -138,19 +136,17 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
     )
 
 
-def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) -> MuCurves:
+def bound_curves(system: UncertainSystem, omega: np.ndarray) -> MuCurves:
     """Compute both bounds on one grid with the peaks of each, and the real parameters that break the loop."""
-    now = time.monotonic()
-    half = now + (0.4 if system.inputs else 0.7) * (deadline - now)
-    first, known = refine_grid(system.loop, system.structure, omega=omega, deadline=half)
-    parameters = find_parameter_crossing(system, first, peak=float(known.max()), deadline=deadline)
+    first, known = refine_grid(system.loop, system.structure, omega=omega)
+    parameters = find_parameter_crossing(system, first, peak=float(known.max()))
     omega = first if parameters is None else np.union1d(first, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
-        seen, rp_seen = refine_grid(system.N, system.with_performance, omega=omega, deadline=deadline)
+        seen, rp_seen = refine_grid(system.N, system.with_performance, omega=omega)
         omega = np.union1d(omega, seen)
-        rp = complete_bounds(system.N, system.with_performance, omega=omega, known=(seen, rp_seen), deadline=deadline)
-    mu = complete_bounds(system.loop, system.structure, omega=omega, known=(first, known), deadline=deadline)
+        rp = complete_bounds(system.N, system.with_performance, omega=omega, known=(seen, rp_seen))
+    mu = complete_bounds(system.loop, system.structure, omega=omega, known=(first, known))
     if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
     return MuCurves(
@@ -158,15 +154,12 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) ->
         mu=mu,
         mu_rp=rp,
         parameters=parameters,
-        hit_time_cap=time.monotonic() > now + 0.9 * (deadline - now),
     )
 
 
-def stability_bound_at(system: UncertainSystem, omega: float, time_cap: float = 10.0) -> float:
+def stability_bound_at(system: UncertainSystem, omega: float) -> float:
     """Return the upper bound of mu for stability at one frequency [rad/s]."""
-    return float(
-        mu_bound_at(system.loop, system.structure, omega=np.array([omega]), deadline=time.monotonic() + time_cap)[0]
-    )
+    return float(mu_bound_at(system.loop, system.structure, omega=np.array([omega]))[0])
 
 
 def complete_bounds(
@@ -175,7 +168,6 @@ def complete_bounds(
     *,
     omega: np.ndarray,
     known: tuple[np.ndarray, np.ndarray],
-    deadline: float,
 ) -> np.ndarray:
     """Return the bound (W,) at omega, computed only where it is not known."""
     at, values = known
@@ -183,17 +175,15 @@ def complete_bounds(
     found[np.searchsorted(omega, at)] = values
     new = np.isnan(found)
     if new.any():
-        found[new] = mu_bound_at(N, blocks, omega=omega[new], deadline=deadline)
+        found[new] = mu_bound_at(N, blocks, omega=omega[new])
     return found
 
 
 def prove_stability_and_performance(
-    system: UncertainSystem, curves: MuCurves, solver: str | None, deadline: float
+    system: UncertainSystem, curves: MuCurves, solver: str | None
 ) -> tuple[Certificate, ...]:
     """Prove stability, and performance where stability is proved and the grid does not contradict it."""
-    stability = prove_bound(
-        system, system.loop, blocks=system.structure, subject="robust stability", solver=solver, deadline=deadline
-    )
+    stability = prove_bound(system, system.loop, blocks=system.structure, subject="robust stability", solver=solver)
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
     performance = prove_bound(
@@ -202,21 +192,19 @@ def prove_stability_and_performance(
         blocks=system.with_performance,
         subject="robust performance",
         solver=solver,
-        deadline=deadline,
     )
     return stability, performance
 
 
-def subdivide_parameters(system: UncertainSystem, gap: float, deadline: float) -> ParameterMargin | None:
-    """Subdivide the box of real parameters until proof and counter-example meet; None without real ones, or time.
+def subdivide_parameters(system: UncertainSystem, gap: float) -> ParameterMargin | None:
+    """Subdivide the box of real parameters until proof and counter-example meet; None without real ones.
 
     The scalings on each part change with frequency, which says nothing of nonlinear perturbations.
     """
     kinds = {"real" if b.kind == "real" else b.perturbation for b in system.blocks.values()}
-    left = deadline - time.monotonic()
-    if "real" not in kinds or "operator" in kinds or left <= 0:
+    if "real" not in kinds or "operator" in kinds:
         return None
-    return parameter_margin(system.loop, system.structure, gap=gap, time_cap=left)
+    return parameter_margin(system.loop, system.structure, gap=gap)
 
 
 def apply_parameter_margin(
@@ -237,17 +225,14 @@ def apply_parameter_margin(
     return broken, worst, certificates
 
 
-def find_parameter_crossing(
-    system: UncertainSystem, omega: np.ndarray, *, peak: float, deadline: float
-) -> Crossing | None:
+def find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak: float) -> Crossing | None:
     """Find real parameters that break the loop: they do so between the lines of any grid, where mu misses them."""
     blocks = system.structure
     if not any(block.kind == "real" for block in system.blocks.values()):
         return None
     complex_ = [(*b[:2], "repeated") if b[-1] == "real" else b for b in blocks]
-    now = time.monotonic()
     least = float(
-        mu_bound_at(system.loop, complex_, omega=omega, deadline=now + 0.3 * (deadline - now)).max()
+        mu_bound_at(system.loop, complex_, omega=omega).max()
     )  # as complex numbers they would have to be this small
     if least == 0:
         return None
@@ -259,15 +244,13 @@ def find_parameter_crossing(
     )
 
 
-def find_worst_perturbation(
-    system: UncertainSystem, curves: MuCurves, deadline: float
-) -> tuple[float, dict[str, float] | None]:
+def find_worst_perturbation(system: UncertainSystem, curves: MuCurves) -> tuple[float, dict[str, float] | None]:
     """Find the smallest factor at which a perturbation makes the loop singular, where mu is large, and its parts."""
     omega, mu, parameters = curves.omega, curves.mu, curves.parameters
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
     responses = np.moveaxis(response_by_channel(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
     cut = block_structure("blocks", system.structure)
-    found = search_perturbation(responses, cut, n_starts=2, rng=np.random.default_rng(0), deadline=deadline)
+    found = search_perturbation(responses, cut, n_starts=2, rng=np.random.default_rng(0))
     k = int(found.value.argmax())
     assert found.delta is not None  # of a lower bound
     size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
@@ -291,21 +274,19 @@ def prove_bound(
     blocks: Blocks,
     subject: str,
     solver: str | None,
-    deadline: float,
 ) -> Certificate:
     """Prove mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
 
     A repeated operator counts as a full block: no scaling but a number commutes with a nonlinear one.
     """
-    left = min(10.0, max(deadline - time.monotonic(), 0.1))
     operators = [block.kind != "real" and block.perturbation == "operator" for block in system.blocks.values()]
     one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
     if one_full_block or not any(operators):
-        return replace(certify(N, blocks, 1.0, solver=solver, time_cap=left), subject=subject)
+        return replace(certify(N, blocks, 1.0, solver=solver), subject=subject)
     given = blocks_with_kinds(blocks)
     cut = [(*block[:2], "full") if operator else block for block, operator in zip(given, operators, strict=False)]
     cut += given[len(operators) :]  # performance
-    found = certify_scaled(N, cut, 1 - SLACK, solver=solver, time_cap=left, subject=subject)
+    found = certify_scaled(N, cut, 1 - SLACK, solver=solver, subject=subject)
     if found is None:
         return failed_certificate(subject, 1.0, "no scaling that is the same at all frequencies was found")
     return replace(found, level=1.0)

@@ -13,6 +13,7 @@ from robust.analysis.loop_level import LoopLevel
 from robust.analysis.performance import ClassicalMargins, classical_margins
 from robust.analysis.text import (
     CLAIM_HINT,
+    PLANT_ALONE,
     USUAL_PEAK,
     describe_broken,
     describe_certificate,
@@ -171,7 +172,8 @@ class RobustnessReport(Findings):
     @property
     def meaning(self) -> str:
         """Return what the verdict means for the machine."""
-        return describe_meaning(self.verdict, self.confidence)
+        alone = self.verdict.is_robust and np.isnan(self.margins.rs)
+        return PLANT_ALONE if alone else describe_meaning(self.verdict, self.confidence)
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -198,7 +200,7 @@ class RobustnessReport(Findings):
         rows += [("warning", text) for text in self.warnings]
         rows += [("because", self.reason)]
         rows += [("warning", self.warning_of_margins)]
-        if self.nominally_stable and self.is_single and not np.isfinite(margins.rs):
+        if self.nominally_stable and np.isnan(margins.rs):
             rows += [("stability", "no uncertainty to hold it against")]
         elif self.nominally_stable:
             measure = "rs" if self.is_single else "mu"
@@ -206,8 +208,8 @@ class RobustnessReport(Findings):
             if np.isfinite(margins.S_worst):
                 rows += [("worst case", describe_worst_sensitivity(margins, single=self.is_single))]
             rows += [("aliases", self.folding), ("worst found", describe_broken(margins))]
-            if np.isfinite(margins.rp):
-                rows += [("performance", describe_performance(self.curves, margins, self.performance))]
+        if self.nominally_stable and np.isfinite(margins.rp):
+            rows += [("performance", describe_performance(self.curves, margins, self.performance))]
         rows += [("proved", self.proved)]
         return [line for row in rows for line in format_paragraph(*row)]
 

@@ -160,7 +160,6 @@ def check_structure(
     certify: bool = True,
     gap: float | None = None,
     solver: str | None = None,
-    time_cap: float = 60.0,
 ) -> RobustnessReport:
     """Check a loop with several uncertainties by the structured singular value, and say what was proved.
 
@@ -175,9 +174,6 @@ def check_structure(
         by part (`parameter_margin`). When not given it is cut up, to 5 %, only where the verdict is still open.
     solver : str, optional
         "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling; one after the other when not given.
-    time_cap : float
-        Seconds. Where they were too few the bounds found by then, larger ones, are what is judged, and the reason says
-        so.
 
     Returns
     -------
@@ -209,5 +205,5 @@ def check_structure(
     if not system.blocks:
         raise ValueError("system must have at least one block to check, got none")
     gap = None if gap is None else require_positive("gap", gap)
-    effort = Effort(certify=certify, solver=solver, gap=gap, time_cap=require_positive("time_cap", time_cap))
+    effort = Effort(certify=certify, solver=solver, gap=gap)
     return RobustnessReport(**vars(judge_system(system, effort)))

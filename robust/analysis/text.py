@@ -330,6 +330,8 @@ VERDICT_MEANINGS = {
 WITHOUT_CONFIDENCE = (
     "this controller keeps every linear plant of the set stable; how surely the machine is one of them is unknown"
 )
+#: The same where no set was given.
+PLANT_ALONE = "this controller keeps the plant that was given stable, which is proved; no set of plants was given"
 CLAIM_HINT = 'no claim is made about the perturbation: perturbation="LTI" or "operator" makes one'
 
 
@@ -366,9 +368,8 @@ def explain_mu(
         return (with_linear if linear else "every perturbation of the set leaves the loop stable") + samples
     if curves.peak >= 1:
         reached = f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
-        late = " by the time cap" if curves.hit_time_cap else ""
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
-        return f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
+        return f"{reached}, but no perturbation was found that breaks the loop{parts}"
     below = f"mu stays below {curves.peak:.4g} on the grid"
     if not certify:
         return f"{below}, and no proof was asked for (certify=False)"
@@ -430,14 +431,15 @@ def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None
 
 def describe_performance(curves: ReportCurves, margins: Margins, demand: Demand | None) -> str:
     """Return the nominal and the worst case over the demand, and whether the whole set meets it."""
+    met = f"demand {demand}" + ("" if np.isnan(margins.rs) else " for the whole set")
     if curves.S is None:
         mu = 1 / margins.rp
         allowed = ", above the 1 that is allowed" if mu > 1 else ""
         found = f"max mu {mu:.3f} at {format_hertz(margins.omega_rp)}{allowed}"
-        return f"{found}; demand {demand} for the whole set"
+        return f"{found}; {met}"
     return (
         f"nominal max |w_P S| {np.max(curves.np_):.3f}, worst case {float(np.max(curves.rp)):.3f} at "
-        f"{format_hertz(margins.omega_rp)}; demand {demand} for the whole set"
+        f"{format_hertz(margins.omega_rp)}; {met}"
     )
 
 

@@ -38,7 +38,7 @@ from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
-from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice
+from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
 from robust.friction.classes import any_bounded
 from robust.friction.reading.balance import motion_of_record
 from robust.friction.reading.force import FrictionForce, read_friction_force
@@ -570,7 +570,7 @@ def check_drive(
     spring : bool
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
-        2 to read the friction of a motor and a load, which takes minutes.
+        2 to read the friction of a motor and a load, which takes a minute or two.
     within : float, optional
         Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
     fit : FrictionFit, optional
@@ -710,11 +710,13 @@ def simulate_drive(
     masses: int,
 ) -> DriveFriction:
     """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
-    force, reason = friction.force, reason_against_simulation(friction.force, settings, masses)
+    force = None if friction.force is None else with_load(friction.force, friction.fit)
+    reason = reason_against_simulation(force, settings, masses)
     if not report.nominally_stable:
         reason = "the linear loop is unstable"
     if reason or force is None:
         return replace(friction, unsimulated=reason)
+    friction = replace(friction, force=force)
 
     def keeps(other: Drive) -> bool:
         found = check(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)

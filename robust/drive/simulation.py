@@ -14,7 +14,8 @@ import numpy as np
 import nlfrf
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
-from robust.friction.reading.force import FrictionForce
+from robust.friction.reading.force import CoupledLoad, FrictionForce
+from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length
 
 #: Laws of friction that are tried; Leuven with an exponential virgin curve.
@@ -150,8 +151,8 @@ def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
 
 def reason_against_simulation(force: FrictionForce | None, settings: Drive, masses: int = 1) -> str:
     """Why an axis is not simulated; empty where it is."""
-    if masses > 1:
-        return "the trace in motion shows motor and load as one mass"
+    if masses > 1 and (force is None or force.load is None):
+        return "motor and load were not read apart"
     if force is None or not np.isfinite(force.Fs).all():
         return "the break-away force is not known"
     if settings.velocity_from == "observer" or settings.encoder != "motor":
@@ -201,14 +202,7 @@ def simulate_rest(
 
 def run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float, float]:
     """Return amplitude [m], period [s] and offset [m] of one run, by (4 + MOVES,) draws between zero and one."""
-    friction, oversampling = draw_friction(law, force, settings, draws[:4])
-    axis = nlfrf.rig.ServoAxis(
-        motor_inertia=force.sliding.mass,
-        drive=settings,
-        motor_friction=friction,
-        motor_damping=max(0.0, force.sliding.damping),
-        motion="linear" if settings.base_unit == "m" else "rotary",
-    )
+    axis, oversampling = draw_axis(law, force, settings, draws[:4])
     way = coulomb_of(force) / (gain_in_force(settings) * settings.kv)
     reset = settings.tn if np.isfinite(settings.tn) else 1 / settings.kv
     move, hold = (int(count * reset * settings.fs) + 1 for count in (MOVE, HOLD))
@@ -224,6 +218,36 @@ def run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.nd
     away = last - (last.max() + last.min()) / 2
     turns = np.count_nonzero(np.diff(np.sign(away[np.abs(away) > swing / 4])))
     return swing / 2, 2 * last.size / settings.fs / turns if turns else np.nan, offset
+
+
+def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
+    """Return the friction with the load that was read beside it, where motor, load and the spring between are known."""
+    if fit is None or not fit.load_mass or not force.sliding.mass > fit.load_mass:
+        return force
+    if not np.isfinite([fit.stds[name] for name in ("mass", "load_mass", "coupling")]).all():
+        return force
+    share = float(np.clip(fit.load_Fs / fit.Fs, 0.0, 1.0)) if fit.Fs > 0 else 0.5
+    damping = max(0.0, fit.coupling_damping)
+    return replace(force, load=CoupledLoad(mass=fit.load_mass, stiffness=fit.coupling, damping=damping, share=share))
+
+
+def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[nlfrf.rig.ServoAxis, int]:
+    """Return the axis with friction of a law by (4,) draws, and the steps a period it takes."""
+    friction, steps = draw_friction(law, force, settings, draws)
+    machine: dict[str, Any] = {"motor_inertia": force.sliding.mass, "motor_friction": friction}
+    if (load := force.load) is not None:
+
+        def part(share: float) -> Any:
+            sliding = replace(force.sliding, coulomb=share * force.sliding.coulomb)
+            own = replace(force, sliding=sliding, Fs=share * force.Fs, K0=share * force.K0)
+            return draw_friction(law, own, settings, draws)[0] if share else None
+
+        machine = {"motor_inertia": force.sliding.mass - load.mass, "motor_friction": part(1 - load.share)}
+        machine |= {"load_inertia": load.mass, "stiffness": load.stiffness, "damping": load.damping}
+        machine["load_friction"] = part(load.share)
+    motion = "linear" if settings.base_unit == "m" else "rotary"
+    damping = max(0.0, force.sliding.damping)
+    return nlfrf.rig.ServoAxis(drive=settings, motor_damping=damping, motion=motion, **machine), steps
 
 
 def coulomb_of(force: FrictionForce) -> float:

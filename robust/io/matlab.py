@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import control
@@ -21,8 +21,9 @@ from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.channel_files import ChannelsClaim
-from robust.proofs.exact.scaled_kyp import ScaledClaim, scaling_matrices
-from robust.proofs.search.certificate import SCALED_KYP
+from robust.proofs.exact.interval_kyp import IntervalClaim
+from robust.proofs.exact.scaled_kyp import ScaledClaim, place_scalings
+from robust.proofs.search.certificate import GENERALISED_KYP, SCALED_KYP
 
 
 def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim | Controller, path: PathLike) -> None:
@@ -113,26 +114,40 @@ def model_struct(model: UncertaintyModel) -> dict[str, object]:
 
 
 def proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
-    """Return the proofs by P and one scaling as a cell array of structs."""
+    """Return the proofs by P and scalings, one for all frequencies or one an interval, as a cell array of structs."""
     held = (
         content.claims
         if isinstance(content, ChannelsClaim)
         else {c.subject: c.claim for c in content.proofs.certificates if c.holds}
     )
-    claims = {subject: claim for subject, claim in held.items() if isinstance(claim, ScaledClaim)}
+    claims = {subject: claim for subject, claim in held.items() if isinstance(claim, ScaledClaim | IntervalClaim)}
     if not claims:
-        raise ValueError(f"content must hold a proof by {SCALED_KYP} to be written for MATLAB, got none")
+        raise ValueError(f"content must hold a proof by {SCALED_KYP} or {GENERALISED_KYP} for MATLAB, got none")
     return cell_array([proof_struct(subject, claim) for subject, claim in claims.items()])
 
 
-def proof_struct(subject: str, claim: ScaledClaim) -> dict[str, object]:
+def proof_struct(subject: str, claim: ScaledClaim | IntervalClaim) -> dict[str, object]:
     """Return one proof as numbers and text."""
-    system = {name: getattr(claim.system, name) for name in "ABCD"} | {"Ts": claim.system.dt}
-    scalings = dict(zip(("X_L", "X_R", "G"), scaling_matrices(claim), strict=True))
-    return {"subject": subject, "level": claim.level, "P": claim.storage, **system, **scalings}
+    struct = {"subject": subject, "level": claim.level, "Ts": claim.system.dt}
+    struct |= {name: getattr(claim.system, name) for name in "ABCD"}
+    if isinstance(claim, ScaledClaim):
+        placed = place_scalings(claim.blocks, claim.scalings, claim.skews)
+        return struct | {"P": claim.storage} | dict(zip(("X_L", "X_R", "G"), placed, strict=True))
+
+    def in_states(M: np.ndarray) -> np.ndarray:
+        found = claim.T.T @ M @ claim.T
+        return np.asarray((found + found.conj().T) / 2)
+
+    ends = np.concatenate([[0.0], claim.cuts, [np.inf]])
+    pieces = [
+        {"P": in_states(piece.P.numbers), "Q": in_states(piece.Q.numbers), "ends": ends[k : k + 2]}
+        | dict(zip(("X_L", "X_R", "K"), piece.placed(claim.blocks), strict=True))
+        for k, piece in enumerate(claim.pieces)
+    ]
+    return struct | {"P": in_states(claim.stability), "pieces": cell_array(pieces)}
 
 
-def cell_array(things: list[object]) -> np.ndarray:
+def cell_array(things: Sequence[object]) -> np.ndarray:
     """Return a MATLAB cell array, a row."""
     row = np.empty((1, len(things)), dtype=object)
     row[0, :] = things
@@ -233,10 +248,12 @@ end
 end
 """.replace("ELEMENTS", f"'{ELEMENTS}'").replace("CASES", matlab_cases(BLOCK_FORMS))
 PROOF_LOADER = """function [largest, proofs] = NAME(file)
-%NAME  Proofs by P and one scaling from FILE.
-%   largest  of each proof the largest eigenvalue of its inequality and of -P, which have to be negative:
+%NAME  Proofs by P and scalings from FILE.
+%   largest  of each proof the largest eigenvalue of its inequalities and of -P, which have to be negative:
 %            [A'P+PA, PB; B'P, 0] + [C D]'X_L[C D] - [0; I]G[C D] - [C D]'G'[0 I] - level^2 [0 0; 0 X_R]
-%            (discrete: [A'PA-P, A'PB; B'PA, B'PB] in front)
+%            (discrete: [A'PA-P, A'PB; B'PA, B'PB] in front). Of a proof with pieces: P shows that A is stable, and on
+%            each interval [a b] of x, omega or tan(omega Ts/2), f*Pg + g*Pf + (x-a)(b-x)g*Qg takes the place of what is
+%            in front, x g = -j f with g = [I 0], f = [A B] (discrete: [A+I B], [A-I B]), and K that of G
 %   proofs   everything that was written, as structs
 if nargin < 1
     file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
@@ -250,14 +267,40 @@ for k = 1:numel(proofs)
     m = size(p.D, 2);
     if p.Ts
         M = [p.A, p.B]' * p.P * [p.A, p.B] - blkdiag(p.P, zeros(m));
+        g = [p.A + eye(n), p.B];
+        f = [p.A - eye(n), p.B];
     else
         M = [p.A' * p.P + p.P * p.A, p.P * p.B; p.B' * p.P, zeros(m)];
+        g = [eye(n), zeros(n, m)];
+        f = [p.A, p.B];
     end
-    CD = [p.C, p.D];
-    across = [zeros(n, m); eye(m)] * p.G * CD;
-    M = M + CD' * p.X_L * CD - across - across' - p.level^2 * blkdiag(zeros(n), p.X_R);
-    largest(k) = max([eig((M + M') / 2); eig(-p.P)]);
+    if ~isfield(p, 'pieces')
+        M = M + supply(p, p.X_L, p.X_R, p.G);
+        largest(k) = max([eig((M + M') / 2); eig(-p.P)]);
+        continue
+    end
+    largest(k) = max([eig(M(1:n, 1:n)); eig(-p.P)]);
+    for i = 1:numel(p.pieces)
+        q = p.pieces{i};
+        a = q.ends(1);
+        b = q.ends(2);
+        along = (f' * q.Q * g) * 1i / 2;
+        along = along + along';
+        within = along - a * (g' * q.Q * g);
+        if isfinite(b)
+            within = (a + b) * along - f' * q.Q * f - a * b * (g' * q.Q * g);
+        end
+        M = f' * q.P * g + g' * q.P * f + within + supply(p, q.X_L, q.X_R, q.K);
+        largest(k) = max([largest(k); real(eig((M + M') / 2)); real(eig(-q.Q))]);
+    end
 end
+end
+function M = supply(p, X_L, X_R, G)
+n = size(p.A, 1);
+m = size(p.D, 2);
+CD = [p.C, p.D];
+across = [zeros(n, m); eye(m)] * G * CD;
+M = CD' * X_L * CD - across - across' - p.level^2 * blkdiag(zeros(n), X_R);
 end
 """
 CONTROLLER_LOADER = """function [K, content] = NAME(file)

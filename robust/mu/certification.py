@@ -9,7 +9,6 @@ is left, a norm bound on a linear system, is decided in floating point by its Ha
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import control
@@ -31,15 +30,13 @@ from robust.proofs.search.intervals import SLACK, initial_cuts, interior_point, 
 from robust.proofs.search.scaled_kyp import certify_scaled
 from robust.proofs.search.stability import decide_stability
 
-N_GRID = 300
-MAX_INTERVALS = 5000
+N_GRID, LEAST_GRID, GRID_WORK = 300, 30, 5e8  # points at which scalings are looked for; fewer of very many scalings
+MAX_INTERVALS = 2000  # by one scaling each, judged in floating point
 SLACK_REAL = 1e-9  # of the norm with real blocks, for rounding in it; what N may be off is in the level
 Scaling = tuple[np.ndarray, ...]
 
 
-def certify(
-    N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None, time_cap: float = 10.0
-) -> Certificate:
+def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None) -> Certificate:
     """Prove that the structured singular value of a system stays below a level at every frequency.
 
     Parameters
@@ -53,16 +50,14 @@ def certify(
         most 1/level (with a block for performance: and keeps its gain from there under level).
     solver : str, optional
         "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; one after the other when not given.
-    time_cap : float
-        Seconds.
 
     Returns
     -------
     Certificate
         One that does not hold says why: the system is not stable, the upper bound reaches the level at a frequency, or
-        time ran out, with the interval that is left. intervals : (I, 2) with the frequencies [rad/s] proved. By "scaled
-        KYP" (one scaling) and "generalised KYP" (one an interval) it is proved over the rationals, and `verify` repeats
-        that; by any other method it is judged in floating point.
+        the intervals became too many, with the one that is left. intervals : (I, 2) with the frequencies [rad/s]
+        proved. By "scaled KYP" (one scaling) and "generalised KYP" (one an interval) it is proved over the rationals,
+        and `verify` repeats that; by any other method it is judged in floating point.
 
     Raises
     ------
@@ -90,33 +85,33 @@ def certify(
     nominal = decide_stability(N)
     if not nominal.stable:
         return failed_certificate(LEVEL, level, f"the system is not stable: {nominal}")
-    time_cap = require_positive("time_cap", time_cap)
     # exact of N as it is, which was rounded when it was put together: the slack on the level is for that
     slack, given = level * (1 - SLACK), blocks_with_kinds(blocks)
-    found = certify_scaled(N, given, slack, solver=solver, time_cap=time_cap / 2)
+    found = certify_scaled(N, given, slack, solver=solver)
     if found is None:
-        found = certify_intervals(N, given, slack, time_cap=time_cap / 4)
+        found = certify_intervals(N, given, slack)
     if not found.holds and not found.violated:
-        other = certify_by_intervals(N, blocks, level, time_cap=time_cap / 2)
+        other = certify_by_intervals(N, blocks, level)
         found = other if other.holds else found
     return replace(found, level=level)
 
 
-def certify_by_intervals(N: control.StateSpace, blocks: Blocks, level: float, *, time_cap: float) -> Certificate:
-    """Return `certify` of a stable system interval by interval, judged in floating point."""
-    subject, deadline = LEVEL, time.monotonic() + time_cap
+def certify_by_intervals(
+    N: control.StateSpace, blocks: Blocks, level: float, *, most: int = MAX_INTERVALS
+) -> Certificate:
+    """Return `certify` of a stable system by at most so many intervals, judged in floating point."""
+    subject = LEVEL
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     real = bool(s.skew.size)
     # a large G brings the norm so near to one that slack on it is none on mu: with real blocks the level has it
     proved = level * (1 - SLACK) if real else level
-    frozen = frozen_scalings(N, s, blocks=blocks, level=proved, deadline=deadline - 0.5 * time_cap)
+    frozen = frozen_scalings(N, s, blocks=blocks, level=proved)
     outcome = prove(
         frozen.loop,
         frozen.size,
         initial_cuts(frozen.speeds),
         np.inf,
-        time_cap=time_cap / 2,
-        most=MAX_INTERVALS,
+        most=most,
         slack=SLACK_REAL if real else SLACK,
         changes=frozen.changes if real else None,
     )
@@ -154,8 +149,6 @@ class FrozenScalings:
         Whether the scalings are positive and diagonal, so that they may be interpolated.
     own : dict
         Scalings found for one x alone.
-    deadline : float
-        For a search at one x, of time.monotonic().
     """
 
     N: control.StateSpace
@@ -167,7 +160,6 @@ class FrozenScalings:
     bound: MuBound
     simple: bool
     own: dict[float, Scaling]
-    deadline: float
 
     def omega_of(self, x: float) -> float:
         """Frequency [rad/s]."""
@@ -188,7 +180,7 @@ class FrozenScalings:
         norm = float(np.linalg.norm(to_norm_form(self.scaling(x), C, D=response[:, :, 0], level=self.level)[1], 2))
         if norm < 1:
             return norm
-        bound = upper_bound(np.moveaxis(response, 2, 0), self.blocks, target=self.level, deadline=self.deadline)
+        bound = upper_bound(np.moveaxis(response, 2, 0), self.blocks, target=self.level)
         self.own[x] = scaling_at(bound, 0)
         reached = float(bound.value[0]) / self.level
         return min(
@@ -209,16 +201,16 @@ class FrozenScalings:
         return real_block_crossings((A, B @ into, D_L @ C / self.level, D_L @ D @ into / self.level), G / self.level)
 
 
-def frozen_scalings(
-    N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, level: float, deadline: float
-) -> FrozenScalings:
+def frozen_scalings(N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, level: float) -> FrozenScalings:
     """Return the system in good coordinates, and the scalings of its bound on a grid around its poles."""
     dt = timebase(N)
     matrices = well_conditioned(continuous_image(N))
     speeds = np.abs(np.linalg.eigvals(matrices[0])) if matrices[0].size else np.ones(1)
     speeds = speeds[(speeds > 0) & np.isfinite(speeds)]
-    grid = np.geomspace(speeds.min() / 30, speeds.max() * 100, N_GRID)
-    response = response_by_channel(N, 2 / dt * np.arctan(grid) if dt else grid)  # (rows, cols, N_GRID)
+    work = (len(s.left) + len(s.skew)) ** 2 * s.shape[1] ** 2 + 1
+    n_grid = int(np.clip(GRID_WORK / work, LEAST_GRID, N_GRID))
+    grid = np.geomspace(speeds.min() / 30, speeds.max() * 100, n_grid)
+    response = response_by_channel(N, 2 / dt * np.arctan(grid) if dt else grid)  # (rows, cols, n_grid)
     return FrozenScalings(
         N=N,
         blocks=blocks,
@@ -226,8 +218,7 @@ def frozen_scalings(
         matrices=matrices,
         speeds=speeds,
         grid=grid,
-        bound=upper_bound(np.moveaxis(response, 2, 0), blocks, target=level, deadline=deadline),
-        deadline=deadline + 0.5 * (deadline - time.monotonic()),
+        bound=upper_bound(np.moveaxis(response, 2, 0), blocks, target=level),
         simple=s.scalar and not s.skew.size,
         own={},
     )

@@ -283,7 +283,7 @@ def search_worst_case(
     gain, delta = np.zeros(W), np.zeros((W, cols, rows), complex)
     open_ = np.flatnonzero(np.isinf(upper))
     if open_.size:
-        smallest = search_perturbation(M[open_, :rows, :cols], s, n_starts=6, rng=rng, deadline=np.inf)
+        smallest = search_perturbation(M[open_, :rows, :cols], s, n_starts=6, rng=rng)
         assert smallest.delta is not None  # of a lower bound
         singular = smallest.value >= 1
         gain[open_[singular]] = np.inf
@@ -314,7 +314,7 @@ def perturbation_of_skewed_mu(
     scaled[:, rows:] /= level[:, None, None]
     sizes = [(r.stop - r.start, c.stop - c.start, kind) for r, c, kind in zip(s.rows, s.cols, s.kinds, strict=True)]
     whole = block_structure("blocks", [*sizes, (M.shape[1] - rows, M.shape[2] - cols)])
-    found = search_perturbation(scaled, whole, n_starts=2, rng=rng, deadline=np.inf)
+    found = search_perturbation(scaled, whole, n_starts=2, rng=rng)
     assert found.delta is not None  # of a lower bound
     delta = np.nan_to_num(np.moveaxis(found.delta, 2, 0)[:, :cols, :rows])
     size = np.linalg.norm(delta, 2, axis=(1, 2))

@@ -13,7 +13,6 @@ of that is trusted: `robust.proofs.exact.interval_kyp` decides over the rational
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -47,21 +46,22 @@ MARGINS = (0.7, 0.3, 0.03, 1e-3)  # of what is left, asked for of all states tog
 
 
 def certify_intervals(
-    system: control.StateSpace, blocks: Sequence[Block], level: float, *, time_cap: float
+    system: control.StateSpace, blocks: Sequence[Block], level: float, *, most: int = MOST_INTERVALS
 ) -> Certificate:
     """Return a certificate of a level of a stable system with one scaling an interval.
 
-    system : continuous or discrete. blocks : (rows, cols, kind) of each. time_cap : seconds of the processor. One that
-    does not hold names the interval that is left.
+    system : continuous or discrete. blocks : (rows, cols, kind) of each. most : intervals. One that does not
+    hold names the interval that is left.
 
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    >>> proof = certify_intervals(control.append(lag, 2 * lag), [(1, 1, "full"), (1, 1, "real")], 2.001, time_cap=10.0)
+    >>> proof = certify_intervals(control.append(lag, 2 * lag), [(1, 1, "full"), (1, 1, "real")], 2.001)
     >>> print(proof.method, proof.verify(), sep=chr(10))
     generalised KYP
     stability: proved, rigorous
     structured singular value: proved, rigorous
     """
-    deadline, waiting, done = time.thread_time() + time_cap, [(0.0, np.inf)], []
+    waiting: list[tuple[float, float]] = [(0.0, np.inf)]
+    done: list[tuple[float, IntervalProof]] = []
     if not system.nstates:
         return failed_certificate(LEVEL, level, "no scaling was found, and without states there are no intervals")
     search = IntervalSearch.of(system, tuple(blocks), level)
@@ -75,7 +75,7 @@ def certify_intervals(
             there = f"at {format_hertz(where)} the value there is {reached:.6g}"
             return failed_certificate(LEVEL, level, f"the bound does not stay below the level: {there}")
         start, end = (format_hertz(search.omega_of(x)) for x in (low, high))
-        if time.thread_time() > deadline or len(done) + len(waiting) >= MOST_INTERVALS or search.is_narrow(low, high):
+        if len(done) + len(waiting) >= most or search.is_narrow(low, high):
             return failed_certificate(
                 LEVEL, level, f"undecided from {start} to {end}, {len(done)} intervals are proved"
             )

@@ -8,14 +8,13 @@ Balakrishnan 1991; Newlin & Young 1997).
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from itertools import product
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_positive
+from nlfrf._base.arguments import require_integer, require_positive
 from nlfrf._base.values import value
 from robust._base.types import Blocks, LinearSystem
 from robust.lti.grids import structure_grid
@@ -110,9 +109,7 @@ class ParametricLoop:
         return np.bincount(self.of, weights=moves, minlength=x.size)
 
 
-def find_crossing(
-    N: control.StateSpace, s: BlockStructure, *, least: float, limit: float, time_cap: float = 2.0
-) -> Crossing | None:
+def find_crossing(N: control.StateSpace, s: BlockStructure, *, least: float, limit: float) -> Crossing | None:
     """Return the smallest real parameters found that take a stable loop to the boundary.
 
     Parameters
@@ -123,12 +120,9 @@ def find_crossing(
         Complex blocks stay at zero.
     least, limit : float
         Sizes between which they are looked for.
-    time_cap : float
-        Seconds; what was found by then is returned.
     """
     if "real" not in s.kinds or not N.nstates or least >= limit:
         return None
-    deadline = time.monotonic() + time_cap
     real = [k for k, kind in enumerate(s.kinds) if kind == "real"]
     rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in real]) for cut in (s.rows, s.cols))
     of = np.repeat(np.arange(len(real)), [s.rows[k].stop - s.rows[k].start for k in real])
@@ -137,7 +131,7 @@ def find_crossing(
     inner = 0.0
     for size in np.geomspace(least, limit, N_SIZES):
         excess = loop.excess(size * return_difference)
-        if excess.max() > 0 or time.monotonic() > deadline:
+        if excess.max() > 0:
             break
         inner = size
     if excess.max() <= 0:
@@ -145,8 +139,6 @@ def find_crossing(
     y = return_difference[excess.argmax()]
     size = bisect_direction(loop, y, inner=inner, outer=size)
     for _ in range(N_IMPROVEMENTS):
-        if time.monotonic() > deadline:
-            break
         # uphill at the present size: the best corner by the slope, and part of the way to it
         better = np.sign(loop.slope(size * y))
         tried = np.concatenate([y + np.linspace(0.1, 1, 10)[:, None] * (better - y), return_difference])
@@ -198,7 +190,8 @@ MAX_FACTOR = 1e6  # factor beyond which nothing is looked for
 N_TEST_FREQUENCIES = 32  # frequencies that tell whether a box is worth a proof
 BOUND_LIMIT = 0.999  # what the bound there has to stay below
 MIN_BOX_WIDTH = 1e-3  # of the whole box: thinner ones are not cut any more
-BOX_TIME_CAP = 5.0  # [s] for one box
+MOST_BOXES, BOX_INTERVALS = 150, 500  # parts of the box looked at, and intervals of frequency of each
+BOX_WORK = 100_000  # products of numbers of a step for the scalings of a part that counts once
 
 
 @value
@@ -255,8 +248,8 @@ class BoxSearch:
     N : control.StateSpace
     s : BlockStructure
     blocks : list
-    deadline : float
-        Of time.monotonic().
+    left : int
+        How many parts of the box may be looked at.
     level, broken, worst, omega
         As in the result.
     boxes : list of (middle, half) of (r,) ndarray
@@ -270,7 +263,7 @@ class BoxSearch:
     N: control.StateSpace
     s: BlockStructure
     blocks: Blocks
-    deadline: float
+    left: int
     level: float
     broken: float
     worst: np.ndarray
@@ -281,7 +274,7 @@ class BoxSearch:
 
 
 def parameter_margin(
-    N_ss: LinearSystem, blocks: Blocks, *, gap: float = 0.05, time_cap: float = 60.0
+    N_ss: LinearSystem, blocks: Blocks, *, gap: float = 0.05, max_boxes: int = MOST_BOXES
 ) -> ParameterMargin:
     """Find how large real parameters may be, to a stated gap: proved on every part of the box, broken just above.
 
@@ -293,8 +286,8 @@ def parameter_margin(
         As for `upper`, at least one of them real. Real blocks are cut, complex ones are taken whole.
     gap : float
         Relative distance between what is proved and what breaks the loop.
-    time_cap : float
-        Seconds; the margins known by then are returned, and why they are not closer.
+    max_boxes : int
+        Parts of the box to look at; the margins known by then are returned, and why they are not closer.
 
     Returns
     -------
@@ -321,13 +314,13 @@ def parameter_margin(
     """
     N = multivariable("N_ss", N_ss)
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
-    gap, deadline = require_positive("gap", gap), time.monotonic() + require_positive("time_cap", time_cap)
+    gap, left = require_positive("gap", gap), require_integer("max_boxes", max_boxes, least=1)
     if "real" not in s.kinds:
         raise ValueError("blocks must hold a real one, got none: robust.mu.certify is for complex ones")
     nominal = decide_stability(N)
     if not nominal.stable:
         raise ValueError(f"N_ss must be stable, got one that is {nominal}")
-    search, low = begin_search(N, s, blocks=blocks, deadline=deadline)
+    search, low = begin_search(N, s, blocks=blocks, left=left)
     kept = search
     while search.broken > low * (1 + gap) and low < MAX_FACTOR:
         tried = prove_level(replace(search, level=next_level(low, search.broken, gap), reason=""))
@@ -360,20 +353,18 @@ def next_level(low: float, broken: float, gap: float) -> float:
     return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
 
 
-def begin_search(
-    N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, deadline: float
-) -> tuple[BoxSearch, float]:
+def begin_search(N: control.StateSpace, s: BlockStructure, *, blocks: Blocks, left: int) -> tuple[BoxSearch, float]:
     """Return what the bounds of mu say of the whole box, and the factor proved."""
-    now, r = time.monotonic(), len(s.kinds)
+    r = len(s.kinds)
     omega = structure_grid(N)
     omega = omega[:: max(1, omega.size // N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
-    omega, mu = refine_grid(N, blocks, omega=omega, deadline=now + 0.3 * (deadline - now))
+    omega, mu = refine_grid(N, blocks, omega=omega)
     whole = ((np.zeros(r), np.ones(r)),)
     search = BoxSearch(
         N=N,
         s=s,
         blocks=blocks,
-        deadline=deadline,
+        left=left,
         level=0.0,
         broken=np.inf,
         worst=np.full(r, np.nan),
@@ -388,16 +379,13 @@ def begin_search(
         s,
         n_starts=2,
         rng=np.random.default_rng(0),
-        deadline=now + 0.4 * (deadline - now),
     )
     k = int(found.value.argmax())
     if found.delta is not None and found.value[k] > 0 and 1 / found.value[k] < search.broken:
         x = real_parameters(found.delta[:, :, k], s) * float(found.value[k])
         search = replace(search, broken=1 / float(found.value[k]), worst=x, omega=float(omega[at[k]]))
     level = min(0.99 / peak, MAX_FACTOR)
-    proof = certify_by_intervals(
-        N, blocks, 1 / level, time_cap=max(min(BOX_TIME_CAP, deadline - time.monotonic()), 0.1)
-    )
+    proof = certify_by_intervals(N, blocks, 1 / level, most=BOX_INTERVALS)
     if not proof.holds:
         return search, 0.0
     return replace(search, level=level, certificates=(proof,)), level
@@ -407,9 +395,9 @@ def prove_level(search: BoxSearch) -> BoxSearch:
     """Return the level proved on every part of the box; or broken below it, or the reason why it stays open."""
     level, waiting, proved, proofs = search.level, list(search.boxes), [], []
     while waiting:
-        if time.monotonic() > search.deadline:
-            return replace(search, reason=f"the time cap was reached with {len(waiting)} parts of the box open")
-        box = waiting.pop()
+        if not search.left:
+            return replace(search, reason=f"{len(waiting)} parts of the box are open, and no more are looked at")
+        search, box = replace(search, left=max(search.left - box_cost(search.s), 0)), waiting.pop()
         N = box_system(search, box)
         if N is not None and decide_stability(N).stable:
             proof, peak_at = prove_box(search, N)
@@ -430,6 +418,11 @@ def prove_level(search: BoxSearch) -> BoxSearch:
             return replace(search, reason="a part of the box is too thin to be cut, and open")
         waiting += parts
     return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
+
+
+def box_cost(s: BlockStructure) -> int:
+    """Return as how many parts of the box one counts, where its scalings are very many."""
+    return max(1, (len(s.left) + len(s.skew)) ** 2 * s.shape[1] ** 2 // BOX_WORK)
 
 
 def box_system(search: BoxSearch, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
@@ -454,14 +447,11 @@ def prove_box(search: BoxSearch, N: control.StateSpace) -> tuple[Certificate | N
     omega = omega[np.linspace(0, omega.size - 1, N_TEST_FREQUENCIES).astype(int)]
     if np.isfinite(search.omega):
         omega = np.union1d(omega, search.omega * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
-    mu = upper_bound(
-        np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=BOUND_LIMIT, deadline=search.deadline
-    ).value
+    mu = upper_bound(np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=BOUND_LIMIT).value
     where = float(omega[mu.argmax()])
     if not mu.max() < BOUND_LIMIT:
         return None, where
-    left = max(min(BOX_TIME_CAP, search.deadline - time.monotonic()), 0.05)
-    proof = certify_by_intervals(N, search.blocks, 1.0, time_cap=left)
+    proof = certify_by_intervals(N, search.blocks, 1.0, most=BOX_INTERVALS)
     return (proof if proof.holds else None), where
 
 
@@ -469,9 +459,7 @@ def try_poles(
     search: BoxSearch, N: control.StateSpace, *, box: tuple[np.ndarray, np.ndarray], least: float, most: float
 ) -> BoxSearch:
     """With parameters of a part that take a pole across the boundary, if they are smaller than those known."""
-    found = find_crossing(
-        N, search.s, least=least, limit=most, time_cap=min(1.0, max(search.deadline - time.monotonic(), 0.01))
-    )
+    found = find_crossing(N, search.s, least=least, limit=most)
     if found is None:
         return search
     middle, half = box
@@ -533,7 +521,7 @@ def split_box(
             cut = [box_system(search, part) for part in parts]
             if all(N is not None for N in cut):
                 responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
-                worst = float(upper_bound(responses, search.blocks, target=0.0, deadline=search.deadline).value.max())
+                worst = float(upper_bound(responses, search.blocks).value.max())
         if worst < best[0]:
             best = (worst, parts)
     return best[1]

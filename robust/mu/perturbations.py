@@ -11,7 +11,6 @@ in each of them, and the smallest perturbation has as a rule all but one at thei
 from __future__ import annotations
 
 import itertools
-import time
 
 import numpy as np
 
@@ -97,16 +96,13 @@ def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) ->
         structure_for("blocks", blocks, M.shape[1:]),
         n_starts=n_starts,
         rng=random_generator("rng", rng),
-        deadline=np.inf,
     )
 
 
-def search_perturbation(
-    M: np.ndarray, s: BlockStructure, *, n_starts: int, rng: np.random.Generator, deadline: float
-) -> MuBound:
-    """Return the largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
+def search_perturbation(M: np.ndarray, s: BlockStructure, *, n_starts: int, rng: np.random.Generator) -> MuBound:
+    """Return the largest lower bound found on (W, n_out, n_in) matrices."""
     W = len(M)
-    left, right, bound = worst_directions(M, s, deadline)
+    left, right, bound = worst_directions(M, s)
     count = 1 + n_starts * (STARTS_OF_REAL if s.skew.size else 1)
     starts = [
         perturbation_from_directions(left, right, s=s, rng=rng if k else None, random=k % 3 == 2) for k in range(count)
@@ -114,18 +110,16 @@ def search_perturbation(
     if s.skew.size and set(s.kinds) != {"real"}:
         starts.append(without_real_blocks(starts[0], s))
     best, delta = np.zeros(W), np.full((W, *s.shape[::-1]), np.nan, complex)
-    raced, reached = ascend(
-        np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s=s, n_steps=RACE, deadline=deadline
-    )
+    raced, reached = ascend(np.tile(M, (len(starts), 1, 1)), np.concatenate(starts), s=s, n_steps=RACE)
     raced, reached = raced.reshape(len(starts), W, *raced.shape[1:]), reached.reshape(len(starts), W)
     if set(s.kinds) == {"real"} and len(s.kinds) == s.shape[0] and 1 < s.shape[0] <= MOST_NUMBERS:
-        best, delta = verified_bound(M, restore_eigenvalue(M, all_but_one_at_limits(M, deadline), s), s)
+        best, delta = verified_bound(M, restore_eigenvalue(M, all_but_one_at_limits(M), s), s)
     order = np.argsort(-reached, axis=0)
     for place in order[: N_FINISHERS * (STARTS_OF_REAL if s.skew.size else 1)]:
         at = np.flatnonzero(best < (1 - BOUNDS_MEET) * bound)  # elsewhere it is mu
-        if not at.size or time.monotonic() > deadline:
+        if not at.size:
             break
-        candidate, _ = ascend(M[at], raced[place[at], at], s=s, n_steps=FINISH, deadline=deadline)
+        candidate, _ = ascend(M[at], raced[place[at], at], s=s, n_steps=FINISH)
         if s.skew.size:
             candidate = restore_eigenvalue(M[at], candidate, s)
         value, candidate = verified_bound(M[at], candidate, s)
@@ -134,7 +128,7 @@ def search_perturbation(
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
 
 
-def all_but_one_at_limits(M: np.ndarray, deadline: float) -> np.ndarray:
+def all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
     """Smallest diagonal (W, n, n) of real numbers with det(I - M delta) = 0 and all but one of a size; zero for none.
 
     With the others at k times their signs, det = a(k) + t b(k) for the number t that is left: real where Im(a b*) = 0,
@@ -146,8 +140,6 @@ def all_but_one_at_limits(M: np.ndarray, deadline: float) -> np.ndarray:
     turn = np.exp(2j * np.pi * np.arange(n) / n)  # points at which a polynomial of degree n - 1 is known
     least, delta = np.full(W, np.inf), np.zeros((W, n, n), complex)
     for free, signs in itertools.product(range(n), itertools.product((1.0, -1.0), repeat=max(n - 2, 0))):
-        if time.monotonic() > deadline:
-            break
         limits = np.insert(np.array([1.0, *signs])[: n - 1], free, 0.0)
         without = np.linalg.det(np.eye(n) - M[:, None] * (turn[:, None] * limits)[None, :, None, :])
         one = np.eye(n)[free]
@@ -190,9 +182,7 @@ def without_real_blocks(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     return out
 
 
-def ascend(
-    M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int, deadline: float
-) -> tuple[np.ndarray, np.ndarray]:
+def ascend(M: np.ndarray, delta: np.ndarray, *, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
     """Return (W, n_in, n_out) perturbations of size one, moved until the eigenvalue of N delta (W,) grows no more.
 
     With real blocks that is the real part, less a price of the imaginary one which is over its multiplier.
@@ -201,7 +191,7 @@ def ascend(
     price = np.full(len(M), 0.0 if turned else EIGENVALUE_TURNS)
     reached, todo = np.zeros(len(M)), np.arange(len(M))
     for _ in range(n_steps):
-        if not todo.size or time.monotonic() > deadline:
+        if not todo.size:
             break
         N, now = M[todo], delta[todo]
         mode = best_mode(N, now, price[todo])
@@ -337,7 +327,7 @@ def verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple
     return np.where(fine, 1 / np.where(size > 0, size, 1.0), 0.0), np.where(fine[:, None, None], delta, np.nan)
 
 
-def worst_directions(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def worst_directions(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(W, n_in, 3), (W, n_out, 3) directions at which the least bound (W,) is reached, largest first; and that bound.
 
     There the largest eigenvalues meet, and where the bound is mu itself a combination of their directions is the
@@ -345,8 +335,7 @@ def worst_directions(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple
     """
     size = np.linalg.norm(M, axis=(1, 2))
     M = M / np.where(size > 0, size, 1.0)[:, None, None]  # the right directions are as long as N of size one makes them
-    now = time.monotonic()
-    D_L, D_R, G = optimal_scalings(M, s, target=0.0, deadline=now + 0.5 * (deadline - now))
+    D_L, D_R, G = optimal_scalings(M, s)
     scaled = D_L @ M @ np.linalg.inv(D_R)
     square = conjugate_transpose(scaled) @ scaled
     if s.skew.size:

@@ -9,8 +9,6 @@ For complex blocks, with X = D^H D, this is sigma(D_L N D_R^-1) < beta (Doyle 19
 
 from __future__ import annotations
 
-import time
-
 import control
 import numpy as np
 
@@ -23,6 +21,8 @@ from robust.mu.blocks import BlockStructure, structure_for
 
 MAX_STEPS = 80
 MAX_STEPS_REAL = 200
+#: Least number of steps, and products of numbers in all of them from where on fewer steps are made; some ten seconds.
+LEAST_STEPS, MOST_WORK = 1, 2e9
 CENTRE_GAP = 1e-9
 CENTRE_REGULARISATION = 0.1
 MAX_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a second
@@ -98,16 +98,13 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
     return upper_bound(response_matrices("N", N), blocks)
 
 
-def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0, deadline: float = np.inf) -> MuBound:
-    """Return the bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it.
-
-    Whatever scalings there are at the deadline (of time.monotonic()) make a bound too.
-    """
+def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0) -> MuBound:
+    """Return the bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it."""
     s = structure_for("blocks", blocks, M.shape[1:])
     size = np.linalg.norm(M, axis=(1, 2))
     scale = np.where(size > 0, size, 1.0)
     M = M / scale[:, None, None]
-    D_L, D_R, G = optimal_scalings(M, s, target=target / scale, deadline=deadline)
+    D_L, D_R, G = optimal_scalings(M, s, target=target / scale)
     one_L, one_R = (np.broadcast_to(np.eye(n, dtype=complex), (M.shape[0], n, n)) for n in s.shape)
     best = bound_from_scalings(M, D_L, D_R, G)
     best = np.where(best * scale < target, 0.0, best)  # good enough: no other is looked at
@@ -179,27 +176,25 @@ def osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.n
 
 
 def optimal_scalings(
-    N: np.ndarray, s: BlockStructure, *, target: np.ndarray | float = 0.0, deadline: float = np.inf
+    N: np.ndarray, s: BlockStructure, *, target: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
 
     With a target, the centre of the scalings that prove it, where it can be reached: the ones with most room. Many
-    scalings on many frequencies are found a few frequencies at a time, each with its share of the time left.
+    scalings on many frequencies are found a few frequencies at a time, where they are very many in fewer steps.
     """
-    W = N.shape[0]
+    W, size = N.shape[0], len(s.left) + len(s.skew)
     target = np.broadcast_to(np.square(target), W)
-    parts = np.array_split(np.arange(W), max(1, W * (len(s.left) + len(s.skew)) * N.shape[2] ** 2 // MAX_ENTRIES))
-    found = []
-    for k, part in enumerate(parts):
-        now = time.monotonic()
-        share = now + (deadline - now) / (len(parts) - k)
-        found.append(method_of_centres(N[part], s, target=target[part], deadline=share))
+    parts = np.array_split(np.arange(W), max(1, W * size * N.shape[2] ** 2 // MAX_ENTRIES))
+    most = int(np.clip(MOST_WORK / (W * size**2 * N.shape[2] ** 2 + 1), LEAST_STEPS, MAX_STEPS_REAL))
+    n_steps = min(most, MAX_STEPS_REAL if s.skew.size else MAX_STEPS)
+    found = [method_of_centres(N[part], s, target=target[part], n_steps=n_steps) for part in parts]
     D_L, D_R, G = (np.concatenate(each) for each in zip(*found, strict=True))
     return D_L, D_R, G
 
 
 def method_of_centres(
-    N: np.ndarray, s: BlockStructure, *, target: np.ndarray, deadline: float
+    N: np.ndarray, s: BlockStructure, *, target: np.ndarray, n_steps: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return D_L, D_R, G of least bound, all frequencies at once; below `target` (W,), squared, that of most room."""
     W = N.shape[0]
@@ -214,9 +209,7 @@ def method_of_centres(
     bound = top_eigenvalue(M, g)
     best = bound.copy()
     alpha = np.where(bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9))
-    for _ in range(MAX_STEPS_REAL if s.skew.size else MAX_STEPS):
-        if time.monotonic() > deadline:
-            break
+    for _ in range(n_steps):
         M, L, R, g, near, lost = newton_step_to_centre(M, L, R=R, G=g, alpha=alpha, s=s)
         bound = top_eigenvalue(M, g)
         goal = target[todo]
@@ -319,27 +312,20 @@ def newton_step_to_centre(
 N_REFINEMENTS = 4
 
 
-def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
+def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> np.ndarray:
     """Return (W,) upper bound at omega."""
-    return np.asarray(
-        upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks, target=0.0, deadline=deadline).value
-    )
+    return upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks).value
 
 
-def refine_grid(
-    N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray, deadline: float = np.inf
-) -> tuple[np.ndarray, np.ndarray]:
+def refine_grid(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies with more of them around the peak, and the bound there."""
-    now = time.monotonic()
-    mu = mu_bound_at(N, blocks, omega=omega, deadline=now + 0.7 * (deadline - now))
+    mu = mu_bound_at(N, blocks, omega=omega)
     for _ in range(N_REFINEMENTS):  # around the largest, five times closer each time
-        if time.monotonic() > deadline:
-            break
         k = int(mu.argmax())
         low = omega[k - 1] if k > 1 else omega[1] / 10
         more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]
         more = np.setdiff1d(more, omega)
         both = np.concatenate([omega, more])
         order = np.argsort(both)
-        omega, mu = both[order], np.concatenate([mu, mu_bound_at(N, blocks, omega=more, deadline=deadline)])[order]
+        omega, mu = both[order], np.concatenate([mu, mu_bound_at(N, blocks, omega=more)])[order]
     return omega, mu

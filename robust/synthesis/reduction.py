@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive
+from nlfrf._base.arguments import require_integer, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust._base.types import Controller, LinearSystem, Weight
@@ -82,7 +82,7 @@ def reduce_controller(
     *,
     order: int | None = None,
     delay: float = 0.0,
-    time_cap: float = 30.0,
+    max_candidates: int = 300,
 ) -> Reduction:
     """Find the controller of lowest order that keeps what the check of a controller proves.
 
@@ -99,8 +99,8 @@ def reduce_controller(
         As for `check`; or the plant alone that `mixsyn` took: stability and max |w_P S| < 1 are kept then.
     order : int, optional
         This order and no other: the best of it, kept or not.
-    time_cap : float
-        Seconds; where they are over K comes back as it was.
+    max_candidates : int
+        Reduced controllers to look at; where they are used up K comes back as it was.
 
     Returns
     -------
@@ -125,10 +125,11 @@ def reduce_controller(
     >>> found.order, round(float(found.K.D[0, 0]), 6)
     (0, 3.0)
     """
-    model = plant_as_set(model)
+    given, model = model, plant_as_set(model)
+    alone = model is not given  # no set was given
     several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
-    deadline = time.monotonic() + require_positive("time_cap", time_cap)
+    max_candidates = require_integer("max_candidates", max_candidates, least=1)
     if order is not None and require_integer("order", order, least=0) >= K.nstates:
         raise ValueError(f"order must be below the {K.nstates} states of K, got {order}")
     before = check(model, K, w_P=w_P, delay=delay)
@@ -143,8 +144,8 @@ def reduce_controller(
             by_order.setdefault(n, []).append((method, small))
     n_tried, reason = 0, "no controller of lower order keeps what was proved" if K.nstates else "a gain has no states"
     for n in sorted(by_order):
-        if time.monotonic() > deadline:
-            reason = f"the time cap was reached below order {n}"
+        if n_tried >= max_candidates:
+            reason = f"{n_tried} candidates were looked at below order {n}"
             break
         n_tried += len(by_order[n])
         for method, small in rank_candidates(
@@ -158,11 +159,12 @@ def reduce_controller(
                     order=n,
                     method=method,
                     kept=kept,
-                    report=report,
-                    before=before,
+                    report=without_set(report) if alone else report,
+                    before=without_set(before) if alone else before,
                     reason=lost,
                     n_tried=n_tried,
                 )
+    before = without_set(before) if alone else before
     return Reduction(
         K=K,
         order=K.nstates,
@@ -186,6 +188,21 @@ def plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
         return UncertaintyModel(G, small, DEFAULT_FORM, omega, radius, perturbation="LTI")
     left, right = (one,) * G.ninputs, (small,) * G.ninputs
     return UncertaintyModel(G, form="input", left=left, right=right, omega=omega, perturbation="LTI")
+
+
+def without_set(report: RobustnessReport) -> RobustnessReport:
+    """Return the report on a plant that stands for a set, in words of the plant."""
+    stable = report.proofs.robustly_stable
+    what = "Stability and the performance demand" if report.proofs.robust_performance else "Stability"
+    return replace(
+        report,
+        margins=replace(report.margins, rs=np.nan, S_worst=np.nan, broken=np.nan, worst=None),
+        reason="the loop with this plant is stable" if stable else report.reason,
+        advice="",
+        proved=f"{what} with the plant that was given, at all frequencies." if stable else report.proved,
+        not_proved="Anything about a plant that differs from it.",
+        context="",
+    )
 
 
 def candidates(

@@ -71,6 +71,24 @@ HOLDS_BOTH = "The break-away force holds both. "
 
 
 @value
+class CoupledLoad:
+    """A load behind the spring of a motor, with its share of the friction.
+
+    Fields
+    ------
+    mass, stiffness, damping : float
+        [kg], spring [N/m] and damper [Ns/m] between motor and load.
+    share : float
+        Of the friction, that acts on the load.
+    """
+
+    mass: float
+    stiffness: float
+    damping: float
+    share: float
+
+
+@value
 class FrictionForce:
     """What records in motion and at rest show of an axis and its friction, of whatever law.
 
@@ -94,6 +112,8 @@ class FrictionForce:
         Why the break-away force is not known; empty where it is.
     contradiction : str
         Where the traces in motion and at rest show different friction: which, and what it means. `Fs` holds both.
+    load : CoupledLoad or None
+        Where the mass in motion is that of a motor and a load, which was read apart: the load.
 
     References
     ----------
@@ -109,6 +129,7 @@ class FrictionForce:
     stribeck: np.ndarray
     reason: str = ""
     contradiction: str = ""
+    load: CoupledLoad | None = None
 
     def __str__(self) -> str:
         units = self.sliding.units

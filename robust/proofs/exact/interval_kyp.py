@@ -25,7 +25,15 @@ from robust.proofs.exact.claim_files import SQUARE
 from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.matrices import identity, positive_definite
 from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
-from robust.proofs.exact.scaled_kyp import LEVEL, STABLE, Block, ScaledClaim, decide_scaled, require_blocks
+from robust.proofs.exact.scaled_kyp import (
+    LEVEL,
+    STABLE,
+    Block,
+    ScaledClaim,
+    decide_scaled,
+    place_scalings,
+    require_blocks,
+)
 
 
 @value
@@ -39,6 +47,11 @@ class ComplexMatrix:
     def of(cls, M: np.ndarray) -> ComplexMatrix:
         """Return the matrix."""
         return cls(re=np.array(M.real, dtype=float), im=np.array(M.imag, dtype=float))
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The same as complex numbers."""
+        return np.asarray(self.re + 1j * self.im)
 
     @property
     def exact(self) -> ExactMatrix:
@@ -105,6 +118,10 @@ class IntervalProof:
     Q: ComplexMatrix
     scalings: tuple[ComplexMatrix, ...]
     skews: tuple[ComplexMatrix, ...]
+
+    def placed(self, blocks: tuple[Block, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return X_L on the outputs of the system, X_R on its inputs, K from outputs to inputs."""
+        return place_scalings(blocks, *([M.numbers for M in part] for part in (self.scalings, self.skews)))
 
 
 @value
@@ -247,7 +264,7 @@ class ExactLoop:
         P, Q, g, f, y, u = piece.P.exact, piece.Q.exact, self.g, self.f, self.y, self.u
         if not (P.is_hermitian and Q.is_positive and has_structure(piece, self.blocks)):
             return False
-        X_L, X_R, K = placed_scalings(piece, self.blocks, (y.re.nrows(), u.re.nrows()))
+        X_L, X_R, K = (ComplexMatrix.of(M).exact for M in piece.placed(self.blocks))
         across = (f.H * Q * g).times_j().times(fmpq(1, 2))
         along, square = across + across.H, g.H * Q * g  # x g*Q g and g*Q g on the axis
         a = to_rational(low)
@@ -267,27 +284,6 @@ def has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
         X.exact.is_positive and K.exact.times_j().is_hermitian and (kind == "real" or not (K.re.any() or K.im.any()))
         for (_, _, kind), X, K in zip(blocks, piece.scalings, piece.skews, strict=True)
     )
-
-
-def placed_scalings(
-    piece: IntervalProof, blocks: tuple[Block, ...], shape: tuple[int, int]
-) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix]:
-    """Return X_L on the outputs of the system, X_R on its inputs, K from outputs to inputs."""
-    outputs, inputs = shape
-    left, right, skew = (np.zeros((2, *size)) for size in ((outputs, outputs), (inputs, inputs), (inputs, outputs)))
-    r = c = 0
-    for (rows, cols, kind), X, K in zip(blocks, piece.scalings, piece.skews, strict=True):
-        at, into = slice(r, r + rows), slice(c, c + cols)
-        for part, (X_part, K_part) in enumerate(((X.re, K.re), (X.im, K.im))):
-            left[part, at, at] = X_part[0, 0] * np.eye(rows) if kind == "full" else X_part
-            right[part, into, into] = X_part[0, 0] * np.eye(cols) if kind == "full" else X_part
-            if kind == "real":
-                skew[part, into, at] = K_part
-        r, c = r + rows, c + cols
-    X_L, X_R, K_all = (
-        ExactMatrix(re=to_rational_matrix(re), im=to_rational_matrix(im)) for re, im in (left, right, skew)
-    )
-    return X_L, X_R, K_all
 
 
 def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:

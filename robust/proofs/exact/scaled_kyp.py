@@ -114,7 +114,7 @@ def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
         top, side, corner = A.transpose() * P + P * A, P * B, B.transpose() * B * fmpq(0)
     if claim.system.order and not (positive_definite(P) and positive_definite(-top)):
         return refused
-    X_L, X_R, G = map(to_rational_matrix, scaling_matrices(claim))
+    X_L, X_R, G = map(to_rational_matrix, place_scalings(claim.blocks, claim.scalings, claim.skews))
     top += C.transpose() * X_L * C
     side += C.transpose() * (X_L * D - G.transpose())
     across = G * D
@@ -133,12 +133,15 @@ def is_structured(block: tuple[int, int, str], X: np.ndarray, G: np.ndarray) -> 
     return positive_definite(to_rational_matrix(X))
 
 
-def scaling_matrices(claim: ScaledClaim) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def place_scalings(
+    blocks: Sequence[Block], scalings: Sequence[np.ndarray], skews: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return X_L on the outputs of the system, X_R on its inputs, G from outputs to inputs."""
-    outputs, inputs = claim.system.D.shape
-    left, right, skew = np.zeros((outputs, outputs)), np.zeros((inputs, inputs)), np.zeros((inputs, outputs))
+    outputs, inputs = sum(block[0] for block in blocks), sum(block[1] for block in blocks)
+    shapes = (outputs, outputs), (inputs, inputs), (inputs, outputs)
+    left, right, skew = (np.zeros(shape, np.result_type(*scalings)) for shape in shapes)
     r = c = 0
-    for (rows, cols, kind), X, G in zip(claim.blocks, claim.scalings, claim.skews, strict=True):
+    for (rows, cols, kind), X, G in zip(blocks, scalings, skews, strict=True):
         at, into = slice(r, r + rows), slice(c, c + cols)
         left[at, at], right[into, into] = (X[0, 0] * np.eye(rows), X[0, 0] * np.eye(cols)) if kind == "full" else (X, X)
         if kind == "real":

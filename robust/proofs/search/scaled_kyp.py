@@ -6,7 +6,6 @@ nearer to the level. No status of a solver is looked at: `robust.proofs.exact.sc
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 
 import control
@@ -21,9 +20,10 @@ from robust.proofs.exact import claim as exact
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.interval_kyp import verify_level
 from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim, decide_scaled
-from robust.proofs.search.certificate import SCALED_KYP, SOLVERS, Certificate, solve_program
+from robust.proofs.search.certificate import SCALED_KYP, SCS_STEPS, SOLVERS, Certificate, solve_program
 
 MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
+WHOLE = 20  # states up to which SCS takes all its steps; beyond them as many as take about as long
 MIN_SCALING = 1e-7  # least eigenvalue of a scaling of trace one a row, against solvers that leave none
 HOPELESS = -1e-3  # a margin under which no other solver is tried: there is no scaling for all frequencies
 MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # of the output energy asked for of every state
@@ -36,7 +36,6 @@ def certify_scaled(
     level: float,
     *,
     solver: str | None = None,
-    time_cap: float = 10.0,
     subject: str = LEVEL,
 ) -> Certificate | None:
     """Return a certificate of a level with one scaling for all frequencies; None where none was found.
@@ -51,8 +50,6 @@ def certify_scaled(
         Level that is to be proved.
     solver : str, optional
         "CLARABEL" or "SCS" of cvxpy. When not given, a scaling that needs none is tried first, then both.
-    time_cap : float
-        Seconds.
     subject : str
         What to call it.
 
@@ -65,9 +62,8 @@ def certify_scaled(
     stability: proved, rigorous
     structured singular value: proved, rigorous
     """
-    deadline = time.monotonic() + time_cap
     matrices, search = to_matrices(system), ScalingSearch.of(system, tuple(blocks), level)
-    for scaling in search.scalings(solver, deadline):
+    for scaling in search.scalings(solver):
         for P in search.storages(scaling):
             claim = search.claim(matrices, level, scaling, P)
             if all(found.holds for found in decide_scaled(claim).values()):
@@ -81,8 +77,6 @@ def certify_scaled(
                     claim=claim,
                     again=verify_level,
                 )
-        if time.monotonic() > deadline:
-            break
     return None
 
 
@@ -141,7 +135,7 @@ class ScalingSearch:
             skews=tuple(d[k] ** 2 * level * G for k, G in enumerate(scaling.G)),
         )
 
-    def scalings(self, solver: str | None, deadline: float) -> Iterator[Scaling]:
+    def scalings(self, solver: str | None) -> Iterator[Scaling]:
         """Yield scalings to try: what the solver finds; without one the balance itself, then what each finds."""
         sizes = [1 if kind == "full" else rows for rows, _, kind in self.blocks]
         if solver is None:
@@ -149,14 +143,12 @@ class ScalingSearch:
         if self.T.shape[0] > MAX_STATES:
             return
         for one in SOLVERS if solver is None else (solver,):
-            left = deadline - time.monotonic()
-            found = self.solve(one, left) if left > 0 else None
-            if found is not None:
+            if (found := self.solve(one)) is not None:
                 yield found
                 if found.margin < HOPELESS:
                     break
 
-    def solve(self, solver: str, time_cap: float) -> Scaling | None:
+    def solve(self, solver: str) -> Scaling | None:
         """Return the P, X and G with the largest margin that cvxpy finds."""
         import cvxpy as cp
 
@@ -173,7 +165,7 @@ class ScalingSearch:
                 half = cp.Variable((size, size))
                 G[-1] = half - half.T
                 constraints.append(cp.norm_inf(cp.vec(half, order="F")) <= 1e3)
-        X_L, X_R, skew = self.place(X, G, expression=True)
+        X_L, X_R, skew = self.place(X, G)
         constraints.append(cp.trace(X_L) == C.shape[0])
         CD = np.hstack([C, D])
         lower = np.vstack([np.zeros((n, m)), np.eye(m)])
@@ -185,7 +177,7 @@ class ScalingSearch:
         if n:
             constraints.append(P >> 1e-7 * np.eye(n))
         problem = cp.Problem(cp.Maximize(t), constraints)
-        if solve_program(problem, solver, time_cap):
+        if solve_program(problem, solver, steps=round(SCS_STEPS * min(1, (WHOLE / max(n, 1)) ** 3))):
             return None
         values = [np.asarray(V.value if hasattr(V, "value") else V, dtype=float) for V in (*X, *G, P)]
         if any(V.ndim != 2 or not np.isfinite(V).all() for V in values):
@@ -193,7 +185,7 @@ class ScalingSearch:
         found = [(V + V.T) / 2 for V in values[: len(X)]], [(V - V.T) / 2 for V in values[len(X) : -1]]
         return Scaling(X=tuple(found[0]), G=tuple(found[1]), P=(values[-1] + values[-1].T) / 2, margin=float(t.value))
 
-    def place(self, X: Sequence, G: Sequence, *, expression: bool = False) -> tuple:
+    def place(self, X: Sequence, G: Sequence) -> tuple:
         """Return X_L, X_R and G on the channels, of numbers or of expressions of cvxpy."""
         outputs, inputs = map(sum, channel_sizes(self.blocks))
         left, right, skew = 0, 0, np.zeros((inputs, outputs))

@@ -71,8 +71,8 @@ def test_the_stiffness_of_the_plateau_is_the_presliding_stiffness(tmp_path):
     assert str(levels).endswith("(slides)")
 
 
-def judged(tmp_path, axis, **how):
-    ramp = design_ramp(without_friction(axis), MS, **{"n_levels": 10} | how)
+def judged(tmp_path, axis, ms=MS, **how):
+    ramp = design_ramp(without_friction(axis), ms, **{"n_levels": 10} | how)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
     play_experiment(axis, tmp_path / "ramp.csv", tmp_path / "trace.csv")
     return find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
@@ -151,6 +151,22 @@ def test_play_in_front_of_a_load_with_friction_is_seen(tmp_path):
     assert levels.reason.startswith("the stiffness rises with the level, from ")
     assert "backlash" in levels.reason
     assert levels_with_play(tmp_path, play=0.0, motor_Fs=0.0).reason == ""
+
+
+def test_an_axis_that_vibrates_by_itself_is_not_taken_for_play(tmp_path):
+    """On stiff bristles the loop is unstable: the axis vibrates by a micrometre, which makes dry friction viscous."""
+    drive = nlfrf.axis.Drive(fs=1000, kv=35, kp=5222, kp_unit="N/(m/s)", tn=0.0185, lag=0.44e-3)
+    machine = {"motor_inertia": 34.6, "motor_damping": 96.0, "drive": drive, "resolution": 2e-9}
+    ms = nlfrf.multisine(fs=1000, n_samples=1000, f_min=3, f_max=120, rng=1)
+    said = []
+    for stiffness in (4.9e7, 4.9e5):
+        axis = nlfrf.rig.ServoAxis(motor_friction=nlfrf.friction.Dahl(sigma0=stiffness, Fc=86.3), **machine)
+        said.append(judged(tmp_path, axis, ms, rms=110, span=1e2, n_levels=7).reason)
+        (tmp_path / "ramp.csv").unlink()
+    assert said[0].startswith("below ")
+    assert "vibrates by itself" in said[0]
+    assert "vibrates" not in said[1]
+    assert "backlash" not in "".join(said)
 
 
 def test_play_behind_the_friction_of_the_motor_is_not_seen(tmp_path):

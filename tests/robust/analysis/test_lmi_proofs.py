@@ -11,7 +11,10 @@ from scipy.io import loadmat
 import robust
 from robust import UncertaintyModel, check
 from robust.models.sets.forms import FORMS
+from robust.mu.intervals import certify_intervals
+from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.search.certificate import EXACT, SCALED_KYP
+from tests.robust.proofs.exact.test_interval_kyp import opposed
 from tests.support.printed import unwrapped
 
 LAG = control.tf([1], [1, 1])
@@ -110,3 +113,30 @@ def test_a_proof_for_matlab_holds_there(tmp_path):
 def test_refusals(options, message):
     with pytest.raises(ValueError, match=message):
         check(model(), 0.5, **options)
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+def test_every_interval_of_a_proof_for_matlab_holds_there(dt, tmp_path):
+    """The inequality of each interval, from the file alone; mu of opposed integrals needs a scaling for each."""
+    claim = certify_intervals(opposed(dt), [(1, 1, "full"), (1, 1, "full")], 0.8).claim
+    robust.io.export_matlab(ChannelsClaim(claims={"mu": claim}, form="", delay=0.0), tmp_path / "proof.mat")
+    (p,) = np.atleast_1d(loadmat(tmp_path / "proof.mat", simplify_cells=True)["content"]["proofs"])
+    A, B, CD, n, m = p["A"], p["B"], np.hstack([p["C"], p["D"]]), len(p["A"]), p["D"].shape[1]
+    one, pieces = np.eye(n), np.atleast_1d(p["pieces"])
+    g, f = np.hstack([A + one, B]) if dt else np.eye(n, n + m), np.hstack([A - one if dt else A, B])
+    falls = A.T @ p["P"] @ A - p["P"] if dt else A.T @ p["P"] + p["P"] @ A
+    assert np.linalg.eigvalsh(p["P"])[0] > 0 > np.linalg.eigvalsh(falls)[-1]
+    assert len(pieces) == len(claim.pieces) > 1
+    for q in pieces:
+        (a, b), u = q["ends"], np.eye(n + m)[n:]
+        along = 0.5j * f.T @ q["Q"] @ g
+        along, square = along + along.conj().T, g.T @ q["Q"] @ g
+        within = along - a * square if np.isinf(b) else (a + b) * along - f.T @ q["Q"] @ f - a * b * square
+        across = u.T @ np.reshape(q["K"], (m, -1)) @ CD
+        M = f.T @ q["P"] @ g + g.T @ q["P"] @ f + within + CD.T @ q["X_L"] @ CD
+        M = M - across - across.conj().T - p["level"] ** 2 * u.T @ q["X_R"] @ u
+        assert np.linalg.eigvalsh(M)[-1] < 0 < np.linalg.eigvalsh(q["Q"])[0]
+    if shutil.which("octave") is not None:
+        command = ["octave", "-q", "--eval", "disp(load_proof() < 0)"]
+        said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert said.stdout.split() == ["1"], said.stderr

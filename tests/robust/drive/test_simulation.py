@@ -18,6 +18,7 @@ from robust.drive.simulation import (
     reason_against_simulation,
     simulate_rest,
     with_advice,
+    with_load,
 )
 from robust.friction.reading.force import FrictionForce
 from robust.friction.reading.in_motion import SlidingFit
@@ -90,7 +91,7 @@ def test_what_is_not_simulated_has_its_reason():
     assert "break-away force" in reason_against_simulation(replace(force(), Fs=np.full(2, np.nan)), SETTINGS)
     assert "velocity from differences" in reason_against_simulation(force(), replace(SETTINGS, encoder="load"))
     assert "position loop" in reason_against_simulation(force(), replace(SETTINGS, kv=0.0))
-    assert "motor and load" in reason_against_simulation(force(), SETTINGS, masses=2)
+    assert "were not read apart" in reason_against_simulation(force(), SETTINGS, masses=2)
 
 
 def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
@@ -109,6 +110,22 @@ def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
     refused = with_advice(found, force(3.0), SETTINGS, lambda other: False)
     assert DriveFriction(simulated=refused).answers("m")["change"].startswith("none of the changes that were tried ")
     assert with_advice(simulate_rest(force(1.0), SETTINGS), force(1.0), SETTINGS, keeps).advice == ""
+
+
+def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
+    """The friction is shared between both, and each has its numbers from the same draws."""
+    one, omega = force(3.0), 2 * np.pi * 400
+    spring = {"stiffness": one.sliding.mass * omega**2 / 4, "damping": 0.02 * one.sliding.mass * omega}
+    fit = SimpleNamespace(load_mass=0.4, coupling=spring["stiffness"], coupling_damping=spring["damping"])
+    fit.stds, fit.Fs, fit.load_Fs = dict.fromkeys(("mass", "load_mass", "coupling"), 0.01), 3.0, 0.9
+    both = with_load(one, fit)
+    assert both.load.share == pytest.approx(0.3)
+    assert reason_against_simulation(both, SETTINGS, masses=2) == ""
+    found, rigid = simulate_rest(both, SETTINGS), simulate_rest(one, SETTINGS)
+    assert found.count == rigid.count == RUNS
+    assert found.amplitude == pytest.approx(rigid.amplitude, rel=0.01)
+    fit.stds["coupling"] = np.inf
+    assert with_load(one, fit).load is None
 
 
 def test_the_distance_that_was_asked_for_is_answered():

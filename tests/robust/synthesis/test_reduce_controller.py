@@ -22,6 +22,7 @@ from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
 from robust.lti.truncation import balanced_candidates, coprime_factor_candidates, weighted_candidates
 from robust.shaping import crossover_weight
+from tests.support.printed import unwrapped
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W = control.tf([0.05, 0.1], [0.02, 1])
@@ -132,6 +133,23 @@ def test_performance_that_was_proved_is_proved_again(dt):
     assert found.K.dt == K.dt
 
 
+def assert_words_of_a_plant(report):
+    text = unwrapped(report)
+    assert "no set of plants was given" in text
+    assert "with the plant that was given, at all frequencies." in report.proved
+    assert not any(
+        word in text
+        for word in (
+            "of the set",
+            "whole set",
+            "over the set",
+            "uncertainty may grow",
+            "weight of order",
+            "perturbation",
+        )
+    )
+
+
 @pytest.mark.parametrize("dt", [0, 0.01])
 def test_the_plant_alone_that_mixsyn_took(dt):
     """SP 2.17 with a demand that is met with room: of four states three keep stability and |w_P S| < 1, proved."""
@@ -141,6 +159,8 @@ def test_the_plant_alone_that_mixsyn_took(dt):
     found = reduce_controller(K, G, w_P)
     assert (found.order, found.kept, K.nstates) == (3, True, 4)
     assert found.report.proofs.robust_performance
+    assert_words_of_a_plant(found.report)
+    assert_words_of_a_plant(found.before)
     with pytest.raises(ValueError, match="K must be one of which something is proved"):
         reduce_controller(-K, G, w_P)
 
@@ -152,6 +172,7 @@ def test_a_plant_of_several_channels_alone():
     assert found.kept
     assert found.order < 4
     assert found.report.proofs.robust_performance
+    assert_words_of_a_plant(found.report)
 
 
 def test_without_performance_the_loop_stays_where_it_was():
@@ -185,7 +206,7 @@ def test_a_statistical_set_and_a_sampled_controller():
         ),
         (lambda: reduce_controller(control.tf([1], [1, 1]), model(), order=1), "order must be below the 1 states of K"),
         (lambda: reduce_controller("K", model()), "K must be"),
-        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), time_cap=0), "time_cap must be positive"),
+        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), max_candidates=0), "max_candidates must be"),
     ],
 )
 def test_refusals(call, message):

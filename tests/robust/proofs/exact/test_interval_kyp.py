@@ -55,7 +55,7 @@ def test_below_mu_nothing_is_proved_and_the_frequency_is_named():
 
 
 def test_what_is_left_is_named_with_its_interval():
-    left = certify_intervals(opposed(), BLOCKS, 1.0001 * PEAK, time_cap=1e-9)
+    left = certify_intervals(opposed(), BLOCKS, 1.0001 * PEAK, most=1)
     assert not left.holds
     assert "undecided from 0 Hz to" in left.reason
 
@@ -117,12 +117,12 @@ def test_random_loops_are_proved_above_the_bound_and_not_below_mu(blocks, dt):
     response = response_by_channel(N, structure_grid(N))
     upper = robust.mu.upper(response, blocks).value.max()
     lower = robust.mu.lower(response[:, :, ::10], blocks).value.max()
-    found = certify_intervals(N, blocks, 1.5 * upper, time_cap=20.0)
+    found = certify_intervals(N, blocks, 1.5 * upper)
     assert found.verify().verified, found.reason
     assert any(K.im.any() or K.re.any() for piece in found.claim.pieces for K in piece.skews) == any(
         kind == "real" for _, _, kind in blocks
     )
-    assert not certify_intervals(N, blocks, 0.999 * lower, time_cap=20.0).holds
+    assert not certify_intervals(N, blocks, 0.999 * lower).holds
 
 
 def test_a_file_gives_every_number_back_and_is_verified(proof, tmp_path):
