@@ -46,6 +46,7 @@ COMMANDS = (
     "sound_records --records 15",
     "bench_screening --records 200",
     "attack_design_frf --designs 60",
+    "attack_best_gain --plants 30",
     "tuning",
     "attack_tune --designs 60",
     "level_of_loop --seeds 2",

@@ -22,6 +22,7 @@ from robust.synthesis.fixed.structures import Basis
 WORKING_LINES = 80
 TOLERANCE = 1e-6
 STEP_GAIN = 1e-4
+HALVINGS = 8  # of the way to where the demands are met
 MAX_GAIN_RATIO = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
 
 
@@ -295,4 +296,21 @@ def line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.
                 break
         if best is not old:
             break
+    if task.hard(old) > 1 + TOLERANCE >= task.hard(best):
+        best = nearest_met(task, old, best)
     return best, obstacle
+
+
+def nearest_met(task: DesignTask, old: np.ndarray, met: np.ndarray) -> np.ndarray:
+    """Return where the demands are first met on the way: a step that looks at nothing else gives the goal away."""
+    low, high, best = 0.0, 1.0, met
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        trial = old + middle * (met - old)
+        if task.hard(trial) <= 1 + TOLERANCE:
+            high = middle
+            if task.merit(trial) < task.merit(best) and not task.stability_change(old, trial):
+                best = trial
+        else:
+            low = middle
+    return best

@@ -71,6 +71,22 @@ class Demand:
             ratio = np.hypot(self.a * np.abs(Y) + self.b * size, self.c * size) / np.abs(self.y * Y + self.x * X)
         return np.where(np.isnan(ratio), np.inf, ratio)
 
+    def measure_between(self, Y: np.ndarray, X: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """Return (...,) largest `measure` with the right side followed straight from line to line.
+
+        A loop that passes near -1 between two lines is small on the chord; omega (W,) tells where a plant ends.
+        """
+        Y, X = Y[..., self.index], X[..., self.index]
+        with np.errstate(all="ignore"):
+            K = np.abs(X / Y)
+            left, right = np.hypot(self.a + self.b * K, self.c * K), self.y + self.x * X / Y
+            start, way = right[..., :-1], np.diff(right, axis=-1)
+            share = np.clip(np.nan_to_num(-(start * way.conj()).real / np.abs(way) ** 2), 0.0, 1.0)
+            ratio = (left[..., :-1] + share * np.diff(left, axis=-1)) / np.abs(start + share * way)
+            ratio = np.where(np.diff(omega[self.index]) > 0, ratio, 0.0)
+        ratio = np.concatenate([ratio, (left / np.abs(right))[..., -1:]], axis=-1)
+        return np.asarray(np.where(np.isnan(ratio), np.inf, ratio).max(axis=-1))
+
 
 def limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:
     """Return (W,) a limit given as a number, or as the magnitude of a system."""

@@ -95,7 +95,8 @@ def design_frf(
         Keep Kp, Ki and Kd of a PID (or a part of one) positive: no PLC takes a negative time Ti = Kp/Ki or Td = Kd/Kp.
         A filter time that is not given is then the best of six.
     start : control system, optional
-        A stabilising controller of the structure to begin from; searched for when not given.
+        A stabilising controller of the structure to begin from; when not given it is searched for over the band, in
+        gain and roots, by differential evolution.
     n_starts : int
         How many of the controllers found to begin with are followed; more take longer and may end in a better optimum.
     n_unstable : int

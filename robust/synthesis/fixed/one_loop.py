@@ -235,7 +235,8 @@ def iterate_on_loop_lines(
         tried.append(task.basis.controller(theta))
         finer = closer(tried)
         found.append((finer.merit(theta), theta, why))
-        if not n_iterations or not is_lower(task.merit(theta), finer.merit(theta), LOOKED):
+        missed = task.hard(theta) <= 1 + LIMIT_TOLERANCE < finer.hard(theta)
+        if not n_iterations or not (missed or is_lower(task.merit(theta), finer.merit(theta), LOOKED)):
             break
         task, begin = finer, [theta] if finer.hard(theta) < NEARLY else starts
     _, theta, why = min(found, key=lambda one: one[0])

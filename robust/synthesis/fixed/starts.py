@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
@@ -17,16 +18,20 @@ from robust.lti.realisation import state_space
 from robust.lti.stability import count_half_turns, extend_below, integrator_poles, unstable_poles, winding_number
 from robust.synthesis.fixed.demands import Demand
 from robust.synthesis.fixed.plants import PlantOnLines
+from robust.synthesis.fixed.population import evolve, genes_of_roots, parameters
 from robust.synthesis.fixed.structures import Basis
 
 CROSSOVERS, LEADS, RESETS, GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
 INTEGRATOR_LEAKS = (1e-4, 1e-2)
-MAX_LINES = 60
+MAX_LINES = 100
+PER_CROSSOVER = 3  # simple controllers of each crossover that the search begins from
+BEYOND = 1.0  # logarithm of the factor that the search may leave the simple controllers by
+DISTINCT = 0.5  # logarithm of the factor that some coefficient of two starts differs by
 PULLED_IN = 1e-6  # of the lowest line: far above rounding, far below any damping that a line shows
 
 
-def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray]:
-    """Return (N, n) parameters and (N,) crossovers of PI-like, lead and mixed shapes with |L| = 1 all over the band."""
+def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (N, n) sizes of zeros and poles and (N,) crossovers of PI-like, lead and mixed shapes over the band."""
     shape = basis.structure
     sizes = np.abs(basis.plane(at.omega[at.known & (at.omega <= at.highest)]))
     n_pi = min(shape.n_zeros, shape.n_integrators)
@@ -44,12 +49,10 @@ def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.n
             z = [reset * c] * slow + [c / np.sqrt(lead)] * (spare > 0) + [c] * (spare - 1)
             p = [leak * c] * (leak > 0) + [c * np.sqrt(lead)] * (spare > 0) + [c] * (spare - 1)
             zeros.append(z)
-            poles.append((p + [10 * c] * shape.n_poles)[: shape.n_poles])
+            poles.append((p + [10 * c] * shape.n_poles)[: shape.n_poles if shape.free else 0])
             centres.append(c)
     at_zeros, at_poles = (np.array(roots).reshape(len(centres), -1) for roots in (zeros, poles))
-    at_poles = np.clip(at_poles, min(1.1 * basis.slowest, most), most)
-    y = basis.coefficients(-at_poles) if shape.free else np.ones((len(centres), 1))
-    return np.hstack([y, basis.coefficients(-at_zeros)]), np.array(centres)
+    return at_zeros, np.clip(at_poles, min(1.1 * basis.slowest, most), most), np.array(centres)
 
 
 def project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.ndarray:
@@ -113,71 +116,101 @@ def find_start(
     wanted: int,
 ) -> list[np.ndarray]:
     """Parameters of stabilising simple controllers, those that come nearest to the demands first; may be empty."""
-    theta, centres = simple_controllers(basis, at)
+    zeros, poles, centres = simple_controllers(basis, at)
     thin = np.zeros(at.omega.size, dtype=bool)
     thin[np.unique(np.linspace(0, at.omega.size - 1, MAX_LINES).astype(int))] = True
     for row in rows:
         if row.index.size < MAX_LINES:
             thin[row.index] = True
-    s = basis.plane(at.omega[thin])
-    Y = theta[:, : basis.n_y] @ (basis.Y(s) * basis.integrals(s)[:, None]).T
-    X = theta[:, basis.n_y :] @ (basis.X(s) * response(basis.fixed, at.omega[thin])[:, None]).T
+    omega = at.omega[thin]
+    s = basis.plane(omega)
+    Y_columns = (basis.Y(s) * basis.integrals(s)[:, None]).T
+    X_columns = (basis.X(s) * response(basis.fixed, omega)[:, None]).T
+    thin_rows = [row.on(thin) for row in rows]
+    thin_aim = None if aim is None else aim.on(thin)
+    Y0, X0 = basis.zero_frequency()
+    gain_rows = basis.gain_rows().T if positive else np.zeros((0, 0))
+
+    def merit(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (N,) worst demand and (N,) goal on a few lines."""
+        Y, X = theta[:, : basis.n_y] @ Y_columns, theta[:, basis.n_y :] @ X_columns
+        hard = np.max([np.ones(len(theta)), *(row.measure_between(Y, X, omega) for row in thin_rows)], axis=0)
+        if positive:
+            hard[np.any(theta @ gain_rows < 0, axis=1)] = np.inf
+        if thin_aim is not None:
+            return hard, thin_aim.measure_between(Y, X, omega)
+        return hard, -np.abs((theta @ X0) / (np.abs(theta @ Y0) + 1e-9 * np.abs(theta * Y0).sum(axis=1)))
+
     # the gain that puts |L| = 1 at the line next to the crossover, of either sign, and less of it
     k = np.argmin(np.abs(np.log(np.abs(s) / centres[:, None])), axis=1)
     each = np.arange(centres.size)
+    theta = parameters(basis, genes_of_roots(zeros, poles, np.ones(centres.size)), np.ones(centres.size))
+    Y, X = theta[:, : basis.n_y] @ Y_columns, theta[:, basis.n_y :] @ X_columns
     with np.errstate(divide="ignore"):
         unit = np.abs(Y[each, k] / (at.G[thin][k] * X[each, k]))
     gains = np.concatenate([sign * part * unit for sign in (1, -1) for part in GAINS])
     fine = np.isfinite(gains) & (gains != 0)
     which, gains = np.tile(each, 2 * len(GAINS))[fine], gains[fine]
-    theta, centres = theta[which], centres[which]
-    theta[:, basis.n_y :] *= gains[:, None]
-    Y, X = Y[which], X[which] * gains[:, None]
-    if positive:
-        good = np.all(theta @ basis.gain_rows().T >= 0, axis=1)
-        theta, centres, Y, X = theta[good], centres[good], Y[good], X[good]
-    hard = np.max([np.ones(len(theta)), *(row.on(thin).measure(Y, X).max(axis=-1) for row in rows)], axis=0)
-    if aim is not None:
-        best = aim.on(thin).measure(Y, X).max(axis=-1)
-    else:
-        Y0, X0 = basis.zero_frequency()
-        best = -np.abs((theta @ X0) / (np.abs(theta @ Y0) + 1e-9 * np.abs(theta * Y0).sum(axis=1)))
-    found: list[np.ndarray] = []
-    used: list[float] = []
+    genes, signs, centres = genes_of_roots(zeros[which], poles[which], gains), np.sign(gains), centres[which]
+    theta = parameters(basis, genes, signs)
+    hard, best = merit(theta)
     order = np.lexsort((best, hard))
+    order = order[np.isfinite(hard[order])]
+
+    allowed = winding_test(basis, family, n_unstable)
+    niches: dict[float, list[int]] = {}
     for batch in np.array_split(order, max(1, order.size // 200)) if order.size else []:
-        for k in batch[winding_is_right(basis, theta[batch], family=family, n_unstable=n_unstable)]:
-            if any(abs(np.log(centres[k] / c)) < 0.5 for c in used):
-                continue
-            K = basis.controller(theta[k])
-            may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
-            if may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE:
-                found.append(theta[k])
-                used.append(centres[k])
+        for k in batch[allowed(theta[batch])]:
+            niches.setdefault(float(centres[k]), []).append(int(k))
+    chosen = [k for own in niches.values() for k in own[:PER_CROSSOVER]]
+    if not chosen:
+        return []
+    box = genes.min(axis=0) - BEYOND, genes.max(axis=0) + BEYOND
+    evolved, own_genes = evolve(basis, genes[chosen], signs[chosen], box=box, merit=merit, allowed=allowed)
+    simple = sorted((k for own in niches.values() for k in own), key=lambda k: (hard[k], best[k]))
+    found: list[np.ndarray] = []
+    used: list[np.ndarray] = []
+    # the simple ones where none of the others is known to be stable: the winding number was guessed
+    for one, own in zip(np.vstack([evolved, theta[simple]]), np.vstack([own_genes, genes[simple]]), strict=True):
+        if any(np.abs(own - other).max() < DISTINCT for other in used):
+            continue
+        K = basis.controller(one)
+        may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
+        if may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE:
+            found.append(one)
+            used.append(own)
         if len(found) >= wanted:
             break
     return found
 
 
-def winding_is_right(basis: Basis, theta: np.ndarray, *, family: list[PlantOnLines], n_unstable: int) -> np.ndarray:
-    """Return (N,) bool: whether 1 + L winds as it has to for each of many stable controllers, on the lines."""
-    out = np.ones(theta.shape[0], dtype=bool)
+def winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what tells of (N, n) stable controllers whether 1 + L winds as it has to, on the lines of every plant."""
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
+    plants = []
     for at in family:
         omega, G = at.omega[at.known], at.G[at.known]
         if at.loop is None:
             omega, G = extend_below(omega, G, n=at.n_integrators)
+            wanted = n_unstable
         else:
             G = response(barely_damped(at.loop.G, PULLED_IN * omega.min()), omega)
+            wanted = unstable_poles(at.loop.G, at.loop.dt)
         Y, X = basis.columns(omega)
-        with np.errstate(all="ignore"):
-            F = 1 + G * (theta @ X.T) / (theta @ Y.T)
-            turns, clear = count_half_turns(F, n_K + at.n_integrators)
-        if at.loop is None:
-            out &= clear & (np.round(turns) == n_unstable)
-        else:  # a guess: the poles decide
-            out &= np.round(turns) == unstable_poles(at.loop.G, at.loop.dt)
-    return out
+        plants.append((Y.T, G[:, None] * X, at, wanted))
+
+    def is_right(theta: np.ndarray) -> np.ndarray:
+        out = np.ones(len(theta), dtype=bool)
+        for Y, GX, at, wanted in plants:
+            with np.errstate(all="ignore"):
+                F = 1 + (theta @ GX.T) / (theta @ Y)
+                turns, clear = count_half_turns(F, n_K + at.n_integrators)
+            out &= np.round(turns) == wanted
+            if at.loop is None:  # else a guess: the poles decide
+                out &= clear
+        return out
+
+    return is_right
 
 
 def barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:

@@ -1,0 +1,134 @@
+"""The few parameters of a structure searched everywhere: differential evolution from simple controllers.
+
+A convex step leads to the nearest optimum, and what lies between two of them (a resonance, a demand that is missed in
+the middle) is never passed. The search moves roots and gain in logarithms, so that a controller of it is stable, and
+compares as the design does: demands first, then the goal; what winds wrongly is no candidate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from robust.synthesis.fixed.structures import Basis
+
+LEAST_DAMPING = 0.05  # of a pair of roots: below it the lines between which it hides decide
+BEST_SHARE = 0.2  # of the population that the others are drawn to
+STEPS = (0.3, 0.9)  # how far, and how much of a difference of two others is added
+PATIENT, DARING, SETTLING = 20, 35, 5  # generations with the demands first; with a price on them; and first again
+PRICES = (3.0, 100.0)  # factors of the goal that one of the worst demand is worth, to begin with and in the end
+MET_FIRST = 1e4  # far above the logarithm of any goal
+
+#: (N, n) parameters to what is compared first, the worst demand, and last, the goal; both (N,).
+Merit = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def genes_of_roots(zeros: np.ndarray, poles: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """Return (N, m) logarithms of the coefficients of x and y, two roots at a time, and of the gain."""
+    parts = []
+    for sizes in (zeros, poles):
+        for k in range(0, sizes.shape[1] - 1, 2):
+            parts += [sizes[:, k] + sizes[:, k + 1], sizes[:, k] * sizes[:, k + 1]]
+        if sizes.shape[1] % 2:
+            parts.append(sizes[:, -1])
+    return np.log(np.array([*parts, np.abs(gains)])).T
+
+
+def roots_of_genes(genes: np.ndarray, degree: int, real: bool) -> np.ndarray:
+    """Return (N, degree) roots of one polynomial, and its genes are the first of those given."""
+    roots = []
+    for k in range(0, degree - 1, 2):
+        middle, size = np.exp(genes[:, k]) / 2, np.exp(genes[:, k + 1] / 2)
+        middle = np.maximum(middle, size if real else LEAST_DAMPING * size)
+        spread = np.sqrt((middle**2 - size**2).astype(complex))
+        roots += [-(size**2) / (middle + spread), -middle - spread]  # the slow one without a difference
+    if degree % 2:
+        roots.append(-np.exp(genes[:, degree - 1]) + 0j)
+    return np.array(roots).reshape(degree, len(genes)).T
+
+
+def parameters(basis: Basis, genes: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """Return (N, n) theta of the genes; poles are kept where the structure has them."""
+    shape = basis.structure
+    n_poles = shape.n_poles if shape.free else 0
+    zeros = roots_of_genes(genes, shape.n_zeros, shape.real)
+    y = np.ones((len(genes), 1))
+    if n_poles:
+        poles = roots_of_genes(genes[:, shape.n_zeros :], n_poles, shape.real)
+        size, most = np.abs(poles), 0.5 * basis.fastest
+        y = basis.coefficients(poles / size * np.clip(size, min(1.1 * basis.slowest, most), most))
+    return np.hstack([y, (signs * np.exp(genes[:, -1]))[:, None] * basis.coefficients(zeros)])
+
+
+def evolve(
+    basis: Basis,
+    genes: np.ndarray,
+    signs: np.ndarray,
+    *,
+    box: tuple[np.ndarray, np.ndarray],
+    merit: Merit,
+    allowed: Callable[[np.ndarray], np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (2 N, n) parameters, the best ones first, and their genes, of N controllers that are all allowed.
+
+    box: smallest and largest genes (m,), of controllers that cross over within the band: the goal may have no end.
+
+    Twice: once with the demands before the goal, which stays where they are met to begin with; and once with a price on
+    what they are missed by that rises until nothing is worth it, which goes through where they are not.
+    """
+    rng = np.random.default_rng(0)
+    patient, daring = [np.inf] * PATIENT, [*np.geomspace(*PRICES, DARING), *[np.inf] * SETTLING]
+    genes = np.vstack(
+        [
+            generations(basis, genes, signs, prices=prices, box=box, merit=merit, allowed=allowed, rng=rng)
+            for prices in (patient, daring)
+        ]
+    )
+    signs = np.concatenate([signs, signs])
+    theta = parameters(basis, genes, signs)
+    hard, goal = merit(theta)
+    order = np.lexsort((goal, hard))
+    return theta[order], genes[order]
+
+
+def generations(
+    basis: Basis,
+    genes: np.ndarray,
+    signs: np.ndarray,
+    *,
+    prices: list[float],
+    box: tuple[np.ndarray, np.ndarray],
+    merit: Merit,
+    allowed: Callable[[np.ndarray], np.ndarray],
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return (N, m) genes after a generation for each price on what demands are missed by.
+
+    References
+    ----------
+    Zhang & Sanderson, *JADE: adaptive differential evolution with optional external archive*, IEEE Trans. Evol. Comput.
+    13 (2009): each is drawn to one of the best and takes the difference of two others.
+    """
+    genes, n = genes.copy(), len(genes)
+    hard, goal = merit(parameters(basis, genes, signs))
+    for price in prices:
+        cost = costs(hard, goal, price)
+        best = genes[np.argsort(cost)[rng.integers(max(2, int(BEST_SHARE * n)), size=n) % n]]
+        one, other = genes[rng.integers(n, size=n)], genes[rng.integers(n, size=n)]
+        trial = np.clip(genes + rng.uniform(*STEPS, size=(n, 1)) * (best - genes + one - other), *box)
+        theta = parameters(basis, trial, signs)
+        new_hard, new_goal = merit(theta)
+        better = np.flatnonzero(costs(new_hard, new_goal, price) < cost)
+        if better.size:
+            better = better[allowed(theta[better])]
+            genes[better], hard[better], goal[better] = trial[better], new_hard[better], new_goal[better]
+    return genes
+
+
+def costs(hard: np.ndarray, goal: np.ndarray, price: float) -> np.ndarray:
+    """Return (N,) logarithm of the goal with that of the worst demand at a price; demands first at an infinite one."""
+    missed = np.log(np.maximum(hard, 1.0))
+    size = np.log(np.maximum(np.abs(goal), 1e-300))
+    goal = np.where(goal < 0, -size, size)
+    return goal + price * missed if np.isfinite(price) else np.where(missed > 0, missed, goal - MET_FIRST)
