@@ -10,7 +10,7 @@ RELEASE := $(VENV)/.ready-release
 # Python keeps what it compiled, whatever the machine is told: the tests start many processes.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test attack lint kernels pages docs picture bench release-check clean help
+.PHONY: demo test attack lint compiled pages docs picture bench release-check clean help
 
 help:
 	@echo "make demo           the main job on the built-in rig: files and pictures in demo/"
@@ -49,13 +49,15 @@ lint: $(TESTS)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# What the rigs compile for, on the core that the checkers leave free.
-kernels: $(TESTS)
+# What every process of the tests would compile, the kernels of the rigs and the tests themselves, on the core that the
+# checkers leave free.
+compiled: $(TESTS)
 	@$(BIN)/python -m tests.support.compiled
+	@$(BIN)/python -m pytest --collect-only -qq > /dev/null
 
 # Two processes on two cores: threads of the linear algebra would only wait for one another.
 test: $(TESTS)
-	@$(MAKE) --no-print-directory -j 2 lint kernels
+	@$(MAKE) --no-print-directory -j 2 lint compiled
 	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 # The cases that `make test` leaves out, with the same tests: before a release.

@@ -14,10 +14,11 @@ import control
 import numpy as np
 
 from benchmarks.timing import best, in_turn
-from robust import UncertaintyModel, check, fit_weight, performance_weight
+from robust import UncertaintyModel, check, fit_nominal, fit_weight, performance_weight
 from tests.robust.models.fit.test_weights import LINES, OMEGA, SHAPES
 from tests.support.precise_loops import wrongly_stable
 from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, roots, tf_response, zpk
+from tests.support.random_rational import random_rational
 
 
 def weights():
@@ -33,6 +34,24 @@ def weights():
             five, eight = (fit_weight(omega, radius, order=n).mean_excess_db for n in (5, 8))
             row.append(f"{seconds:6.3f} s  {five:7.3f} {eight:7.3f} dB")
         print(f"  {name:16s} {'   '.join(row)}")
+
+
+def nominal_fits(n_plants=100):
+    """Share of the random plants whose fit costs at most 5 % more than one started from the truth, and seconds."""
+    good, seconds = Counter(), []
+    for seed in range(n_plants):
+        plant = random_rational(seed)
+        for delay in ("estimate", plant.delay):
+            begin = time.process_time()
+            fit = fit_nominal(plant.frd, n_poles=plant.poles.size, n_zeros=plant.zeros.size, delay=delay, std=plant.std)
+            seconds.append(time.process_time() - begin)
+            free = delay == "estimate"
+            good[free] += fit.cost < 1.05 * plant.cost_from_truth(free)
+    print(
+        f"fit_nominal of {n_plants} random plants of 1 to 6 poles: as good as from the truth with the delay estimated "
+        f"in {good[True]}, with the delay given in {good[False]}; {np.median(seconds):.3f} s in the middle, "
+        f"{np.mean(seconds):.3f} s in the mean"
+    )
 
 
 def loop_of(rng, n):
@@ -109,6 +128,7 @@ def main():
     """Everything."""
     print(f"python-control {control.__version__}, numpy {np.__version__}")
     weights()
+    nominal_fits()
     seconds_of_checks()
     attack(int(sys.argv[1]) if len(sys.argv) > 1 else 2000)
 

@@ -5,7 +5,7 @@ import pytest
 from benchmarks.fuzz_commands import attack
 
 
-@pytest.mark.parametrize("n", [25, pytest.param(90, marks=pytest.mark.attack)])
+@pytest.mark.parametrize("n", [12, pytest.param(90, marks=pytest.mark.attack)])
 def test_any_file_in_the_place_of_any_other_is_answered_or_refused_in_one_line(n):
     faults = {job: fault for job, fault in attack(n_jobs=n, seed=1) if fault}
     assert not faults

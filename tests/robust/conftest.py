@@ -2,12 +2,12 @@
 
 import pytest
 
-from tests.support.friction_fits import CALLERS, identify_once
-
 
 @pytest.fixture(scope="module")
 def friction_read_once():
     """Let checks and commands take the friction of records that were read before."""
+    from tests.support.friction_fits import CALLERS, identify_once
+
     with pytest.MonkeyPatch.context() as patch:
         for caller in CALLERS:
             patch.setattr(f"{caller}.identify_friction", identify_once)

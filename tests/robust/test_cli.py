@@ -45,7 +45,7 @@ def robust_command(monkeypatch, capsys, tmp_path):
 
 def test_the_whole_way(robust_command, tmp_path):
     steps = [
-        ("orders bla.npz --relative-degree 2 --most 4 --picture orders.png", "(lowest)"),
+        ("orders bla.npz --relative-degree 2 --most 4 --picture orders.png", "(taken)"),
         ("model bla.npz --poles 2 --zeros 0 --order 3 -o m.json --picture m.png", "multiplicative uncertainty"),
         ("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.001 -o K.json", "controller of order"),
         ("check m.json K.json --delay 0.001 --bandwidth 1 -o r.txt --picture c.pdf", "STATISTICALLY ROBUST"),

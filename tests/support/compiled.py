@@ -17,6 +17,7 @@ def compile_kernels():
         nlfrf.simulate(rig, ms, n_periods=2)
         run(rig, np.zeros(20), control.ss([], [], [], [[1.0]], 1e-3))
     nlfrf.simulate(two_axis_stage(), several, n_periods=2, n_discard=1, oversampling=4)
+    run(two_axis_stage("none"), np.zeros((2, 20)), control.ss([], [], [], np.eye(2), 1e-3))
     run(nlfrf.servo_axis("linear motor"), np.zeros(20))
     element_forces(VaryingSliders(stiffness=[1.0], strength=[2.0]), np.zeros(20), np.zeros(20), fs=1000.0)
 

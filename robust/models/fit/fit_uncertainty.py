@@ -31,6 +31,9 @@ class FitUncertainty:
         Standard deviation of the gain in front of zeros and poles, relative to it.
     std_delay : float
         Standard deviation of the delay [s]; nan where it was not estimated.
+    separation : (n,) ndarray
+        Distance of each pole to the nearest zero over the standard deviation of that distance: about one where nothing
+        but scatter keeps them from cancelling. Infinite where no zero is nearer than half its size.
 
     References
     ----------
@@ -54,6 +57,7 @@ class FitUncertainty:
     cov_zeros: np.ndarray
     std_gain: float
     std_delay: float
+    separation: np.ndarray
 
     @property
     def std_poles(self) -> np.ndarray:
@@ -106,7 +110,7 @@ def estimate_uncertainty(
     J = stack_real_imaginary(np.column_stack(columns) * (model / std)[:, None])
     size = np.maximum(np.linalg.norm(J, axis=0), 1 / HUGE)  # the slope by a root far away is as good as none
     _, sv, right = np.linalg.svd(J / size, full_matrices=False)
-    sv = np.maximum(sv, 1e-14 * sv[0])  # what the data do not tell at all has a huge standard deviation
+    sv = np.maximum(sv, max(1e-14 * sv[0], 1 / HUGE))  # what the data do not tell at all has a huge standard deviation
     half = np.clip(right.T / sv / size[:, None], -HUGE, HUGE)
     cov = c / 2 * half @ half.T
     n_z = zeros.size
@@ -117,7 +121,36 @@ def estimate_uncertainty(
         cov_zeros=root_covariances(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
         std_gain=float(np.sqrt(cov[0, 0])),
         std_delay=float(np.sqrt(cov[-1, -1])) if free_delay else float("nan"),
+        separation=separations(zeros, poles, cov[1 : 1 + n_z + poles.size, 1 : 1 + n_z + poles.size]),
     )
+
+
+def separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.ndarray:
+    """Return (n,) the distance of each pole to its nearest zero over the standard deviation of that distance.
+
+    cov : of the real and imaginary parts of zeros, then poles, conjugates once (as `root_derivatives` orders them).
+    """
+    if not zeros.size:
+        return np.full(poles.size, np.inf)
+    at, parts = 0, []
+    for roots in (zeros, poles):
+        rows, k = np.zeros((roots.size, 2, cov.shape[0])), at
+        for i, root in enumerate(roots):
+            if root.imag < 0 and i:  # the conjugate of the one before
+                rows[i] = np.array([[1], [-1]]) * rows[i - 1]
+                continue
+            rows[i, 0, k] = 1.0
+            if root.imag:
+                rows[i, 1, k + 1] = 1.0
+            k += 2 if root.imag else 1
+        at = k
+        parts.append(rows)
+    near = np.argmin(np.abs(poles[:, None] - zeros), axis=1)
+    difference = parts[1] - parts[0][near]
+    variance = np.einsum("nij,jk,nik->n", difference, cov, difference)
+    distance = np.abs(poles - zeros[near])
+    over_std = distance / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
+    return np.where(distance < np.abs(poles) / 2, over_std, np.inf)
 
 
 def root_derivatives(s: np.ndarray, roots: np.ndarray) -> list[np.ndarray]:

@@ -22,7 +22,7 @@ from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
-from robust.lti.realisation import from_roots, order_roots
+from robust.lti.realisation import from_roots
 from robust.lti.sampling import delay_samples, discretize, hold_correction
 from robust.models.fit.fit_uncertainty import (
     FitUncertainty,
@@ -33,15 +33,10 @@ from robust.models.fit.fit_uncertainty import (
 )
 from robust.models.fit.rational import (
     Roots,
-    fit_numerator,
-    known_factor,
     map_to_model_plane,
     s_plane_points,
-    starting_poles,
-    vector_fit,
-    zpk_response,
 )
-from robust.models.fit.refinement import refine
+from robust.models.fit.search import FitSearch, FrfData
 from robust.models.fit.shared_poles import (
     FitOptions,
     SharedPoles,
@@ -450,17 +445,6 @@ class NominalFit:
         )
 
 
-@value
-class FrfData:
-    """Measured lines of one or several records, one after the other: omega, G, variance, dof (F,); their hold."""
-
-    omega: np.ndarray
-    G: np.ndarray
-    var: np.ndarray
-    dof: np.ndarray
-    hold: str = "unknown"
-
-
 def frd(bla: Bla) -> control.FrequencyResponseData:
     """Return the best linear approximation as a python-control FRF, to plot, multiply and compare with models.
 
@@ -508,8 +492,10 @@ def fit_nominal(
 ) -> NominalFit:
     """Fit a transfer function to a measured FRF: the model a controller is designed on.
 
-    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k. Vector fitting from two sets of starting poles, then
-    Levenberg-Marquardt over second-order sections in scaled frequency, where every section keeps its digits.
+    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k. Starts are vector fitting with that numerator
+    from two sets of poles and poles on the peaks, each behind the best delays of a scan; where scatter does not explain
+    what they leave, also the fit of two poles and zeros less with a pair where its residual asks for one. Each is
+    refined by Levenberg-Marquardt over second-order sections in scaled frequency, where every section keeps its digits.
 
     Parameters
     ----------
@@ -570,26 +556,34 @@ def fit_nominal(
             stable=stable,
             rank=rank,
         )
+    search = start_search(bla, std, dt=dt, stable=stable, delay=delay)
+    return nominal_of_roots(search, bla, search.best(checked_orders(search, n_poles, n_zeros)))
+
+
+def start_search(
+    bla: Measurement, std: np.ndarray | None, *, dt: float, stable: bool, delay: float | str | np.ndarray
+) -> FitSearch:
+    """Return the search for fits of one input and one output, of any order."""
     lines = measured_lines(bla, std, dt)
-    orders, n_parameters = checked_orders(lines, n_poles, n_zeros=n_zeros, dt=dt, delay=delay)
-    if isinstance(delay, str):
-        found = estimate_delay(lines, orders, dt=dt, stable=stable)
-    else:
-        delay = require_nonnegative("delay", delay)
-        found = best_fit(
-            lines, orders, dt=dt, stable=stable, delay=delay_samples("delay", delay, dt) * dt if dt else delay
-        )
-    zeros, poles, gain, tau, _ = found
-    excess = orders[0] - orders[1]
-    model = zpk_response(lines.omega, zeros, poles=poles, gain=gain, delay=tau, dt=dt, excess=excess)
+    if isinstance(delay, str) and delay != "estimate":
+        raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
+    known = None if isinstance(delay, str) else require_nonnegative("delay", delay)
+    if known is not None and dt:
+        known = delay_samples("delay", known, dt) * dt
+    return FitSearch(lines=lines, dt=dt, stable=stable, delay=known)
+
+
+def nominal_of_roots(search: FitSearch, bla: Measurement, roots: Roots) -> NominalFit:
+    """Return a fit that a search found, with what is known of it, and warn of it."""
+    lines, dt, n_parameters = search.lines, search.dt, search.n_parameters(roots)
+    zeros, poles, gain, tau, cost = roots
+    model = search.response(roots)
     residual = lines.G - model
-    cost = float(np.sum(np.abs(residual) ** 2 / lines.var))
     left = max(lines.omega.size - n_parameters / 2, 0.5)
     expected = float(np.sum(expected_ratio(lines.dof)) * (left / lines.omega.size))
-    free = isinstance(delay, str) and not dt
     scale = np.fmax(cost, expected) / left
     s = s_plane_points(lines.omega, dt)
-    G = from_roots(*map_to_model_plane(zeros, poles, gain, dt, excess), dt)
+    G = from_roots(*map_to_model_plane(zeros, poles, gain, dt, poles.size - zeros.size), dt)
     one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
     warn_of_fit(G, lines, residual=residual, expected=expected, one_record=one_record)
     return NominalFit(
@@ -599,7 +593,7 @@ def fit_nominal(
         response=model,
         residual=residual,
         std=np.where(np.isnan(lines.dof), np.nan, np.sqrt(lines.var)),
-        cost=cost,
+        cost=float(np.sum(np.abs(residual) ** 2 / lines.var)),
         expected_cost=expected,
         n_parameters=n_parameters,
         uncertainty=estimate_uncertainty(
@@ -611,7 +605,7 @@ def fit_nominal(
             poles=poles,
             c=scale,
             dt=dt,
-            free_delay=free,
+            free_delay=search.delay is None and not dt,
         ),
         p_value=probability_of_cost(cost, lines.dof, n_parameters),
         hold=lines.hold,
@@ -646,19 +640,16 @@ def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
     return bla_with_deviation(bla, std)
 
 
-def checked_orders(
-    lines: FrfData, n_poles: int, *, n_zeros: int | None, dt: float, delay: float | str | np.ndarray
-) -> tuple[tuple[int, int], int]:
-    """Return numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
+def checked_orders(search: FitSearch, n_poles: int, n_zeros: int | None) -> tuple[int, int]:
+    """Return numbers of poles and zeros that fit each other and the lines."""
+    lines, dt = search.lines, search.dt
     n_poles = require_integer("n_poles", n_poles, least=0)
     n_zeros = require_integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
-    if isinstance(delay, str) and delay != "estimate":
-        raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
     if n_poles > MAX_POLES:
         raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
     if n_zeros > n_poles:
         raise ValueError(f"n_zeros must be at most n_poles = {n_poles}, got {n_zeros}: the model must be proper")
-    n_parameters = n_poles + n_zeros + 1 + (delay == "estimate")
+    n_parameters = n_poles + n_zeros + 1 + (search.delay is None)
     if n_parameters > 2 * lines.omega.size:
         raise ValueError(
             f"n_poles and n_zeros must leave at most {2 * lines.omega.size} parameters, twice the number of lines, "
@@ -669,7 +660,7 @@ def checked_orders(
             f"dt must put the Nyquist frequency above the last line, {lines.omega.max() / 2 / np.pi:g} Hz, "
             f"got dt = {dt:g} s with Nyquist {0.5 / dt:g} Hz"
         )
-    return (n_poles, n_zeros), n_parameters
+    return n_poles, n_zeros
 
 
 def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float) -> FrfData:
@@ -723,79 +714,3 @@ def bla_behind_hold(bla: Bla, dt: float) -> Bla:
     """
     factor = hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=dt)
     return bla if np.all(factor == 1) else bla.times(factor, output_unit=bla.output_units)
-
-
-def best_fit(
-    lines: FrfData, orders: tuple[int, int], *, dt: float, stable: bool, delay: float, free_delay: bool = False
-) -> Roots:
-    """Return the best of the refined fits from three sets of starting poles."""
-    candidates = [
-        starting_roots(lines, orders, dt=dt, stable=stable, delay=delay, spacing=spacing)
-        for spacing in ("log", "linear", "peaks")
-    ]
-    s, excess = s_plane_points(lines.omega, dt), orders[0] - orders[1]
-
-    def factor(tau: float) -> np.ndarray:
-        return known_factor(lines.omega, tau, dt=dt, excess=excess)
-
-    weight, omega = 1 / np.sqrt(lines.var), lines.omega if free_delay else None
-    refined = [
-        refine(s, lines.G, weight=weight, start=start, factor=factor, omega=omega, stable=stable)
-        for start in candidates
-    ]
-    return min(refined, key=lambda roots: roots[4])
-
-
-def starting_roots(
-    lines: FrfData, orders: tuple[int, int], *, dt: float, stable: bool, delay: float, spacing: str
-) -> Roots:
-    """Return zeros and poles to refine from: by vector fitting, or poles on the peaks where it fails."""
-    n_poles, n_zeros = orders
-    s = s_plane_points(lines.omega, dt)
-    q = known_factor(lines.omega, delay, dt=dt, excess=n_poles - n_zeros)
-    data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
-    low, high = np.abs(s).min(), np.abs(s).max()
-    poles = (
-        poles_on_peaks(s, data, n_poles) if spacing == "peaks" else starting_poles(n_poles, low, high, spacing=spacing)
-    )
-    if n_poles and spacing != "peaks":
-        # a wild variance ratio stalls the relocation; the refinement works with the true one
-        tame = np.maximum(weight, 1e-3 * weight.max())
-        poles = vector_fit(s, data, weight=tame, poles=poles, stable=stable)
-        poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
-    zeros, gain = fit_numerator(s, data, weight=weight, poles=poles, n_zeros=n_zeros)
-    model = zpk_response(lines.omega, zeros, poles=poles, gain=gain, delay=delay, dt=dt, excess=n_poles - n_zeros)
-    return zeros, poles, gain, delay, float(np.sum(np.abs(lines.G - model) ** 2 / lines.var))
-
-
-def poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
-    """Return (n,) lightly damped poles on the highest peaks, a fifth of their frequency apart or more."""
-    x, size = np.abs(s), np.abs(data)
-    poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
-    while len(poles) < n:
-        peak = x[np.argmax(size)]
-        poles += [peak * (-0.05 + 1j), peak * (-0.05 - 1j)]
-        size = np.where(np.abs(x - peak) < 0.2 * peak, size * 1e-6, size)
-    return order_roots(np.array(poles))
-
-
-def estimate_delay(lines: FrfData, orders: tuple[int, int], *, dt: float, stable: bool) -> Roots:
-    """Return the delay that explains the phase best: a scan, then refined together with the rest (continuous time)."""
-    order = np.argsort(lines.omega, kind="stable")
-    phase = np.unwrap(np.angle(lines.G[order]))
-    omega = lines.omega[order]
-    slope = max(0.0, -np.polyfit(omega, phase, 1)[0])
-    longest = max(2 * slope, 2 * np.pi / omega[-1])
-    if dt:
-        trials = np.arange(int(np.ceil(longest / dt)) + 1) * dt
-        trials = trials[:: max(1, trials.size // 60)]
-    else:
-        trials = np.linspace(0.0, longest, 41)
-    costs = np.array(
-        [starting_roots(lines, orders, dt=dt, stable=stable, delay=tau, spacing="log")[4] for tau in trials]
-    )
-    best = trials[np.argsort(costs)[:3]]
-    return min(
-        (best_fit(lines, orders, dt=dt, stable=stable, delay=tau, free_delay=not dt) for tau in best),
-        key=lambda roots: roots[4],
-    )

@@ -4,16 +4,37 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from nlfrf._base.arguments import format_count, require_integer
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
-from robust.models.fit.nominal import OUTSIDE_FACTOR, Measurement, NominalFit, fit_nominal, matrices_given
+from robust.models.fit.nominal import (
+    OUTSIDE_FACTOR,
+    Measurement,
+    NominalFit,
+    checked_orders,
+    fit_nominal,
+    matrices_given,
+    nominal_of_roots,
+    start_search,
+)
+from robust.models.fit.rational import Roots
+from robust.models.fit.search import FitSearch
 
 UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it
 MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
+MIN_SEPARATION = 2.0  # standard deviations that a pole and a zero lie apart at least, or they are named
+OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
+LEAST_DAMPING = 1e-4  # of a pair above the band
+#: Last line of a scan that is printed.
+CRITERION_TEXT = (
+    "criterion: cost in units of what scatter leaves on a line (more than one where variances are estimated), plus "
+    "ln(2 lines)/2 for each parameter; taken is the lowest of the fits that scatter explains and the data carry, where "
+    "there are any"
+)
 
 
 @value
@@ -29,8 +50,9 @@ class OrderScan:
     criterion : (n,) ndarray
         cost (over what estimated variances make of it) + n_parameters/2 log(2 lines): the Bayesian criterion.
     best : int
-        Number of poles to take: of the smallest criterion among the fits that scatter explains and whose poles the data
-        carry; where there is none, among those that it explains, then among those whose poles are carried, then all.
+        Number of poles to take: of the smallest criterion among the fits that scatter explains and whose roots the data
+        carry; where there is none, among those that it explains with poles outside the band at most, then those that
+        it explains, then those whose roots are carried, then all.
     fits : tuple of NominalFit
         All of them.
 
@@ -71,11 +93,11 @@ class OrderScan:
         for i, fit in enumerate(self.fits):
             row = f"{self.n_poles[i]:3d} poles" + (f"  delay {1e3 * fit.delay:8.4g} ms" if delayed else "")
             row += f"  cost {self.cost[i]:10.4g}  {self.cost[i] / self.expected_cost[i]:9.4g} times scatter"
-            doubt = describe_doubtful_poles(fit)
+            doubt = describe_doubts(fit)
             rows.append(
-                f"{row}  criterion {self.criterion[i]:10.4g}" + " (lowest)" * (i == best) + f"  {doubt}" * bool(doubt)
+                f"{row}  criterion {self.criterion[i]:10.4g}" + " (taken)" * (i == best) + f"  {doubt}" * bool(doubt)
             )
-        return "\n".join(rows)
+        return "\n".join([*rows, CRITERION_TEXT])
 
 
 def scan_orders(
@@ -131,24 +153,27 @@ def scan_orders(
     if several and excess > 1:
         raise ValueError(f"relative_degree must be 0 or 1 for several channels, got {excess}")
 
-    def fitted(n: int, tau: float | str) -> NominalFit:
-        zeros = (n if not excess else None) if several else n - excess
-        return fit_nominal(bla, n_poles=n, n_zeros=zeros, delay=tau, dt=dt, stable=stable, std=std)
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
-        fits = [fitted(n, 0.0 if delay == "auto" else delay) for n in orders]
-        tried = list(zip(orders, fits, strict=True))
-        if delay == "auto" and not several and needs_delay(fits):
-            delayed = [(n, fitted(n, "estimate")) for n in orders]
-            tried = sorted([*tried, *((n, fit) for n, fit in delayed if fit.delay)], key=lambda one: one[0])
+        if several:
+            zeros = [n if not excess else None for n in orders]
+            tau = 0.0 if delay == "auto" else delay
+            fits = [
+                fit_nominal(bla, n_poles=n, n_zeros=m, delay=tau, dt=dt, stable=stable, std=std)
+                for n, m in zip(orders, zeros, strict=True)
+            ]
+            tried = list(zip(orders, fits, strict=True))
+        else:
+            search = start_search(bla, std, dt=dt, stable=stable, delay=0.0 if delay == "auto" else delay)
+            fits = fit_orders(search, bla, orders, excess)
+            tried = list(zip(orders, fits, strict=True))
+            if delay == "auto" and needs_delay(fits):
+                free = replace(search, delay=None, found={})
+                delayed = list(zip(orders, fit_orders(free, bla, orders, excess, also=search), strict=True))
+                tried = sorted([*tried, *((n, fit) for n, fit in delayed if fit.delay)], key=lambda one: one[0])
     numbers, fits = [n for n, _ in tried], [fit for _, fit in tried]
     cost, expected = np.array([[fit.cost, fit.expected_cost] for fit in fits]).T
-    parameters = np.array([fit.n_parameters for fit in fits])
-    lines = fits[0].response.size
-    # scatter divided by an estimated variance is larger than one on average: count in units of that
-    unit = expected / (lines - parameters / 2)
-    criterion = cost / np.where(np.isfinite(unit), unit, 1.0) + parameters / 2 * np.log(2 * lines)
+    criterion = np.array([criterion_of(fit) for fit in fits])
     return OrderScan(
         n_poles=np.array(numbers),
         cost=cost,
@@ -159,19 +184,52 @@ def scan_orders(
     )
 
 
+def fit_orders(
+    search: FitSearch, bla: Measurement, orders: Sequence[int], excess: int, also: FitSearch | None = None
+) -> list[NominalFit]:
+    """Return the fits of growing order, each from those of its neighbours, and from those of another search.
+
+    Zeros above the band are left out where the criterion is lower without them.
+    """
+    highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
+    without: dict[int, list[Roots]] = {}
+    for n in orders:
+        asked = checked_orders(search, n, n - excess)
+        same = also.found.get(asked) if also is not None else None
+        without[n] = search.without_zeros_above(search.best(asked, starts=(same,) if same is not None else ()), highest)
+        for fewer in without[n]:
+            search.offer(asked, fewer)
+    search.improve_from_above()
+    tried = [(search.best((n, n - excess)), *without[n]) for n in orders]
+    return [min((nominal_of_roots(search, bla, one) for one in fits), key=criterion_of) for fits in tried]
+
+
+def criterion_of(fit: NominalFit) -> float:
+    """Return the Bayesian criterion of a fit."""
+    lines = fit.response.size
+    # scatter divided by an estimated variance is larger than one on average: count in units of that
+    unit = fit.expected_cost / (lines - fit.n_parameters / 2)
+    return float(fit.cost / (unit if np.isfinite(unit) else 1.0) + fit.n_parameters / 2 * np.log(2 * lines))
+
+
 def choose_order(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
-    """The smallest criterion of the fits that scatter explains by poles that the data carry; then of those that it
-    explains, of those whose poles the data carry, of all."""
+    """The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
+    explains with poles outside the band at most, of those that it explains, of those of carried roots, of all. Undamped
+    poles above the band are taken last: what a machine does not have explains a lead in time, and no more."""
     explained = np.array([fit.p_value > UNLIKELY_COST for fit in fits])
-    carried = np.array([not describe_doubtful_poles(fit) for fit in fits])
-    group = next(g for g in (explained & carried, explained, carried, np.ones(len(fits), dtype=bool)) if g.any())
+    doubts = [doubtful_roots(fit) for fit in fits]
+    carried = np.array([not kinds for kinds in doubts])
+    within = np.array([set(kinds) <= {OUTSIDE} for kinds in doubts])
+    damped = np.array([UNDAMPED not in kinds for kinds in doubts])
+    groups = (explained & carried, explained & within, explained & damped, carried, damped, np.full(len(fits), True))
+    group = next(g for g in groups if g.any())
     return int(np.argmin(np.where(group, criterion, np.inf)))
 
 
 def needs_delay(fits: Sequence[NominalFit]) -> bool:
     """Return whether no fit without a delay is one that scatter explains, of poles and zeros that the data carry."""
     return not any(
-        fit.p_value > UNLIKELY_COST and not describe_doubtful_poles(fit) and not np.any(np.real(fit.G.zeros()) > 0)
+        fit.p_value > UNLIKELY_COST and not describe_doubts(fit) and not np.any(np.real(fit.G.zeros()) > 0)
         for fit in fits
     )
 
@@ -182,23 +240,38 @@ def describe_order(fit: NominalFit) -> str:
     return f"{format_count(fit.G.nstates, 'pole')}{zeros}" + (f", a delay of {fit.delay:.3g} s" if fit.delay else "")
 
 
-def describe_doubtful_poles(fit: NominalFit) -> str:
-    """Describe the poles of a continuous fit that the data do not support: far outside the band, or of no significance.
+def describe_doubts(fit: NominalFit) -> str:
+    """Describe what the data do not carry of a continuous fit.
 
     >>> import control
     >>> omega = np.linspace(1, 20, 40)
     >>> measured = control.FrequencyResponseData(1 / (1j * omega + 500), omega)
-    >>> describe_doubtful_poles(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
+    >>> describe_doubts(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
     'poles outside the band: 79.58 Hz'
     """
-    if fit.uncertainty is None or fit.G.dt:
-        return ""
-    poles, std = fit.uncertainty.poles, fit.uncertainty.std_poles
-    size, once = np.abs(poles), poles.imag >= 0
-    outside = (size < fit.omega.min() / OUTSIDE_FACTOR) | (size > fit.omega.max() * OUTSIDE_FACTOR)
-    kinds = {"outside the band": outside, "of no significance": ~outside & (std > MAX_RELATIVE_STD * size)}
     return "; ".join(
-        f"poles {kind}: {', '.join(f'{w / 2 / np.pi:.4g} Hz' for w in size[here & once])}"
-        for kind, here in kinds.items()
-        if here.any()
+        f"{kind}: {', '.join(f'{abs(root) / 2 / np.pi:.4g} Hz' for root in roots if root.imag >= 0)}"
+        for kind, roots in doubtful_roots(fit).items()
     )
+
+
+def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
+    """Return roots that the data do not carry, by kind: poles far outside the band, undamped ones above it, poles
+    of no significance or that a zero cancels but for scatter, and zeros far above the band that they do not place."""
+    if fit.uncertainty is None or fit.G.dt:
+        return {}
+    poles, zeros = fit.uncertainty.poles, fit.uncertainty.zeros
+    size, high = np.abs(poles), fit.omega.max() * OUTSIDE_FACTOR
+    outside = (size < fit.omega.min() / OUTSIDE_FACTOR) | (size > high)
+    undamped = (size > high) & (poles.imag != 0) & (-poles.real < LEAST_DAMPING * size)
+    unsure = ~outside & (fit.uncertainty.std_poles > MAX_RELATIVE_STD * size)
+    cancelled = ~outside & ~unsure & (fit.uncertainty.separation < MIN_SEPARATION)
+    far = (np.abs(zeros) > high) & (fit.uncertainty.std_zeros > np.abs(zeros))
+    kinds = {
+        OUTSIDE: poles[outside & ~undamped],
+        UNDAMPED: poles[undamped],
+        "poles of no significance": poles[unsure],
+        "poles that zeros cancel but for scatter": poles[cancelled],
+        "zeros above the band of no significance": zeros[far],
+    }
+    return {kind: roots for kind, roots in kinds.items() if roots.size}

@@ -18,34 +18,39 @@ def vector_fit(
     *,
     weight: np.ndarray,
     poles: np.ndarray,
+    n_zeros: int | None = None,
     n_iterations: int = 12,
     stable: bool = True,
 ) -> np.ndarray:
-    """Return poles of a strictly proper (plus constant) rational function through the data, from starting poles.
+    """Return poles of a rational function through the data, from starting poles.
 
     s : (W,) points on the imaginary axis; weight : (W,) multiplies the error; poles : conjugate pairs adjacent,
-    upper one first. Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
+    upper one first; n_zeros : degree of the numerator, that of the poles when not given. Of the poles met on the way
+    those are returned that leave least by themselves. Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
     """
     weight = weight / np.abs(weight).max()
+    n_zeros = poles.size if n_zeros is None else n_zeros
+    b = stack_real_imaginary(data * weight)
     best, least = poles, np.inf
     for _ in range(n_iterations):
         with np.errstate(divide="ignore", invalid="ignore"):
             basis = partial_fractions(s, poles)
-        ones = np.ones((s.size, 1))
-        if not np.isfinite(basis).all():  # a pole on a point of the data
-            return best
-        A = np.hstack([basis, ones, -data[:, None] * basis]) * weight[:, None]
-        A, b = stack_real_imaginary(A), stack_real_imaginary(data * weight)
-        scale = np.linalg.norm(A, axis=0)
+            if not np.isfinite(basis).all():  # a pole on a point of the data
+                return best
+            top = stack_real_imaginary(np.column_stack(numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)[0]))
+        below = stack_real_imaginary(-data[:, None] * basis * weight[:, None])
+        scale = np.linalg.norm(below, axis=0)
         scale[scale == 0] = 1.0
-        A = A / scale
+        # what no numerator explains: the poles that stand leave b of it, their relocation takes the rest
+        q = np.linalg.qr(top)[0]
+        left = np.column_stack([below / scale, b])
+        left = left - q @ (q.T @ left)
         # how well these poles do by themselves: on exact data of lower order the next ones may be anywhere
-        linear = A[:, : poles.size + 1]
-        cost = float(np.linalg.norm(b - linear @ np.linalg.lstsq(linear, b, rcond=None)[0]))
+        cost = float(np.linalg.norm(left[:, -1]))
         if cost < least:
             best, least = poles, cost
-        solution = np.linalg.lstsq(A, b, rcond=None)[0] / scale
-        moved = relocated_poles(poles, solution[poles.size + 1 :])
+        solution = np.linalg.lstsq(left[:, :-1], left[:, -1], rcond=None)[0] / scale
+        moved = relocated_poles(poles, solution)
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
         # a pole on the axis would stand on a point of the data, fit that one and no other
@@ -109,18 +114,26 @@ def fit_numerator(
     The polynomial is written in a basis that is orthonormal on the weighted points (Forsythe), so that any
     degree keeps its digits; its roots are eigenvalues of the recurrence (a comrade matrix).
     """
-    over = weight / np.prod(s[:, None] - poles[None, :], axis=1)
+    basis, up = numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)
+    beta = np.linalg.lstsq(
+        stack_real_imaginary(np.column_stack(basis)), stack_real_imaginary(weight * data), rcond=None
+    )[0]
+    zeros = order_roots(roots_of_recurrence(beta, up))
+    shape = weight / np.prod(s[:, None] - poles, axis=1) * np.prod(s[:, None] - zeros[None, :], axis=1)
+    return zeros, float(np.vdot(shape, weight * data).real / np.vdot(shape, shape).real)
+
+
+def numerator_basis(
+    s: np.ndarray, weight: np.ndarray, *, poles: np.ndarray, n_zeros: int
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return polynomials of growing degree over the poles, orthonormal on the weighted points, and their recurrence."""
+    over = weight / np.prod(s[:, None] - poles, axis=1)
     basis, up = [over / np.linalg.norm(over)], np.zeros(n_zeros + 1)
     for j in range(n_zeros):
         column = s * basis[j] + (up[j] * basis[j - 1] if j else 0.0)
         up[j + 1] = np.linalg.norm(column)
         basis.append(column / up[j + 1])
-    beta = np.linalg.lstsq(
-        stack_real_imaginary(np.column_stack(basis)), stack_real_imaginary(weight * data), rcond=None
-    )[0]
-    zeros = order_roots(roots_of_recurrence(beta, up))
-    shape = over * np.prod(s[:, None] - zeros[None, :], axis=1)
-    return zeros, float(np.vdot(shape, weight * data).real / np.vdot(shape, shape).real)
+    return basis, up
 
 
 def roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:

@@ -11,6 +11,10 @@ from nlfrf._base.values import value
 from robust.lti.realisation import order_roots, pair_roots
 from robust.models.fit.rational import Roots, stack_real_imaginary
 
+STABLE_RATIO = 1e-8  # of the lowest point: nearer the axis no stable pole comes
+MIN_DAMPING, MAX_DAMPING = 1e-12, 1e3  # of a step, over the largest singular value squared
+N_STEPS = 150
+
 
 def refine(
     s: np.ndarray,
@@ -31,9 +35,10 @@ def refine(
     unit = float(np.exp(np.mean(np.log(np.abs(s)))))
     x = s / unit
     theta = np.concatenate(
-        [[1.0], section_coefficients(zeros / unit), section_coefficients(poles / unit, log=stable), [0.0] * free_delay]
+        [[1.0], section_coefficients(zeros / unit), section_coefficients(poles / unit), [0.0] * free_delay]
     )
     n_zero, n_pole = zeros.size, poles.size
+    pole_part = slice(1 + n_zero, 1 + n_zero + n_pole)
     base = gain * unit ** float(n_zero - n_pole)
     slope = -1j * omega / omega.max() if omega is not None else x
     delay_unit = 1 / omega.max() if omega is not None else 0.0
@@ -42,7 +47,7 @@ def refine(
         tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
         out = base * theta[0] * factor(tau)
         top, d_top = evaluate_sections(x, theta[1 : 1 + n_zero], n_zero)
-        bottom, d_bottom = evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable)
+        bottom, d_bottom = evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole)
         for k in range(max(len(top), len(bottom))):
             out = out * (top[k] if k < len(top) else 1.0) / (bottom[k] if k < len(bottom) else 1.0)
         relative = [np.full(x.size, 1 / theta[0] if theta[0] else 1.0, dtype=complex), *d_top, *(-d for d in d_bottom)]
@@ -57,31 +62,51 @@ def refine(
             cost = float(e @ e)
         return e, stack_real_imaginary(jacobian * weight[:, None]), cost if np.isfinite(cost) else np.inf
 
+    low = np.full(theta.size, -np.inf)
+    if stable:
+        least = STABLE_RATIO * np.abs(x).min()
+        low[pole_part] = np.where(np.arange(n_pole) % 2, least**2, least)
+        if n_pole % 2:
+            low[n_zero + n_pole] = least
+        theta = np.maximum(theta, low)
+    if free_delay:
+        low[-1] = -delay / delay_unit
     e, J, cost = error(theta)
     damping = 1e-3
-    for _ in range(80):
-        scale = np.linalg.norm(J, axis=0)
-        scale[~(scale > 0)] = 1.0
-        left, sv, right = np.linalg.svd(J / scale, full_matrices=False)
-        if sv[0] == 0:  # a gain of zero, which no step of roots changes
-            break
+    for _ in range(N_STEPS):
         before = cost
-        for _ in range(12):
-            step = right.T @ (sv / (sv**2 + damping * sv[0] ** 2) * (left.T @ e)) / scale
-            trial = theta + step
-            if free_delay and delay + trial[-1] * delay_unit < 0:
-                trial[-1] = -delay / delay_unit
+        solve = damped_solver(J, e, free=(theta > low) | (J.T @ e > 0))
+        while damping < MAX_DAMPING:
+            step = solve(damping)
+            below = theta + step < low
+            if below.any():  # the others move with those held at their bounds
+                held = np.where(below, low - theta, 0.0)
+                step = np.where(below, held, damped_solver(J, e - J @ held, free=~below & (step != 0))(damping))
+            trial = np.maximum(theta + step, low)
             e_new, J_new, cost_new = error(trial)
             if cost_new < cost and np.isfinite(J_new).all():
-                theta, e, J, cost, damping = trial, e_new, J_new, cost_new, max(damping / 10, 1e-15)
+                theta, e, J, cost, damping = trial, e_new, J_new, cost_new, max(damping / 10, MIN_DAMPING)
                 break
             damping *= 6
         if not cost < before * (1 - 1e-8):
             break
     zeros = order_roots(roots_from(theta[1 : 1 + n_zero], n_zero) * unit)
-    poles = order_roots(roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable) * unit)
+    poles = order_roots(roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole) * unit)
     tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
     return zeros, poles, base * theta[0] * unit ** float(n_pole - n_zero), tau, cost
+
+
+def damped_solver(J: np.ndarray, e: np.ndarray, *, free: np.ndarray) -> Callable[[float], np.ndarray]:
+    """Return what gives the damped least squares step of the free parameters; the others stay."""
+    scale = np.linalg.norm(J, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    left, sv, right = np.linalg.svd(J * (free / scale), full_matrices=False)
+    along = left.T @ e
+
+    def step(damping: float) -> np.ndarray:
+        return np.asarray(right.T @ (sv / (sv**2 + damping * sv[0] ** 2 + np.finfo(float).tiny) * along) * free / scale)
+
+    return step
 
 
 def section_coefficients(roots: np.ndarray, *, log: bool = False) -> np.ndarray:

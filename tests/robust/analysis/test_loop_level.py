@@ -299,6 +299,7 @@ def test_bad_signals(make, message):
         make()
 
 
+@pytest.mark.attack
 def test_the_built_in_rig_moves_as_predicted_inside_its_level():
     """One record at 0.5 N, a loop disturbed by 0.5 N: rms of force and motion within a tenth; 30 s of noise."""
     ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=250, rms=0.5, rng=1)

@@ -38,6 +38,7 @@ SMALL = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
 W_P = robust.lti.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize(
     ("K", "w_P"), [(SMALL, None), (SMALL, W_P), (control.ss([], [], [], 500 * np.eye(2), T), None)]
 )

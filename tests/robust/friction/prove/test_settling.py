@@ -100,6 +100,7 @@ def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path
         replace(claim, settling=Settling(decay=np.nan, Fs=1.0, error=1.0))
 
 
+@pytest.mark.attack
 def test_a_continuous_controller_and_a_part_of_a_sample():
     friction = any_maxwell_slip(2e6, 2.0)
     late = prove_friction(MACHINE, AXIS.K, friction, delay=0.4 * T, Fs=FS)

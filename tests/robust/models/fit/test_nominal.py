@@ -8,8 +8,10 @@ from nlfrf import Bla
 from robust import DesignWarning, fit_nominal, frd
 from robust.lti.lti import response
 from robust.lti.sampling import sampled
+from robust.models import scan_orders
 from robust.models.fit.rational import fit_numerator, starting_poles, vector_fit
 from tests.support.bla import make_bla
+from tests.support.random_rational import random_rational
 
 F_LINES = np.sort(np.concatenate([8 * np.arange(72) + 1, 8 * np.arange(72) + 3])) * 0.25
 
@@ -17,6 +19,10 @@ F_LINES = np.sort(np.concatenate([8 * np.arange(72) + 1, 8 * np.arange(72) + 3])
 def resonance(s, f=59.0, zeta=0.02, delay=0.0):
     w = 2 * np.pi * f
     return np.exp(-s * delay) / (s * s + 2 * zeta * w * s + w * w)
+
+
+#: Frequencies [Hz] and dampings of a drive with a coupling.
+LIGHT = {18.0: 0.35, 301.1: 0.0194, 310.0: 0.02}
 
 
 def six_modes():
@@ -226,3 +232,46 @@ def test_a_numerator_of_lower_degree_keeps_the_digits_of_its_zeros():
     assert gain * np.prod(s[:, None] - zeros, axis=1) / np.prod(s[:, None] - poles, axis=1) == pytest.approx(
         data, rel=1e-9
     )
+
+
+@pytest.mark.parametrize("free_delay", [True, False])
+@pytest.mark.parametrize("seed", [21, 34, 55, 64, 70, 108, 118, 157, 161, 180])
+def test_the_fit_costs_what_one_from_the_truth_costs(seed, free_delay):
+    """Plants of which vector fitting with a full numerator, and steps that ran against a bound, lost all but four."""
+    plant = random_rational(seed)
+    fit = fit_nominal(
+        plant.frd,
+        n_poles=plant.poles.size,
+        n_zeros=plant.zeros.size,
+        delay="estimate" if free_delay else plant.delay,
+        std=plant.std,
+    )
+    assert fit.cost < 1.05 * plant.cost_from_truth(free_delay)
+
+
+@pytest.mark.attack
+def test_random_plants_are_fitted_as_from_the_truth():
+    missed = 0
+    for seed in range(1000, 1060):
+        plant = random_rational(seed)
+        orders = {"n_poles": plant.poles.size, "n_zeros": plant.zeros.size}
+        fit = fit_nominal(plant.frd, **orders, delay="estimate", std=plant.std)
+        missed += fit.cost > 1.05 * plant.cost_from_truth(True)
+    assert missed <= 3  # of 60: one in a hundred is missed
+
+
+def test_a_light_mode_beside_a_damped_one_behind_a_delay_is_found():
+    """A pole pair that zeros almost cancel moves the FRF little: five of six starts went past it."""
+    s = 2j * np.pi * np.geomspace(10, 2000, 120)
+    section = {w: s**2 + 2 * zeta * 2 * np.pi * w * s + (2 * np.pi * w) ** 2 for w, zeta in LIGHT.items()}
+    G = 1e4 * section[301.1] / section[18.0] / section[310.0] * np.exp(-2e-4 * s)
+    rng = np.random.default_rng(0)
+    G = G * (1 + 0.01 / np.sqrt(2) * (rng.standard_normal(120) + 1j * rng.standard_normal(120)))
+    measured, std = control.FrequencyResponseData(G, np.abs(s)), 0.01 * np.abs(G)
+    fit = fit_nominal(measured, n_poles=4, n_zeros=2, delay="estimate", std=std)
+    assert fit.cost < 1.3 * fit.expected_cost
+    assert fit.delay == pytest.approx(2e-4, rel=0.02)
+    assert np.unique(np.abs(fit.G.poles()).round(6)) / 2 / np.pi == pytest.approx([18.0, 310.0], rel=0.01)
+    scan = scan_orders(measured, std=std)
+    assert scan.fit.G.nstates == 4
+    assert scan.fit.G.zeros().size == 2

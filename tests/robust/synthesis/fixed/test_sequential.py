@@ -66,6 +66,7 @@ def test_what_a_loop_sees_with_others_closed():
     np.testing.assert_allclose(alone.radius, radius[:, 1, 1])
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("form", ["elements", "input"])
 def test_two_axes_meet_their_demands_with_both_closed(form):
     """|S_k| of each loop with the other closed by hand; the whole is proved."""
@@ -100,6 +101,7 @@ def test_what_is_said_of_the_loops_is_what_was_done(monkeypatch):
     assert "designed again where it fell short" in design.reason
 
 
+@pytest.mark.attack
 def test_what_cannot_be_is_said():
     """A set that no loop bears is not met, and why is said; the column of SP under 5 % in each entry by itself."""
     G = control.ss(-np.eye(2) / 75, np.eye(2), np.array([[87.8, -86.4], [108.2, -109.6]]) / 75, np.zeros((2, 2)))

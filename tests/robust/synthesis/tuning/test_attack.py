@@ -7,7 +7,7 @@ import robust
 from tests.support.random_tunings import random_tuning, violation
 
 
-@pytest.mark.attack(every=3)
+@pytest.mark.attack(every=6)
 @pytest.mark.parametrize("seed", range(300, 312))
 def test_what_is_met_is_met_on_a_dense_grid(seed):
     arguments = random_tuning(np.random.default_rng([1, seed]), n_starts=1, time_cap=60.0)

@@ -115,7 +115,7 @@ def tuned_at_worst(model, dt=0.0):
 
 
 @pytest.mark.attack(every=3)
-@pytest.mark.parametrize("form", ["elements", "additive", "input"])
+@pytest.mark.parametrize("form", ["additive", "elements", "input"])
 def test_the_tuner_has_the_number_of_check_for_several_channels(form):
     """The largest |S| over the set, by mu in both: scaling the demand to the tuner's number makes mu one."""
     design, K = tuned_at_worst(matrix_set(form, 0.1), 0.1)
@@ -152,6 +152,7 @@ def sampled_set(form, *, continuous=False):
     return robust.UncertaintyModel(G, weight, form, omega, np.full(60, 0.05))
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", list(FORMS))
 def test_the_tuner_has_the_number_of_check(form):
     """|S| at worst by `check` on the controller that comes out, every form, hold and delay inside."""

@@ -1,0 +1,308 @@
+"""Where the fit of a rational function with a delay starts: scanned delays, vector fitting, the fits of fewer poles."""
+
+from __future__ import annotations
+
+from dataclasses import field
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.realisation import order_roots, pair_roots
+from robust.models.fit.fit_uncertainty import probability_of_cost, root_derivatives
+from robust.models.fit.rational import (
+    Roots,
+    fit_numerator,
+    known_factor,
+    s_plane_points,
+    stack_real_imaginary,
+    starting_poles,
+    vector_fit,
+    zpk_response,
+)
+from robust.models.fit.refinement import refine
+
+N_TRIALS = 41  # delays of a scan in continuous time; half more in samples
+N_PLACES = 128  # frequencies at which a further pole and zero are tried
+DAMPINGS = 0.01, 0.05, 0.25  # of a further pair
+MIN_LOG_DISTANCE = 0.2  # between two frequencies that are tried
+SHARES = 1.0, 0.3, 0.1, 0.0  # of what the linear least squares asks for; none costs what the smaller fit costs
+ZERO_FAR = 1e6  # of the highest line: a zero there stands for none
+N_DELAYS = 3  # delays of a scan that are refined
+SAME_COST = 1e-6  # relative: two such starts are one
+LIKELY_COST = 0.05  # probability of a cost over which there is nothing left to search for
+
+
+@value
+class FrfData:
+    """Measured lines of one or several records, one after the other: omega, G, variance, dof (F,); their hold."""
+
+    omega: np.ndarray
+    G: np.ndarray
+    var: np.ndarray
+    dof: np.ndarray
+    hold: str = "unknown"
+
+
+@value(copy=False)
+class FitSearch:
+    """The search for the best rational function of any order through measured lines, which keeps what it found.
+
+    Fields
+    ------
+    lines : FrfData
+        What was measured.
+    dt : float
+        Sampling time of the model [s], 0 for a continuous one.
+    stable : bool
+        Whether every pole is kept stable.
+    delay : float, optional
+        In series [s]; estimated where none is given.
+    found : dict
+        The best fit so far by its numbers of poles and zeros.
+    """
+
+    lines: FrfData
+    dt: float
+    stable: bool
+    delay: float | None
+    found: dict[tuple[int, int], Roots] = field(default_factory=dict)
+
+    def best(self, orders: tuple[int, int], *, starts: tuple[Roots, ...] = ()) -> Roots:
+        """Return the best fit of so many poles and zeros: from starts of one's own, from scratch, and grown.
+
+        Where scatter does not explain the fit from scratch, it is grown from that of two poles and two zeros less, and
+        cut from vector fitting of two more. No fit costs more than one of fewer poles and as many fewer zeros that was
+        found before.
+        """
+        if orders not in self.found:
+            n, m = orders
+            best = self.best_of([*self.fresh(orders), *starts])
+            for k in (1, 2):
+                fewer = (n - k, m - k)
+                if min(fewer) < 0 or (fewer not in self.found and (k == 1 or self.explained(best))):
+                    continue
+                smaller = self.best(fewer)
+                if not self.explained(best) or smaller[4] < best[4]:
+                    best = self.best_of(further_roots(self, smaller, k), best)
+            if not self.explained(best) and n and 2 * self.lines.omega.size > n + m + 7:
+                larger = [vector_fitted(self, (n + 2, m + 2), best[3], spacing) for spacing in ("log", "linear")]
+                best = self.best_of([start for roots in larger for start in fewer_roots(self, roots, 2)], best)
+            self.found[orders] = best
+        return self.found[orders]
+
+    def without_zeros_above(self, roots: Roots, highest: float) -> list[Roots]:
+        """Return the fits that are left of one without its largest zeros, as many as lie above a frequency [rad/s]."""
+        zeros, poles, gain, tau, _ = roots
+        zeros = zeros[np.argsort(np.abs(zeros), kind="stable")]
+        fits = []
+        for n in range(int(np.sum(np.abs(zeros) <= highest)), zeros.size):
+            kept, gone = zeros[:n], zeros[n:]
+            if np.sum(gone.imag > 0) == np.sum(gone.imag < 0):  # no half of a pair
+                start = self.with_cost(order_roots(kept), poles, gain * float(np.prod(-gone).real), tau)
+                fits.append(self.refine(start))
+        return fits
+
+    def offer(self, orders: tuple[int, int], fewer: Roots) -> None:
+        """Take a fit of fewer zeros for that of so many, the missing ones far above the band, where it costs less."""
+        zeros, poles, gain, tau, _ = fewer
+        n, far = orders[1] - zeros.size, ZERO_FAR * self.lines.omega.max()
+        padded = self.with_cost(np.concatenate([zeros, np.full(n, -far)]), poles, gain / far**n, tau)
+        self.found[orders] = min(padded, self.found[orders], key=lambda roots: roots[4])
+
+    def n_parameters(self, roots: Roots) -> int:
+        """Return the number of free real parameters of a fit."""
+        return roots[0].size + roots[1].size + 1 + (self.delay is None)
+
+    def improve_from_above(self) -> None:
+        """Start every fit that scatter does not explain from those of more poles and zeros, their weakest left out.
+
+        Where that makes one cheaper than one of more poles, that one is grown from it again.
+        """
+        for n, m in sorted(self.found, reverse=True):
+            for k in (1, 2):
+                larger = self.found.get((n + k, m + k))
+                if larger is not None and not self.explained(self.found[n, m]):
+                    self.found[n, m] = self.best_of(fewer_roots(self, larger, k), self.found[n, m])
+        for n, m in sorted(self.found):
+            for k in (1, 2):
+                smaller = self.found.get((n - k, m - k))
+                if smaller is not None and smaller[4] < self.found[n, m][4]:
+                    self.found[n, m] = self.best_of(further_roots(self, smaller, k), self.found[n, m])
+
+    def best_of(self, starts: list[Roots], best: Roots | None = None) -> Roots:
+        """Return the best of the refined starts, and of a fit that there is already; equal starts count once."""
+        tried: list[float] = []
+        for start in sorted(starts, key=lambda roots: roots[4]):
+            if all(abs(start[4] - cost) > SAME_COST * cost for cost in tried):
+                refined = self.refine(start)
+                best = refined if best is None or refined[4] < best[4] else best
+            tried.append(start[4])
+        if best is None:
+            raise RuntimeError("a search without a start")
+        return best
+
+    def explained(self, roots: Roots) -> bool:
+        """Return whether scatter explains what a fit leaves."""
+        return probability_of_cost(roots[4], self.lines.dof, self.n_parameters(roots)) > LIKELY_COST
+
+    def response(self, roots: Roots) -> np.ndarray:
+        """Return (F,) the response of a fit."""
+        zeros, poles, gain, tau, _ = roots
+        return zpk_response(
+            self.lines.omega, zeros, poles=poles, gain=gain, delay=tau, dt=self.dt, excess=poles.size - zeros.size
+        )
+
+    def with_cost(self, zeros: np.ndarray, poles: np.ndarray, gain: float, tau: float) -> Roots:
+        """Return a fit with its cost."""
+        model = self.response((zeros, poles, gain, tau, np.nan))
+        return zeros, poles, gain, tau, float(np.sum(np.abs(self.lines.G - model) ** 2 / self.lines.var))
+
+    def refine(self, start: Roots) -> Roots:
+        """Return the fit that Levenberg and Marquardt's method makes of a start; a delay in samples stays."""
+        excess = start[1].size - start[0].size
+
+        def factor(tau: float) -> np.ndarray:
+            return known_factor(self.lines.omega, tau, dt=self.dt, excess=excess)
+
+        return refine(
+            s_plane_points(self.lines.omega, self.dt),
+            self.lines.G,
+            weight=1 / np.sqrt(self.lines.var),
+            start=start,
+            factor=factor,
+            omega=self.lines.omega if self.delay is None and not self.dt else None,
+            stable=self.stable,
+        )
+
+    def fresh(self, orders: tuple[int, int]) -> list[Roots]:
+        """Return starts from scratch, at the delay that is given or those that leave least."""
+        if self.delay is None:
+            fits = [vector_fitted(self, orders, float(tau), "log") for tau in trial_delays(self.lines, self.dt)]
+            starts = sorted(fits, key=lambda roots: roots[4])[:N_DELAYS]
+        else:
+            starts = [vector_fitted(self, orders, self.delay, "log")]
+        return starts + [vector_fitted(self, orders, starts[0][3], spacing) for spacing in ("linear", "peaks")]
+
+
+def trial_delays(lines: FrfData, dt: float) -> np.ndarray:
+    """Return delays [s] from none to twice the mean group delay, or a turn at the highest line."""
+    order = np.argsort(lines.omega, kind="stable")
+    phase = np.unwrap(np.angle(lines.G[order]))
+    omega = lines.omega[order]
+    slope = max(0.0, -np.polyfit(omega, phase, 1)[0])
+    longest = max(2 * slope, 2 * np.pi / omega[-1])
+    if not dt:
+        return np.linspace(0.0, longest, N_TRIALS)
+    trials = np.arange(int(np.ceil(longest / dt)) + 1) * dt
+    return trials[:: max(1, trials.size // 60)]
+
+
+def vector_fitted(search: FitSearch, orders: tuple[int, int], tau: float, spacing: str) -> Roots:
+    """Return zeros and poles by vector fitting behind a delay [s], or poles on the peaks."""
+    lines, (n_poles, n_zeros) = search.lines, orders
+    s = s_plane_points(lines.omega, search.dt)
+    q = known_factor(lines.omega, tau, dt=search.dt, excess=n_poles - n_zeros)
+    data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
+    low, high = np.abs(s).min(), np.abs(s).max()
+    if spacing == "peaks":
+        poles = poles_on_peaks(s, data, n_poles)
+    else:
+        poles = starting_poles(n_poles, low, high, spacing=spacing)
+    if n_poles and spacing != "peaks":
+        # a wild variance ratio stalls the relocation; the refinement works with the true one
+        tame = np.maximum(weight, 1e-3 * weight.max())
+        poles = vector_fit(s, data, weight=tame, poles=poles, n_zeros=n_zeros, stable=search.stable)
+        poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
+    return with_numerator(search, poles, n_zeros, tau)
+
+
+def with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: float) -> Roots:
+    """Return the fit of the best numerator over given poles and a given delay [s]."""
+    lines = search.lines
+    q = known_factor(lines.omega, tau, dt=search.dt, excess=poles.size - n_zeros)
+    data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
+    s = s_plane_points(lines.omega, search.dt)
+    zeros, gain = fit_numerator(s, data, weight=weight, poles=poles, n_zeros=n_zeros)
+    return search.with_cost(zeros, poles, gain, tau)
+
+
+def poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
+    """Return (n,) lightly damped poles on the highest peaks, a fifth of their frequency or more between them."""
+    x, size = np.abs(s), np.abs(data)
+    poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
+    while len(poles) < n:
+        peak = x[np.argmax(size)]
+        poles += [peak * (-0.05 + 1j), peak * (-0.05 - 1j)]
+        size = np.where(np.abs(x - peak) < 0.2 * peak, size * 1e-6, size)
+    return order_roots(np.array(poles))
+
+
+def further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
+    """Return starts with one (k = 1) or two further poles and as many zeros, where the residual asks for them most.
+
+    A factor 1 + (a s + b)/(s^2 + 2 zeta w s + w^2), or 1 + b/(s + w), is linear in a and b: at each place the least
+    squares of the residual by them and by small steps of all that is fitted says what the place is worth.
+    """
+    lines, (zeros, poles, gain, tau, _) = search.lines, roots
+    s, model = s_plane_points(lines.omega, search.dt), search.response(roots)
+    weight = model / np.sqrt(lines.var)
+    columns = [np.ones(s.size, dtype=complex), *root_derivatives(s, zeros), *root_derivatives(s, poles)]
+    if search.delay is None and not search.dt:
+        columns.append(-1j * lines.omega)
+    known = stack_real_imaginary(np.column_stack(columns) * weight[:, None])
+    q = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), np.finfo(float).tiny))[0]
+    e = stack_real_imaginary((lines.G - model) / np.sqrt(lines.var))
+
+    def left(part: np.ndarray) -> np.ndarray:
+        """Return what small steps of all that is fitted do not do."""
+        stacked = stack_real_imaginary(part * weight[:, None])
+        return np.asarray(stacked - q @ (q.T @ stacked))
+
+    places = np.sort(np.abs(s))
+    w = places[np.unique(np.linspace(0, places.size - 1, N_PLACES).astype(int))]
+    worth, dampings = [], DAMPINGS if k == 2 else (1.0,)
+    for zeta in dampings:
+        below = s[:, None] ** 2 + 2 * zeta * w * s[:, None] + w**2 if k == 2 else s[:, None] + w
+        one = left(w / below)
+        size = np.maximum(np.sum(one**2, axis=0), np.finfo(float).tiny)
+        by, gain_of = np.stack([(e @ one) / size, np.zeros(w.size)], axis=1), (e @ one) ** 2 / size
+        if k == 2:
+            two = left(s[:, None] / below)
+            across = np.sum(one * two, axis=0) / size
+            two = two - across * one
+            size = np.maximum(np.sum(two**2, axis=0), np.finfo(float).tiny)
+            by[:, 1] = (e @ two) / size
+            by[:, 0] -= across * by[:, 1]
+            gain_of = gain_of + (e @ two) ** 2 / size
+        worth += list(zip(gain_of, w, [zeta] * w.size, by, strict=True))
+    worth.sort(key=lambda place: -place[0])
+    distant = [place for place in worth if abs(np.log(place[1] / worth[0][1])) > MIN_LOG_DISTANCE]
+    starts = []
+    for _, at, zeta, (b, a) in worth[:1] + distant[: k - 1]:
+        below = np.array([1, 2 * zeta * at, at**2] if k == 2 else [1, at])
+        above = np.array([0, a, b * at] if k == 2 else [0, b * at])
+        shares = [
+            search.with_cost(
+                order_roots(np.concatenate([zeros, np.roots(below + share * above)]).astype(complex)),
+                order_roots(np.concatenate([poles, np.roots(below)]).astype(complex)),
+                gain,
+                tau,
+            )
+            for share in SHARES
+        ]
+        starts.append(min(shares, key=lambda one: one[4]))
+    return starts
+
+
+def fewer_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
+    """Return the start that is left of a fit without a real pole (k = 1) or a pair, and as many zeros: the cheapest."""
+    zeros, poles, _, tau, _ = roots
+    pairs, rest = pair_roots(poles)
+    real = np.array([*rest, *(p for pair in pairs for p in pair if p.imag == 0)])
+    starts = []
+    for gone in pairs if k == 2 else [(p,) for p in real]:
+        kept = list(poles)
+        for p in gone:
+            kept.pop(int(np.argmin(np.abs(np.array(kept) - p))))
+        starts.append(with_numerator(search, np.array(kept, dtype=complex), zeros.size - k, tau))
+    return sorted(starts, key=lambda one: one[4])[:1]
