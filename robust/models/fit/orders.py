@@ -215,8 +215,8 @@ def criterion_of(fit: NominalFit) -> float:
 
 def choose_order(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
     """The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
-    explains without cancelled poles and far zeros, of those that it explains, of those of carried roots, of all. Undamped
-    poles above the band are taken last: what a machine does not have explains a lead in time, and no more."""
+    explains without cancelled poles and far zeros, of those that it explains, of those of carried roots, of all.
+    Undamped poles above the band are taken last: what a machine does not have explains a lead in time, and no more."""
     explained = np.array([fit.p_value > UNLIKELY_COST for fit in fits])
     doubts = [doubtful_roots(fit) for fit in fits]
     carried = np.array([not kinds for kinds in doubts])
