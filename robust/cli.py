@@ -59,6 +59,8 @@ OPTIONS = LOAD_OPTIONS | {
     "n_zeros": "zeros",
     "dt": "sample-time",
     "M_S": "peak",
+    "M_T": "peak-t",
+    "filter_time": "filter-time",
     "omega_c": "bandwidth",
     "relative_std": "relative-std",
     "n_averages": "averages",
@@ -186,7 +188,8 @@ def design(
     bandwidth: Annotated[
         float | None,
         typer.Option(
-            help="Crossover asked for (ncfsyn), bandwidth of S (mixsyn); with pid, where given, |L| >= 1 there [Hz]."
+            help="Crossover asked for (ncfsyn); bandwidth of S (mixsyn); |L| >= 1 there, so that the loop crosses over "
+            "there or above, however far (pid, where given) [Hz]."
         ),
     ] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
@@ -200,7 +203,11 @@ def design(
     positive_gains: Annotated[
         bool, typer.Option("--positive", help="Keep Kp, Ki and Kd positive, as a PLC wants them (pid).")
     ] = False,
+    filter_time: Annotated[
+        float | None, typer.Option(help="Time constant of the derivative filter [s]; chosen when not given (pid).")
+    ] = None,
     peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
+    peak_t: Annotated[float | None, typer.Option(help="Largest |T| allowed (pid).")] = None,
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
     json: Json = False,
 ) -> None:
@@ -211,17 +218,27 @@ def design(
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)
-    if positive_gains and method != "pid":
-        raise ValueError(f"positive must be asked of --method pid, got it with {method}")
+    for option, given in (("positive", positive_gains), ("filter-time", filter_time), ("peak-t", peak_t)):
+        if given and method != "pid":
+            raise ValueError(f"{option} must be asked of --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
         plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
             result = robust.design_frf(
-                plant, structure, positive=positive_gains, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay
+                plant,
+                structure,
+                positive=positive_gains,
+                M_S=peak,
+                M_T=peak_t,
+                omega_c=omega_c,
+                dt=sample_time,
+                delay=delay,
+                filter_time=filter_time,
             )
         words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
+        words += f"\n{result.loop_in_words}" if result.loop_in_words else ""
     else:
         with spinner("designing"):
             plant, result = synthesise(model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay)
@@ -229,7 +246,7 @@ def design(
             f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
         )
     if unusual := pid.reason_for_unusual_gains(result.K):
-        warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
+        warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
     robust.save(result.K, out, delay=delay or None)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)

@@ -16,6 +16,8 @@ from robust.lti.realisation import multivariable, split_diagonal
 
 INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
 RESPONSE_TOLERANCE = 1e-6
+NOTHING_IN_SAMPLES = 1e6  # Ti over a sample, from which an integral is lost in single precision
+LONGEST_TIME = 2**31 * 1e-3  # that a TIME of IEC 61131-3 holds in S7 blocks [s]
 NEGLIGIBLE = 0.01  # share of |K| below which a part of it does nothing
 ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
 
@@ -231,20 +233,37 @@ def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
 
 
 def reason_for_unusual_gains(K: Controller) -> str:
-    """Return why no PLC takes the gains of a controller, empty where one does or where it is no PID.
+    """Return why gains of a controller cannot be built, and what to do; empty where they can or where it is no PID.
 
-    >>> reason_for_unusual_gains(control.tf([0.1, -2.0, 30.0], [0.01, 1.0, 0.0]))
-    'the PID has Kp = -2.3, Ki = 30 and Kd = 0.123: no PLC takes gains of different signs'
+    >>> reason_for_unusual_gains(control.tf([-2.0, 30.0], [1.0, 0.0]))
+    'the PID has Kp = -2 and Ki = 30: no PLC takes gains of different signs; --positive keeps them positive'
+    >>> reason_for_unusual_gains(control.tf([3.75e9, 1.0], [3.75e9, 0.0]))
+    'Ti = 3.75e+09 s: the integral is nothing; --structure P leaves it out'
     >>> reason_for_unusual_gains(2.0)
     ''
     """
     with suppress(ValueError):
         found = pid_gains(K)
         for gains in found if isinstance(found, tuple) else (found,):
-            named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
-            if len({gain > 0 for gain in named.values() if gain}) > 1:
-                parts = join_names([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
-                return f"the PID has {parts}: no PLC takes gains of different signs"
+            if reason := unusual_signs(gains) or unusual_integral(gains):
+                return reason
+    return ""
+
+
+def unusual_signs(gains: PidGains) -> str:
+    """Return that gains have different signs; empty where they do not."""
+    named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
+    if len({gain > 0 for gain in named.values() if gain}) < 2:
+        return ""
+    parts = join_names([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
+    return f"the PID has {parts}: no PLC takes gains of different signs; --positive keeps them positive"
+
+
+def unusual_integral(gains: PidGains) -> str:
+    """Return that an integral never comes to anything; empty where it does or there is none."""
+    Ti = abs(gains.integral_time)
+    if gains.kp and gains.ki and (NOTHING_IN_SAMPLES * gains.dt if gains.dt else LONGEST_TIME) < Ti:
+        return f"Ti = {Ti:.4g} s: the integral is nothing; --structure {'PD' if gains.kd else 'P'} leaves it out"
     return ""
 
 

@@ -39,6 +39,10 @@ def save_json(thing: Any, path: PathLike, *, delay: float | None) -> None:
         from robust.io.certificates import save_certificate
 
         save_certificate(thing, path)
+    elif isinstance(K := getattr(thing, "K", None), control.StateSpace):
+        raise ValueError(
+            f"thing must be the controller, got a {type(thing).__name__}: save its K, of order {K.nstates}"
+        )
     else:
         raise ValueError(
             "thing must be a multisine, an experiment, a record, a BLA, an uncertainty model, a controller or a report "

@@ -28,6 +28,7 @@ UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not expla
 MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
 MIN_SEPARATION = 2.0  # standard deviations that a pole and a zero lie apart at least, or they are named
 OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
+UNSURE = "poles of no significance"
 LEAST_DAMPING = 1e-4  # of a pair above the band
 #: Last line of a scan that is printed.
 CRITERION_TEXT = (
@@ -51,7 +52,7 @@ class OrderScan:
         cost (over what estimated variances make of it) + n_parameters/2 log(2 lines): the Bayesian criterion.
     best : int
         Number of poles to take: of the smallest criterion among the fits that scatter explains and whose roots the data
-        carry; where there is none, among those that it explains with poles outside the band at most, then those that
+        carry; where there is none, among those that it explains without cancelled poles and far zeros, then those that
         it explains, then those whose roots are carried, then all.
     fits : tuple of NominalFit
         All of them.
@@ -214,12 +215,12 @@ def criterion_of(fit: NominalFit) -> float:
 
 def choose_order(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
     """The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
-    explains with poles outside the band at most, of those that it explains, of those of carried roots, of all. Undamped
-    poles above the band are taken last: what a machine does not have explains a lead in time, and no more."""
+    explains without cancelled poles and far zeros, of those that it explains, of those of carried roots, of all.
+    Undamped poles above the band are taken last: what a machine does not have explains a lead in time, and no more."""
     explained = np.array([fit.p_value > UNLIKELY_COST for fit in fits])
     doubts = [doubtful_roots(fit) for fit in fits]
     carried = np.array([not kinds for kinds in doubts])
-    within = np.array([set(kinds) <= {OUTSIDE} for kinds in doubts])
+    within = np.array([set(kinds) <= {OUTSIDE, UNSURE} for kinds in doubts])
     damped = np.array([UNDAMPED not in kinds for kinds in doubts])
     groups = (explained & carried, explained & within, explained & damped, carried, damped, np.full(len(fits), True))
     group = next(g for g in groups if g.any())
@@ -270,7 +271,7 @@ def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
     kinds = {
         OUTSIDE: poles[outside & ~undamped],
         UNDAMPED: poles[undamped],
-        "poles of no significance": poles[unsure],
+        UNSURE: poles[unsure],
         "poles that zeros cancel but for scatter": poles[cancelled],
         "zeros above the band of no significance": zeros[far],
     }

@@ -88,7 +88,8 @@ def design_frf(
     integrators : int
         Integrators inside an "order-n".
     filter_time : float, optional
-        Time constant of the derivative filter [s] of PD and PID; chosen by the design when not given.
+        Time constant of the derivative filter [s] of PD and PID; chosen by the design when not given, at least half a
+        sample: below that a sampled derivative rings.
     stable : bool
         Keep the controller itself stable (integrators aside).
     positive : bool
@@ -113,6 +114,11 @@ def design_frf(
     -------
     Design
         With `met`, `reason` and `history`. What could not be met is said there, with the best controller found.
+
+    Warns
+    -----
+    DesignWarning
+        A filter time below half a sample.
 
     Raises
     ------

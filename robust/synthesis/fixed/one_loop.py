@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeAlias, TypedDict, Unpack
@@ -23,6 +24,8 @@ from nlfrf._base.arguments import (
 from robust._base.channels import is_single
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
+from robust._base.warnings import DesignWarning
+from robust.analysis.performance import classical_margins
 from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
@@ -88,6 +91,14 @@ class LoopOptions(TypedDict):
     progress: Callable[[int, float], object] | None
 
 
+class LoopSeen(TypedDict):
+    """What a `Design` says of its loop, by the names of its fields."""
+
+    crossovers: tuple[float, ...]
+    peak_S: float
+    peak_T: float
+
+
 def design_loop(
     plant: DesignPlant | Sequence[DesignPlant],
     structure: str | int | ControllerStructure,
@@ -106,6 +117,7 @@ def design_loop(
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
     dt = loop_sampling_time(plants, dt)
+    warn_of_ringing(options["filter_time"], dt)
     named = [*per_demand_list("omega_c", options["omega_c"]), *per_demand_list("gain", options["gain"])[:1]]
     wanted = tuple(require_real("omega_c", w) for w in named)
     sizes = (options["w_P"], options["w_T"], options["w_u"], options["M_S"], options["M_T"], options["M_u"])
@@ -150,6 +162,18 @@ def design_loop(
     if options["prove"] is not None:
         theta, why = proved_parameters(task, theta, prove=options["prove"], delay=delay, why=why)
     return evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
+
+
+def warn_of_ringing(filter_time: float | None, dt: float) -> None:
+    """Warn of a derivative filter that is too fast for its clock."""
+    if filter_time is not None and 2 * filter_time < dt * (1 - 1e-9):
+        keep = (2 * filter_time - dt) / (2 * filter_time + dt)
+        warnings.warn(
+            f"filter_time {filter_time:g} s is below half a sample of {1e3 * dt:g} ms: the derivative rings, d[k] = "
+            f"{keep:.3g} d[k-1] + ...; two samples are {2 * dt:g} s",
+            DesignWarning,
+            stacklevel=4,
+        )
 
 
 def best_filter(
@@ -395,9 +419,10 @@ def structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, 
     omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]
     s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     low, high = float(s.min()), float(s.max())
-    top = min(FASTEST * high, FASTEST_SAMPLED * 2 / dt) if dt else FASTEST * high
+    derivative = shape.name in ("PD", "PID")  # below half a sample its filter rings
+    top = min(FASTEST * high, (1 if derivative else FASTEST_SAMPLED) * 2 / dt) if dt else FASTEST * high
     middle = float(np.sqrt(low * min(high, top)))
-    slowest = middle if shape.name in ("PD", "PID") else 0.0  # a derivative filter, and no second integrator
+    slowest = middle if derivative else 0.0  # a derivative filter, and no second integrator
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
@@ -418,8 +443,22 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float
         v = row.measure(ones, k)
         if v.max() > 1 + LIMIT_TOLERANCE:
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
+    seen = describe_loop(task, K)
     if failed:
         failed.sort(reverse=True)
         text = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
-        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {text} ({why})", history=history)
-    return Design(K=K, gamma=gamma, met=True, reason=why, history=history)
+        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {text} ({why})", history=history, **seen)
+    return Design(K=K, gamma=gamma, met=True, reason=why, history=history, **seen)
+
+
+def describe_loop(task: DesignTask, K: control.StateSpace) -> LoopSeen:
+    """Return where the nominal loops of the family cross over, and their largest |S| and |T| on the lines."""
+    crossovers: list[float] = []
+    peaks = []
+    for at in task.family:
+        own = at if len(task.family) > 1 else task.at  # with the lines of its loop
+        L = own.G[own.known] * response(K, own.omega[own.known])
+        crossovers += classical_margins(own.omega[own.known], L).crossovers
+        peaks.append((np.abs(1 / (1 + L)).max(), np.abs(L / (1 + L)).max()))
+    peak_S, peak_T = np.max(peaks, axis=0)
+    return LoopSeen(crossovers=tuple(sorted(crossovers)), peak_S=float(peak_S), peak_T=float(peak_T))

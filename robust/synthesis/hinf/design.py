@@ -8,6 +8,7 @@ from typing import Any
 import control
 import numpy as np
 
+from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust.proofs.search.certificate import Certificate
 
@@ -42,6 +43,10 @@ class Design:
     CL : control.StateSpace or None
         The closed loop whose norm gamma is: of `mixsyn` from r to the weighted e, u and y, of `ncfsyn` from the
         perturbations (p_out, p_in) of the shaped plant to its (u, y). None of a design on the lines of an FRF.
+    crossovers : tuple of float
+        Where |L| = 1 of the nominal [rad/s], of every plant of a family; of `design_frf` for a single loop.
+    peak_S, peak_T : float
+        Largest |S| and |T| of the nominal on the lines; nan where they were not computed.
     history : tuple of float
         gamma, or the worst demand while one was not met, after every iteration.
 
@@ -64,6 +69,9 @@ class Design:
     gamma_min: float = float("nan")
     met: bool = True
     reason: str = ""
+    crossovers: tuple[float, ...] = ()
+    peak_S: float = float("nan")
+    peak_T: float = float("nan")
     history: tuple[float, ...] = ()
     certificate: Certificate | None = None
     CL: control.StateSpace | None = None
@@ -77,7 +85,17 @@ class Design:
         found += [f"at best {self.gamma_min:.4g}"] if np.isfinite(self.gamma_min) else []
         limits = "" if self.met and found else "every limit met" if self.met else "LIMITS NOT MET"
         text = f"{describe_controller(self.K)}: {'; '.join(filter(None, (', '.join(found), limits)))}"
-        return f"{text}\n  {self.reason}" if self.reason else text
+        return "\n  ".join(filter(None, (text, self.loop_in_words, self.reason)))
+
+    @property
+    def loop_in_words(self) -> str:
+        """Where the nominal loop crosses over, and its largest |S| and |T|; empty where they were not computed."""
+        if np.isnan(self.peak_S):
+            return ""
+        at = [format_hertz(omega) for omega in self.crossovers]
+        most = f"{at[0]} to {at[-1]} ({len(at)} of them)" if len(at) > 4 else ", ".join(at)
+        text = f"crossover{'s' * (len(at) > 1)} {most or 'nowhere on the lines'}"
+        return f"{text}; nominal max |S| {self.peak_S:.3g}, max |T| {self.peak_T:.3g}"
 
     @property
     def certified(self) -> bool:
