@@ -237,7 +237,7 @@ def test_a_numerator_of_lower_degree_keeps_the_digits_of_its_zeros():
 @pytest.mark.parametrize("free_delay", [True, False])
 @pytest.mark.parametrize("seed", [21, 34, 55, 64, 70, 108, 118, 157, 161, 180])
 def test_the_fit_costs_what_one_from_the_truth_costs(seed, free_delay):
-    """Plants of which vector fitting with a full numerator, and steps that ran against a bound, lost all but four."""
+    """Plants on which vector fitting with a full numerator, or steps that run against a bound, end in a worse fit."""
     plant = random_rational(seed)
     fit = fit_nominal(
         plant.frd,
@@ -261,7 +261,7 @@ def test_random_plants_are_fitted_as_from_the_truth():
 
 
 def test_a_light_mode_beside_a_damped_one_behind_a_delay_is_found():
-    """A pole pair that zeros almost cancel moves the FRF little: five of six starts went past it."""
+    """A pole pair that zeros almost cancel moves the FRF little."""
     s = 2j * np.pi * np.geomspace(10, 2000, 120)
     section = {w: s**2 + 2 * zeta * 2 * np.pi * w * s + (2 * np.pi * w) ** 2 for w, zeta in LIGHT.items()}
     G = 1e4 * section[301.1] / section[18.0] / section[310.0] * np.exp(-2e-4 * s)
