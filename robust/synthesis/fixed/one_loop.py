@@ -338,7 +338,7 @@ def check_start(task: DesignTask, start: Controller) -> np.ndarray:
 
 
 def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
-    """Return the best n_starts simple controllers that stabilise, or a refusal where there is none."""
+    """Return n_starts controllers that stabilise and a simple one, or a refusal where there is none."""
     n_starts = require_integer("n_starts", n_starts, least=1)
     starts = find_start(
         task.basis,
@@ -364,7 +364,7 @@ def search_starts(task: DesignTask, n_starts: int) -> list[np.ndarray]:
             f"start must be given: no simple {task.basis.structure.name} controller was found that stabilises "
             f"{plants}. {because}"
         )
-    return sorted(starts, key=task.merit)[:n_starts]
+    return starts
 
 
 def describe_phase_gap(at: PlantOnLines) -> str:

@@ -115,7 +115,7 @@ def find_start(
     positive: bool,
     wanted: int,
 ) -> list[np.ndarray]:
-    """Parameters of stabilising simple controllers, those that come nearest to the demands first; may be empty."""
+    """Parameters of stabilising controllers: as many as wanted that evolved, and one that is simple; may be empty."""
     zeros, poles, centres = simple_controllers(basis, at)
     thin = np.zeros(at.omega.size, dtype=bool)
     thin[np.unique(np.linspace(0, at.omega.size - 1, MAX_LINES).astype(int))] = True
@@ -170,16 +170,20 @@ def find_start(
     simple = sorted((k for own in niches.values() for k in own), key=lambda k: (hard[k], best[k]))
     found: list[np.ndarray] = []
     used: list[np.ndarray] = []
-    # the simple ones where none of the others is known to be stable: the winding number was guessed
-    for one, own in zip(np.vstack([evolved, theta[simple]]), np.vstack([own_genes, genes[simple]]), strict=True):
-        if any(np.abs(own - other).max() < DISTINCT for other in used):
+    # behind those that evolved a simple one, where the convex steps may go further; all of them where none of the
+    # others is known to be stable: the winding number was guessed
+    for k, (one, own) in enumerate(
+        zip(np.vstack([evolved, theta[simple]]), np.vstack([own_genes, genes[simple]]), strict=True)
+    ):
+        is_simple = k >= len(evolved)
+        if (len(found) >= wanted and not is_simple) or any(np.abs(own - other).max() < DISTINCT for other in used):
             continue
         K = basis.controller(one)
         may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
         if may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE:
             found.append(one)
             used.append(own)
-        if len(found) >= wanted:
+        if len(found) > wanted:
             break
     return found
 

@@ -243,7 +243,7 @@ def test_the_order_scan_finds_the_order(n):
         assert scan.fit.G.nstates == scan.best
         assert scan.cost[0] > 100 * scan.cost[2]
     assert np.median(found) == 4
-    assert "(lowest)" in unwrapped(scan)
+    assert "(taken)" in unwrapped(scan)
     with pytest.raises(ValueError, match="n_poles must be at least the relative degree 3"):
         scan_orders(bla, n_poles=[2, 4], relative_degree=3)
 
