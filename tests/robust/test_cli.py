@@ -84,7 +84,7 @@ def test_the_whole_way(robust_command, tmp_path):
 def test_the_order_that_the_data_ask_for(robust_command, tmp_path):
     code, out, err = robust_command("model bla.npz -o m.json")
     assert code == 0, err
-    assert "the data ask for 2 poles and 1 zero" in unwrapped(out)
+    assert "the data ask for 2 poles and 0 zeros" in unwrapped(out)
     model = load(tmp_path / "m.json")
     assert model.nominal.nstates == 2
     assert 0 < model.weight.nstates <= 8
@@ -113,7 +113,7 @@ def test_of_several_levels_each_is_asked_for_its_order(robust_command, tmp_path)
         save(bla, f"level{k}.npz")
     code, out, err = robust_command("model level0.npz level1.npz -o m.json")
     assert code == 0, err
-    assert "of 2 records one asks for 2 poles and 1 zero, none for more poles" in unwrapped(out)
+    assert "of 2 records one asks for 2 poles and 0 zeros, none for more poles" in unwrapped(out)
     assert load(tmp_path / "m.json").nominal.nstates == 2
 
 

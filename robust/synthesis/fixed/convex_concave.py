@@ -79,6 +79,9 @@ class DesignTask:
             return "the loop changes"
         if not np.all(linear_rows(self, old) @ new >= 0):
             return "the controller changes"
+        zeros, poles = self.basis.zeros_and_poles(new)
+        if zeros.size > poles.size:  # a pole of the start beyond the fastest one has gone to infinity
+            return "the controller is not proper"
         K = self.basis.controller(new)
         if self.stable and unstable_poles(K, self.basis.dt):
             return "the controller is unstable"
