@@ -156,11 +156,14 @@ def design_loop(
     start = options["start"]
     starts = [check_start(task, start)] if start is not None else search_starts(task, options["n_starts"])
     deadline = began + time_cap
-    theta, history, why = iterate_on_loop_lines(
-        task, starts, closer=closer, n_iterations=n_iterations, deadline=deadline, progress=options["progress"]
+    follow = partial(
+        iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, deadline=deadline, progress=options["progress"]
     )
-    if options["prove"] is not None:
-        theta, why = proved_parameters(task, theta, prove=options["prove"], delay=delay, why=why)
+    if options["prove"] is None:
+        theta, history, why = follow(task, starts)
+    else:  # the best controller may be one of which no gain is proved, and another one is
+        each = sorted((follow(task, [one]) for one in starts), key=lambda found: task.merit(found[0]))
+        theta, history, why = first_proved(task, each, prove=options["prove"], delay=delay)
     return evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
 
 
@@ -267,20 +270,23 @@ def iterate_on_loop_lines(
     return theta, history, why
 
 
-def proved_parameters(
-    task: DesignTask, theta: np.ndarray, *, prove: Proved, delay: float, why: str
-) -> tuple[np.ndarray, str]:
-    """Return the parameters with the largest gain, at most the one found, that is proved for a class of friction."""
+def first_proved(
+    task: DesignTask, found: list[tuple[np.ndarray, tuple[float, ...], str]], *, prove: Proved, delay: float
+) -> tuple[np.ndarray, tuple[float, ...], str]:
+    """Return the first of what was found of which a gain is proved for a class of friction, with the largest such gain.
+
+    It is at most the gain found.
+    """
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
-    gain = largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay)
-    if not gain:
-        raise ValueError(
-            "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
-        )
-    lowered = theta.copy()
-    lowered[task.basis.n_y :] *= gain
-    text = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
-    return lowered, f"{why}; {text}"
+    for theta, history, why in found:
+        if gain := largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay):
+            lowered = theta.copy()
+            lowered[task.basis.n_y :] *= gain
+            text = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
+            return lowered, history, f"{why}; {text}"
+    raise ValueError(
+        "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
+    )
 
 
 def largest_proved_gain(
