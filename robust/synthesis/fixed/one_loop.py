@@ -51,6 +51,8 @@ from robust.synthesis.hinf.design import Design
 #: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
 #: be missed by for that to be done from where it is.
 LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1
+#: Starts that are followed where the controller has to be proved for friction: few of the best are, at any gain.
+PROVED_STARTS = 6
 N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried where gains have to be positive
 N_REFINED = 8  # more of them, around the best
 #: What a demand may be missed by, recomputed on those lines.
@@ -154,7 +156,8 @@ def design_loop(
 
     task = closer([basis.known_modes()])
     start = options["start"]
-    starts = [check_start(task, start)] if start is not None else search_starts(task, options["n_starts"])
+    n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], PROVED_STARTS)
+    starts = [check_start(task, start)] if start is not None else search_starts(task, n_starts)
     deadline = began + time_cap
     follow = partial(
         iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, deadline=deadline, progress=options["progress"]
@@ -162,8 +165,8 @@ def design_loop(
     if options["prove"] is None:
         theta, history, why = follow(task, starts)
     else:  # the best controller may be one of which no gain is proved, and another one is
-        each = sorted((follow(task, [one]) for one in starts), key=lambda found: task.merit(found[0]))
-        theta, history, why = first_proved(task, each, prove=options["prove"], delay=delay)
+        each = [follow(task, [one]) for one in starts]
+        theta, history, why = best_proved(task, each, prove=options["prove"], delay=delay)
     return evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
 
 
@@ -270,23 +273,23 @@ def iterate_on_loop_lines(
     return theta, history, why
 
 
-def first_proved(
+def best_proved(
     task: DesignTask, found: list[tuple[np.ndarray, tuple[float, ...], str]], *, prove: Proved, delay: float
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Return the first of what was found of which a gain is proved for a class of friction, with the largest such gain.
-
-    It is at most the gain found.
-    """
+    """Return the best of what was found, each with the largest gain up to its own that is proved for the friction."""
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
+    proved = []
     for theta, history, why in found:
         if gain := largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay):
             lowered = theta.copy()
             lowered[task.basis.n_y :] *= gain
             text = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
-            return lowered, history, f"{why}; {text}"
-    raise ValueError(
-        "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
-    )
+            proved.append((lowered, history, f"{why}; {text}"))
+    if not proved:
+        raise ValueError(
+            "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
+        )
+    return min(proved, key=lambda one: task.merit(one[0]))
 
 
 def largest_proved_gain(
