@@ -228,7 +228,7 @@ def assign_lines(kind: str, grid: LineGrid, *, n_inputs: int, rng: np.random.Gen
 
 
 def dft_matrix(n: int) -> np.ndarray:
-    """Return (n, n) T with T T^H = n I and |T_ie| = 1, which tells the experiments of a set apart."""
+    """Return (n, n) T with T T^H = n I and |T_ie| = 1, which separates the experiments of a set."""
     return np.exp(-2j * np.pi * np.outer(np.arange(n), np.arange(n)) / n)
 
 

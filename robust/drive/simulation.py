@@ -221,7 +221,7 @@ def run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.nd
 
 
 def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
-    """Return the friction with the load that was read beside it, where motor, load and the spring between are known."""
+    """Return the friction with the load that was read with it, where motor, load and the spring between are known."""
     if fit is None or not fit.load_mass or not force.sliding.mass > fit.load_mass:
         return force
     if not np.isfinite([fit.stds[name] for name in ("mass", "load_mass", "coupling")]).all():

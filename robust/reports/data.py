@@ -198,7 +198,7 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
 
 
 def roots_of_plant(G: control.StateSpace) -> list[tuple[str, str]]:
-    """Return the rows of poles and zeros; a continuous delay is told from them, as zeros that mirror its poles."""
+    """Return the rows of poles and zeros; a continuous delay is separated, as zeros that mirror its poles."""
     dt, p, z = timebase(G), poles(G), zeros(G) if G.ninputs == G.noutputs == 1 else np.zeros(0)
     delay = np.array([not dt and np.any(np.abs(z + root.conj()) < MIRRORED * np.abs(root)) for root in p], dtype=bool)
     mirror = np.array([np.any(np.abs(p[delay] + root.conj()) < MIRRORED * np.abs(root)) for root in z], dtype=bool)

@@ -26,7 +26,7 @@ from robust.models.fit.search import FitSearch
 
 UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it
 MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
-MIN_SEPARATION = 2.0  # standard deviations that a pole and a zero lie apart at least, or they are named
+MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero at least, or they are named
 OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
 UNSURE = "poles of no significance"
 LEAST_DAMPING = 1e-4  # of a pair above the band

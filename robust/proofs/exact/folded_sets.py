@@ -9,7 +9,7 @@ G_d V_l Delta V_r with one |Delta| <= 1 if at every omega up to Nyquist there ar
 for every i, as a row of the parts and a column of the others are contractions (Cauchy-Schwarz). On an interval every
 m_k is the exponential of a line, and both sums are enclosed by their Taylor polynomials about its middle. What follows
 these is bounded by series with the moduli of the coefficients, for which every transfer function is the exponential of
-a series: there a zero beside a pole cancels it. The interval is cut until both sums pass. Aliases near the band are
+a series: there a zero near a pole cancels it. The interval is cut until both sums pass. Aliases near the band are
 taken one by one, the others by upper bounds of |h_k| |G_k W_l,k| in blocks and by the power law of the last ones.
 """
 

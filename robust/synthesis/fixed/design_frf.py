@@ -99,7 +99,7 @@ def design_frf(
         A stabilising controller of the structure to begin from; when not given it is searched for over the band, in
         gain and roots, by differential evolution.
     n_starts : int
-        How many of the controllers that evolved are followed, beside a simple one; more take longer and may end better.
+        How many of the controllers that evolved are followed, with a simple one; more take longer and may end better.
     n_unstable : int
         Unstable poles of a plant that is an FRF.
     prove : FrictionClass or (FrictionPlant, AnyFriction), optional
