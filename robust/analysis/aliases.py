@@ -35,7 +35,6 @@ import numpy as np
 from scipy.special import psi, zeta
 
 from nlfrf._base.values import value
-from robust.lti.connections import in_series
 from robust.lti.lti import make_response, poles, replace_infinite
 from robust.models.sets.forms import FORMS
 from robust.proofs.search.intervals import Magnitude, magnitude_of
@@ -109,11 +108,6 @@ class Aliases:
     def spacing(self) -> float:
         """Return the sampling frequency, the distance of the aliases [rad/s]."""
         return 2 * np.pi / self.dt
-
-    @cached_property
-    def F(self) -> control.StateSpace:
-        """Return the system from the perturbation to the output: G w, or w."""
-        return in_series(self.weight, self.plant, dt=0) if self.F_includes_plant else self.weight
 
     @cached_property
     def responders(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
