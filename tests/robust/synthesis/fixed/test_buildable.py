@@ -1,14 +1,12 @@
 """What a design says of its loop, and of gains that cannot be built."""
 
 import re
-import sys
 
 import control
 import numpy as np
 import pytest
 
 import robust
-from robust import cli
 from robust.io.pid import reason_for_unusual_gains
 from tests.support.printed import unwrapped
 
@@ -58,19 +56,8 @@ def test_a_design_says_where_its_loop_crosses_over_and_how_far_it_peaks():
     assert re.fullmatch(r"  crossover [\d.]+ Hz; nominal max \|S\| 1\.\d+, max \|T\| 1(\.\d+)?", row)
 
 
-def test_the_command_takes_a_limit_on_T_and_a_filter_time(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    omega = np.geomspace(1, 600, 20)
-    model = robust.UncertaintyModel(PLANT, control.tf([0.01], [1]), "multiplicative", omega, np.full(20, 0.01))
-    robust.save(model, "m.json")
-
-    def run(line):
-        monkeypatch.setattr(sys, "argv", line.split())
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        said = capsys.readouterr()
-        return stop.value.code or 0, said.out, said.err
-
+def test_the_command_takes_a_limit_on_T_and_a_filter_time(command_on_light_mode):
+    run = command_on_light_mode
     line = "robust design m.json --sample-time 0.005 --delay 0.02 --peak 1.8 -o K.json --peak-t 1.1 --filter-time 0.01"
     code, out, err = run(f"{line} --method pid")
     assert code == 0, err

@@ -1,14 +1,12 @@
 """PID gains that a PLC takes: all of one sign, under the names of its blocks; and a warning where they are not."""
 
 import re
-import sys
 
 import control
 import numpy as np
 import pytest
 
 import robust
-from robust import cli
 from robust.io.pid import PidGains, advice_on_structure
 from tests.support.printed import unwrapped
 
@@ -125,19 +123,8 @@ def test_no_ideal_form_and_no_plc_where_times_are_negative_or_below_a_sample():
     assert "Gain = -2, Ti = 0.5 s, Td = 0 s" in inverted.plc_parameters()[0]
 
 
-def test_the_command_warns_and_positive_cures(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    omega = np.geomspace(1, 600, 20)
-    model = robust.UncertaintyModel(PLANT, control.tf([0.01], [1]), "multiplicative", omega, np.full(20, 0.01))
-    robust.save(model, "m.json")
-
-    def run(line):
-        monkeypatch.setattr(sys, "argv", line.split())
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        said = capsys.readouterr()
-        return stop.value.code or 0, said.out, said.err
-
+def test_the_command_warns_and_positive_cures(command_on_light_mode):
+    run = command_on_light_mode
     line = "robust design m.json --method pid --sample-time 0.005 --delay 0.02 --peak 1.8 -o K.json"
     code, out, err = run(line)
     assert code == 0
