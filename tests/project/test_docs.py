@@ -217,7 +217,7 @@ def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
             page.open(built / "index.html")
             address = (built / "search.html").resolve().as_uri() + "?q=" + words.replace(" ", "+")
             page.ask("Page.navigate", url=address)
-            found = page.run(
+            found = page.wait(
                 "new Promise(done => { const look = () => { const hits = [...document.querySelectorAll('ul.search a')];"
                 " if (document.querySelector('.search-summary')?.textContent.match(/finished|did not/))"
                 " done(hits.map(a => a.getAttribute('href').split('?')[0])); else setTimeout(look, 50); }; look(); })"

@@ -83,13 +83,17 @@ class Page:
         self.ask("Page.navigate", url=path.resolve().as_uri())
         while self.loaded == before:
             self.note(self.message())
-        self.run("Promise.all([...document.images].filter(i => i.src).map(i => i.decode()))")
+        self.wait("Promise.all([...document.images].filter(i => i.src).map(i => i.decode()))")
 
     def run(self, expression):
         """The value of an expression in the page."""
         answer = self.ask("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
+
+    def wait(self, promise):
+        """What a promise brings; the page holds it while it waits, for Chromium may collect one that nothing holds."""
+        return self.run(f"globalThis.waited = {promise}")
 
     def pdf(self):
         """The page as it prints."""

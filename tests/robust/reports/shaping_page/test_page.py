@@ -52,7 +52,7 @@ def screen(page, width, height, mobile=False):
 
 
 def state(page):
-    page.run(WAIT)
+    page.wait(WAIT)
     return page.run("shaping.state()")
 
 
@@ -179,7 +179,7 @@ def test_a_redraw_takes_less_than_a_frame(page):
 @pytest.mark.parametrize("width", [360, 390, 800, 1300])
 def test_nothing_sticks_out_at_any_width(page, width):
     screen(page, width, 900, mobile=width < 500)
-    page.run(f"{WAIT}.then(() => {WAIT})")
+    page.wait(f"{WAIT}.then(() => {WAIT})")
     assert page.run("document.documentElement.scrollWidth") <= width
     widest = page.run("Math.max(...[...document.querySelectorAll('canvas')].map(c => c.getBoundingClientRect().right))")
     assert widest <= width
@@ -190,7 +190,7 @@ def test_nothing_sticks_out_at_any_width(page, width):
 def test_a_finger_drags_on_a_phone(page):
     screen(page, 390, 844, mobile=True)
     page.ask("Emulation.setTouchEmulationEnabled", enabled=True)
-    page.run(f"{WAIT}.then(() => {WAIT})")
+    page.wait(f"{WAIT}.then(() => {WAIT})")
     x, y = middle(page, '[data-handle="-1"]')
     page.ask("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
     for part in range(1, 5):
@@ -261,7 +261,7 @@ def test_the_widget_runs_as_a_module(chromium, tmp_path):
     made = robust.shaping.shape(level(1), w_P=W_P, K=1.0)
     (tmp_path / "empty.html").write_text("<!DOCTYPE html><title>cell</title><body></body>", encoding="utf-8")
     chromium.open(tmp_path / "empty.html")
-    chromium.run(
+    chromium.wait(
         f"(async () => {{ const source = {json.dumps(made._esm)}, content = {json.dumps(made.content)};"
         " const url = URL.createObjectURL(new Blob([source], { type: 'text/javascript' }));"
         " const module = await import(url); globalThis.traits = { content, state: {} };"
@@ -287,7 +287,7 @@ def test_it_opens_on_a_loop_and_not_on_an_empty_page(chromium, tmp_path):
     robust.shaping.write_shaping_page(tmp_path / "shape.html", machine())
     screen(chromium, 1300, 1100)
     chromium.open(tmp_path / "shape.html")
-    chromium.run(WAIT)
+    chromium.wait(WAIT)
     [crossover] = chromium.run("shaping.answer().models[0].crossovers")
     assert crossover / 2 / np.pi == pytest.approx(30.6, abs=1.0)
     assert chromium.run("document.querySelector('.shaping-card strong').textContent") == "holds on the grid"
@@ -304,7 +304,7 @@ def test_it_opens_on_a_loop_and_not_on_an_empty_page(chromium, tmp_path):
     assert "too high for the set" in text
     assert "L over the set" in text
     chromium.run("shaping.set({ gain: 1, elements: [] })")  # with a gain of one |L| is at -100 dB, and in sight too
-    chromium.run(WAIT)
+    chromium.wait(WAIT)
     assert chromium.run("shaping.loop.plot.scales.y.min") < -100
     assert "|L| never crosses 1" in chromium.run("document.body.innerText")
 
