@@ -146,9 +146,6 @@ def simulate(
     stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m] instead of the paper's 80000.")] = None,
     noise: Annotated[float, typer.Option(help="Standard deviation of white noise added to the position [m].")] = 0.0,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of that noise.")] = None,
-    accuracy: Annotated[
-        float | None, typer.Option(help="Error of the position asked for, relative to its rms.")
-    ] = None,
     oversampling: Annotated[int, typer.Option(help="Integration steps per sample.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
     decimal: Decimal = ".",
@@ -173,7 +170,6 @@ def simulate(
             ms,
             n_periods=periods,
             n_discard=discard,
-            accuracy=accuracy,
             oversampling=oversampling,
             resume=resume,
             progress=advance,
