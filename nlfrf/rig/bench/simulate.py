@@ -349,7 +349,7 @@ def try_experiment(experiment: Experiment) -> Arrays | None:
     change = np.nan
     if len(periods) > 1:
         size = np.linalg.norm(periods[-1])  # zero of a mass that never moved
-        change = np.linalg.norm(periods[-2] - periods[-1]) / max(size, np.finfo(float).tiny)
+        change = float(np.linalg.norm(periods[-2] - periods[-1]) / max(size, np.finfo(float).tiny))
     y = np.stack(periods[-experiment.n_periods :], axis=-2)
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
 
