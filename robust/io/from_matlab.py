@@ -8,7 +8,7 @@ from pathlib import Path
 import control
 import numpy as np
 
-from nlfrf.io.readers.matlab import read_mat
+from nlfrf.io import read_mat
 from robust.lti.realisation import from_polynomials, from_roots, multivariable, order_roots
 
 #: Fields of a system, by the letters that they are known by whatever their case; the first set that is whole counts.
