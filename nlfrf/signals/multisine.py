@@ -276,7 +276,8 @@ def multisine(
     if n_inputs == 1 and (design != "orthogonal" or mixing is not None or n_draws != 1):
         raise ValueError("n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest), got 1")
     shape = relative_amplitudes(amplitude, f, n_inputs)
-    if require_choice("design", design, DESIGNS) == "zippered":
+    require_choice("design", design, DESIGNS)
+    if design == "zippered":
         if mixing is not None:
             raise ValueError(f"mixing must be left out for a zippered design: a line drives one input, got {mixing}")
         shape = shape * assign_lines(kind, grid, n_inputs=n_inputs, rng=rng)

@@ -11,7 +11,7 @@ from nlfrf import multisine, paper_rig, simulate
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, OwnFriction, VaryingSliders
 from nlfrf.hysteresis import Exponential, Table, Tanh
 from nlfrf.rig import Rig, run, two_axis_stage
-from tests.support.chords import chord_elements
+from tests.support.virgin_curves import chord_elements
 
 FS = 1024.0
 LUGRE = LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
