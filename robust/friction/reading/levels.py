@@ -13,7 +13,6 @@ from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import ArrayField, value
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.nominal import error_of_nominal, machines_of_nominal
-from robust.friction.passivity import port_responses, refuse_unknown_amplitude
 from robust.friction.plant import FrictionPlant, friction_plant, require_one_port, with_port_impedance
 from robust.friction.units import MechanicalUnits, mechanical_units, position_unit_of
 from robust.lti.sampling import hold_correction
@@ -162,6 +161,16 @@ def nominal_reaction(bla: Bla, machine: FrictionPlant, nominal_error: np.ndarray
     # an error of G_ym alone moves N by 1/(G_yp G_xm) where force, sensor and port are one, and about so elsewhere
     std = np.hypot(relative_std(bla) * np.abs(bla.G) * sensitivity, nominal_error * np.abs(ym / (yp * xm)))
     return Reaction(omega=omega, H=H, std=std, delayed=delayed, dof=bla.dof)
+
+
+def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(W,) each: measured over force, measured over port force, port displacement over force, over port force."""
+    n = machine.A.shape[0]
+    pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A
+    push = np.broadcast_to(np.column_stack([machine.B_force, machine.B_port]).astype(complex), (omega.size, n, 2))
+    moved = np.linalg.solve(pencil, push)
+    matrices = np.vstack([machine.C_measured, machine.C_port]) @ moved
+    return matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]
 
 
 def relative_std(bla: Bla) -> np.ndarray:
@@ -428,7 +437,11 @@ def class_from_blas(
     """Read machine and presliding stiffness from the BLAs of three levels or more; see `friction_class`."""
     for bla in blas:
         require_si("blas", bla.unit)
-        refuse_unknown_amplitude("blas", bla)
+        if not np.isfinite(bla.levels.excited).all():
+            raise ValueError(
+                "blas must know the amplitude of the output, which an FRF from elsewhere (nlfrf.bla_from_frf) does "
+                "not: take BLAs that nlfrf.identify made of records"
+            )
     if len(blas) < 3:
         raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
     if (fewest := min(bla.f.size for bla in blas)) < FEWEST_LINES:
