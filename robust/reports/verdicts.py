@@ -12,7 +12,7 @@ from robust.analysis.judge_lines import assemble_on_lines
 from robust.analysis.judge_mu import stability_bound_at
 from robust.analysis.loop import assemble_loop
 from robust.analysis.report import RobustnessReport
-from robust.friction.proof.prove import FrictionProof
+from robust.friction.proof.certify import FrictionProof
 from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel

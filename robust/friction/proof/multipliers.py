@@ -10,6 +10,7 @@ that is negative at every frequency contradicts any motion that goes on. Nothing
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -62,17 +63,22 @@ def port_terms(
 
     mobility : (W, P, P); K0, rho : (P,) of the class at each port. All multipliers of the first port come first.
     """
-    n_ports = mobility.shape[-1]
+    forces = np.broadcast_to(np.eye(rho.size, dtype=complex), (omega.size, rho.size, rho.size))
     table = []
-    for port, unit in enumerate(np.eye(n_ports, dtype=complex)):
-        factors, lost = filter_terms(omega, rates, K0=K0[port], rho=rho[port])
-        force = np.broadcast_to(unit, (omega.size, n_ports))
-        own = hermitian_product(force, force)
-        table += [
-            hermitian_product(force, factors[:, [j]] * mobility[:, port]) - lost[:, j, None, None] * own
-            for j in range(1 + rates.size)
-        ]
+    for port in range(rho.size):
+        table += friction_forms(
+            forces[:, port], mobility[:, port], omega=omega, rates=rates, K0=K0[port], rho=rho[port]
+        )
     return np.stack(table, axis=1)
+
+
+def friction_forms(
+    f: np.ndarray, v: np.ndarray, *, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float
+) -> list[np.ndarray]:
+    """Return (W, P, P), the hermitian form of each multiplier of a friction f at velocity v, linear forms (W, P)."""
+    factors, lost = filter_terms(omega, rates, K0=K0, rho=rho)
+    own = hermitian_product(f, f)
+    return [hermitian_product(f, factors[:, [j]] * v) - lost[:, j, None, None] * own for j in range(1 + rates.size)]
 
 
 MAX_ROUNDS = 60
@@ -81,15 +87,26 @@ NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this share of the diagonal is
 
 
 def negative_multipliers(
-    table: np.ndarray, *, coupling: float, least: float, balanced: np.ndarray | None = None
+    table: np.ndarray, *, couplings: Sequence[float], least: float, balanced: np.ndarray | None = None
 ) -> np.ndarray | None:
     """Return (C,) few multipliers >= 0 that make every hermitian matrix negative definite; None where none were found.
+
+    couplings : the terms off the diagonal are enlarged by 1/coupling, the first of these with which any are found.
+    The others as of `coupled_multipliers`.
+    """
+    tried = (coupled_multipliers(table, coupling, least=least, balanced=balanced) for coupling in couplings)
+    return next((theta for theta in tried if theta is not None), None)
+
+
+def coupled_multipliers(
+    table: np.ndarray, coupling: float, *, least: float, balanced: np.ndarray | None
+) -> np.ndarray | None:
+    """Return (C,) multipliers for one enlargement of the terms off the diagonal, or None.
 
     A matrix is negative where its form is, for every vector: a linear program over the vectors that were worst so far,
     again and again until none is worse.
 
     table : (W, C, P, P), the matrices of each multiplier at each frequency.
-    coupling : the terms off the diagonal are enlarged by 1/coupling.
     least : share of every row that has to be left.
     balanced : (C, B) combinations of the multipliers that have to be zero.
     """

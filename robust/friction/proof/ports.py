@@ -82,11 +82,8 @@ def weights_of_ports(
         equal = np.zeros((n_ports * n, n_ports - 1))
         for port in range(1, n_ports):
             equal[:n, port - 1], equal[port * n : (port + 1) * n, port - 1] = shares[0], -shares[port]
-    for coupling in COUPLINGS:
-        theta = negative_multipliers(table, coupling=coupling, least=MIN_SHARE, balanced=equal)
-        if theta is not None:
-            break
-    else:
+    theta = negative_multipliers(table, couplings=COUPLINGS, least=MIN_SHARE, balanced=equal)
+    if theta is None:
         return None
     mu = theta.reshape(n_ports, n)
     if not (mu[:, 1:] > 0).any(axis=1).all():

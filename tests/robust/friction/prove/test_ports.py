@@ -162,7 +162,7 @@ def test_the_energy_falls_with_elements_at_both_ports():
     omega, K0, rho = loop_frequencies(loop, 300), np.array([25e6, 12.5e6]), np.array([1.2, 1.3])
     for rates in filter_rates(1.5 * SCREW.resonance, np.inf):
         theta = negative_multipliers(
-            port_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho), coupling=0.9, least=1e-9
+            port_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho), couplings=(0.9,), least=1e-9
         )
         if theta is None:
             continue
@@ -236,9 +236,9 @@ def test_multipliers_make_every_matrix_negative():
     half = rng.standard_normal((40, 5, 3, 3)) + 1j * rng.standard_normal((40, 5, 3, 3))
     table = half + np.conj(np.swapaxes(half, 2, 3))
     table[:, 4] = -8 * np.eye(3)
-    theta = negative_multipliers(table, coupling=1.0, least=1e-9)
+    theta = negative_multipliers(table, couplings=(1.0,), least=1e-9)
     assert np.linalg.eigvalsh(np.einsum("wcij,c->wij", table, theta))[:, -1].max() < 0
-    assert negative_multipliers(-table, coupling=1.0, least=1e-9) is None
+    assert negative_multipliers(-table, couplings=(1.0,), least=1e-9) is None
 
 
 @pytest.mark.attack
