@@ -26,7 +26,7 @@ from nlfrf._base.command import (
     progress_display,
     run_command,
 )
-from nlfrf._base.files import LOAD_OPTIONS, require_writable
+from nlfrf._base.files import LOAD_OPTIONS, MULTIRECORD_KINDS, require_writable, stated_kind
 from nlfrf._base.values import to_json
 from nlfrf.axis.axis_file import load_axis
 from nlfrf.axis.trace import in_design_units
@@ -34,7 +34,7 @@ from nlfrf.doctor import examine
 from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.inspection import screen_file
-from nlfrf.io.records import ReadOptions, holds_multirecord
+from nlfrf.io.records import ReadOptions
 from nlfrf.io.results import load_own
 from nlfrf.signals.lines import KINDS, grid_lines
 
@@ -146,9 +146,6 @@ def simulate(
     stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m] instead of the paper's 80000.")] = None,
     noise: Annotated[float, typer.Option(help="Standard deviation of white noise added to the position [m].")] = 0.0,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of that noise.")] = None,
-    accuracy: Annotated[
-        float | None, typer.Option(help="Error of the position asked for, relative to its rms.")
-    ] = None,
     oversampling: Annotated[int, typer.Option(help="Integration steps per sample.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
     decimal: Decimal = ".",
@@ -173,7 +170,6 @@ def simulate(
             ms,
             n_periods=periods,
             n_discard=discard,
-            accuracy=accuracy,
             oversampling=oversampling,
             resume=resume,
             progress=advance,
@@ -267,7 +263,8 @@ def identify(
         "design": design,
         "hold": hold,
     }
-    if len(inputs) > 1 or (input is None and holds_multirecord(file[0])):
+    kind = stated_kind(file[0], file[0].suffix.lower()) if input is None else None
+    if len(inputs) > 1 or kind in MULTIRECORD_KINDS:
         if opinion:
             raise ValueError(
                 f"opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"

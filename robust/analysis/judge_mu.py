@@ -157,11 +157,6 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray) -> MuCurves:
     )
 
 
-def stability_bound_at(system: UncertainSystem, omega: float) -> float:
-    """Return the upper bound of mu for stability at one frequency [rad/s]."""
-    return float(mu_bound_at(system.loop, system.structure, omega=np.array([omega]))[0])
-
-
 def complete_bounds(
     N: control.StateSpace,
     blocks: Blocks,

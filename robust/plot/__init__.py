@@ -1,7 +1,7 @@
 """Pictures. They compute nothing beyond units; the curves come from the values.
 
-    models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
-    loops    pictures of loops: gains, check, Nyquist with discs, family, bounds, poles and zeros in their ellipses
+    models   pictures of models: nominal, set, weight, radius, fit, order scan
+    loops    pictures of loops: gains, check, Nyquist with discs, family, step
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of friction, and of what it does to a loop
     tuning   limits of a tuned design over frequency, before and after
@@ -12,12 +12,10 @@ Import them from here: `from robust.plot import plot_check`.
 
 from robust.plot.friction import RestCase, plot_friction_fit, plot_friction_force, plot_rest
 from robust.plot.loops import (
-    plot_bounds,
     plot_check,
     plot_family,
     plot_loop,
     plot_nyquist,
-    plot_roots,
     plot_step,
 )
 from robust.plot.models import (
@@ -26,7 +24,6 @@ from robust.plot.models import (
     plot_nominal,
     plot_orders,
     plot_set,
-    plot_validation,
     plot_weight,
 )
 from robust.plot.shaping import LoopPicture, plot_loop_bounds
@@ -35,7 +32,6 @@ from robust.plot.tuning import plot_limits
 __all__ = [
     "LoopPicture",
     "RestCase",
-    "plot_bounds",
     "plot_budget",
     "plot_check",
     "plot_family",
@@ -49,9 +45,7 @@ __all__ = [
     "plot_nyquist",
     "plot_orders",
     "plot_rest",
-    "plot_roots",
     "plot_set",
     "plot_step",
-    "plot_validation",
     "plot_weight",
 ]

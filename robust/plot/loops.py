@@ -6,16 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import label_with_unit, require_integer, require_kind, require_probability, short_form
+from nlfrf._base.arguments import label_with_unit, require_integer, require_kind
 from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
-from robust._base.types import Controller
 from robust.analysis.family import LoopFamily
 from robust.analysis.performance import LoopGains, StepResponse
 from robust.analysis.report import RobustnessReport
-from robust.lti.lti import response
-from robust.lti.realisation import state_space
-from robust.models.fit.nominal import NominalFit
-from robust.models.sets.model import UncertaintyModel
 from robust.plot.style import COLOR, fit_vertical_axis, mark_band, to_hertz
 
 if TYPE_CHECKING:
@@ -258,122 +253,3 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
         title="A step of the reference by one unit of y",
     )
     return finish_axes(ax)
-
-
-def plot_bounds(
-    model: UncertaintyModel, K: Controller, bounds: tuple[np.ndarray, np.ndarray], *, ax: Axes | None = None
-) -> Axes:
-    """Plot |L| between the bounds of `loop_bounds`, on the lines of the model.
-
-    Parameters
-    ----------
-    model : UncertaintyModel
-    K : control.StateSpace or TransferFunction
-        Controller.
-    bounds : (low, high)
-        From `loop_bounds`.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
-    """
-    require_kind("model", model, UncertaintyModel)
-    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
-        raise ValueError(f"bounds must be the pair that loop_bounds gives, got {short_form(bounds)}")
-    ax = axes_or_new(ax)
-    f, (low, high) = to_hertz(model.omega), bounds
-    L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
-    ax.plot(f, to_decibel(L), "-", lw=1.8, color=COLOR["radius"], label="|L|")
-    floor, ceiling = to_decibel(L.min()) - 20, to_decibel(L.max()) + 20
-    if np.any(low > 0):
-        edge = np.where(low > 0, to_decibel(low), floor)
-        ax.fill_between(f, floor, edge, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance")
-    if np.any(np.isfinite(high)):
-        edge = np.where(np.isfinite(high), to_decibel(high), ceiling)
-        ax.fill_between(f, edge, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty")
-    ax.set(
-        xscale="log",
-        ylim=(floor, ceiling),
-        xlabel="frequency [Hz]",
-        ylabel="|L| [dB]",
-        title="Loop gain and its bounds",
-    )
-    mark_band(ax, (f[0], f[-1]))
-    return finish_axes(ax)
-
-
-# ---- Where the poles and zeros of a fit lie, each in the ellipse that its scatter leaves it.
-
-CIRCLE_ANGLES = np.linspace(0, 2 * np.pi, 121)
-ROOT_STYLES = (("poles", "x", "limit", "-"), ("zeros", "o", "loop", "--"))
-
-
-def plot_roots(fit: NominalFit, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Plot poles and zeros of a fit with their confidence ellipses, real ones with an interval.
-
-    Parameters
-    ----------
-    fit : NominalFit
-        From `fit_nominal`, of one input and one output, with the standard deviation of its lines.
-    confidence : float
-        Probability that an ellipse holds the root, each by itself.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given. In Hz, roots over 2 pi, or in the plane of z.
-
-    Raises
-    ------
-    ValueError
-        A confidence that is no probability; a fit without standard deviations.
-
-    References
-    ----------
-    Pintelon & Schoukens, 2nd ed., 9.11 (covariance of the sample maximum likelihood estimate), 19.1.4 (ellipses).
-    """
-    require_kind("fit", fit, NominalFit)
-    p, known = require_probability("confidence", confidence), fit.uncertainty
-    if known is None:
-        raise ValueError("fit must know how its poles scatter (fit.uncertainty), got None")
-    ax, sampled = axes_or_new(ax), bool(fit.G.dt)
-    for name, marker, colour, line in ROOT_STYLES:
-        roots, covariances = getattr(known, name), getattr(known, f"cov_{name}")
-        shown = roots if sampled else to_hertz(roots)
-        ax.plot(shown.real, shown.imag, marker, ms=4, mfc="none", color=COLOR[colour], label=name)
-        for i, (root, covariance) in enumerate(zip(roots, covariances, strict=True)):
-            curve = (
-                confidence_ellipse(root, covariance, p)
-                if sampled
-                else to_hertz(confidence_ellipse(root, covariance, p))
-            )
-            label = f"{100 * p:g} % of each of the {name}" if i == 0 else None
-            ax.plot(curve.real, curve.imag, line, lw=1.1, color=COLOR[colour], label=label)
-    ax.margins(0.2)
-    ax.autoscale_view()
-    ax.set_autoscale_on(False)  # around the roots: the whole of the circle would hide their ellipses
-    if sampled:
-        ax.plot(np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES), ":", lw=0.9, color="0.4", label="unit circle")
-    else:
-        ax.axvline(0, ls=":", lw=0.9, color="0.4", label="limit of stability")
-    unit = "z" if sampled else "s / 2π [Hz]"
-    ax.set(xlabel=f"real part of {unit}", ylabel=f"imaginary part of {unit}", title="Poles and zeros of the fit")
-    return finish_axes(ax)
-
-
-def confidence_ellipse(root: complex, covariance: np.ndarray, p: float) -> np.ndarray:
-    """Return (K,) points around a normal root of this covariance (2, 2) of its parts that holds it with probability p.
-
-    A complex root lies within where x' C^-1 x < -2 ln(1 - p), a real one within the interval of one normal variable.
-
-    >>> bool(np.isclose(np.abs(confidence_ellipse(0, np.eye(2), 0.95)).max(), 2.4477, atol=1e-4))
-    True
-    """
-    values, axes_of = np.linalg.eigh(covariance)
-    flat = values[0] <= 1e-12 * values[1]  # a real root
-    size = np.sqrt(2) * inverse_erf(p) if flat else np.sqrt(-2 * np.log1p(-p))
-    radii = size * np.sqrt(np.maximum(values, 0.0))
-    x, y = (axes_of * radii) @ np.array([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES)])
-    return np.asarray(root + x + 1j * y)
-
-
-def inverse_erf(p: float) -> float:
-    """Return where erf is p."""
-    from scipy.special import erfinv as inverse
-
-    return float(inverse(p))

@@ -28,7 +28,6 @@ from robust.models.fit.nominal import NominalFit, bla_behind_hold
 from robust.models.fit.orders import OrderScan
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, require_one_channel
-from robust.models.validation import Validation
 from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, STYLE, mark_band, to_hertz
 
 if TYPE_CHECKING:
@@ -288,36 +287,6 @@ def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
         title += f": cost {fit.cost / fit.expected_cost:.3g} times what scatter alone leaves"
     label = f"magnitude [dB, {fit.unit or 'unit of y / u'}]"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, title=title)
-    mark_band(ax, (f.min(), f.max()))
-    return finish_axes(ax)
-
-
-def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
-    """Return how far the lines of a second record lie from the nominal, in units of their disc.
-
-    Parameters
-    ----------
-    validation : Validation
-        From `validate`.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
-    """
-    require_kind("validation", validation, Validation)
-    ax = axes_or_new(ax)
-    f, out = to_hertz(validation.omega), validation.distance > 1
-    ax.plot(f[~out], validation.distance[~out], ".", ms=4, color=COLOR["weight"], label="inside")
-    if out.any():
-        ax.plot(f[out], validation.distance[out], "x", ms=5, color=COLOR["limit"], label="outside")
-    ax.axhline(1, color="0.3", lw=1, ls=":")
-    ax.set(
-        xscale="log",
-        yscale="log",
-        xlabel="frequency [Hz]",
-        ylabel="distance from the nominal, over the weight",
-        title=f"{validation.n_outside_set} of {validation.n_lines} lines outside the set; "
-        f"another gain, delay or frequency: p = {validation.p_value:.2g}",
-    )
-    ax.title.set_fontsize("medium")
     mark_band(ax, (f.min(), f.max()))
     return finish_axes(ax)
 

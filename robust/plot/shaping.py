@@ -110,17 +110,6 @@ class LoopPicture:
         ]
         self.ax.set_ylim(floor, ceiling)
 
-    def _repr_png_(self) -> bytes:
-        """Return the picture, for a notebook."""
-        from io import BytesIO
-
-        from matplotlib.figure import Figure
-
-        out, figure = BytesIO(), self.ax.figure
-        assert isinstance(figure, Figure)
-        figure.savefig(out, format="png", dpi=100)
-        return out.getvalue()
-
 
 def describe_check(report: RobustnessReport) -> str:
     """Return stability, worst demand and crossover in a line."""

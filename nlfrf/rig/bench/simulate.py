@@ -24,7 +24,6 @@ from nlfrf._base.arguments import (
     require_choice,
     require_integer,
     require_kind,
-    require_positive,
     short_form,
 )
 from nlfrf._base.files import Role, write_arrays
@@ -213,8 +212,6 @@ def hash_value(digest: Hash, value: object) -> None:
 
 #: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
 MAX_PERIOD_CHANGE = 1e-4
-#: Integration steps per sample beyond which no accuracy is sought.
-MAX_STEPS_PER_SAMPLE = 64
 
 
 @value
@@ -237,7 +234,6 @@ def simulate(
     n_discard: int = 2,
     oversampling: int = 1,
     hold: str = "band-limited",
-    accuracy: float | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
@@ -259,9 +255,6 @@ def simulate(
         so that nothing but rounding appears on even lines.
     hold : str
         The force between samples: "band-limited", the multisine itself; "zoh", each sample held.
-    accuracy : float, optional
-        Largest error of the position that is allowed, rms over rms: `oversampling` is doubled until halving the
-        step changes the first realisation by less, from a step too long to be stable too.
     executor : concurrent.futures.Executor, optional
         Where the realisations are run; one thread per core when not given. The result does not depend on it.
     progress : callable, optional
@@ -279,7 +272,7 @@ def simulate(
     ------
     ValueError
         A multisine of other inputs than the rig has; a step too long to be stable, with the oversampling that would do;
-        an accuracy that is not reached; an executor that dies; numbers out of range.
+        an executor that dies; numbers out of range.
 
     Warns
     -----
@@ -312,12 +305,8 @@ def simulate(
     require_matching_inputs(rig, ms)
     n_runs = ms.phase.shape[-2]
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
-    if accuracy is None:
-        require_stable_step(rig.stable_step, ms.fs, oversampling)
-        warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
-    else:
-        steps = find_oversampling(realizations[0], require_positive("accuracy", accuracy))
-        realizations = [replace(realization, oversampling=steps) for realization in realizations]
+    require_stable_step(rig.stable_step, ms.fs, oversampling)
+    warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
     outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)
     change = np.array([float(outcome["change"]) for outcome in outcomes])
     if np.any(change > MAX_PERIOD_CHANGE):
@@ -359,7 +348,8 @@ def try_experiment(experiment: Experiment) -> Arrays | None:
         periods = [*periods[-max(experiment.n_periods - 1, 1) :], sensor_positions(experiment, out[:, 0])]
     change = np.nan
     if len(periods) > 1:
-        change = relative_difference(periods[-2], periods[-1])
+        size = np.linalg.norm(periods[-1])  # zero of a mass that never moved
+        change = float(np.linalg.norm(periods[-2] - periods[-1]) / max(size, np.finfo(float).tiny))
     y = np.stack(periods[-experiment.n_periods :], axis=-2)
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
 
@@ -370,31 +360,6 @@ def sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
     return y if isinstance(experiment.ms, OrthogonalMultisine) else y[0]
-
-
-def relative_difference(y: np.ndarray, of: np.ndarray) -> float:
-    """Return the rms of y - of over the rms of `of`; zero where both are zero, as of a mass that never moved."""
-    return float(np.linalg.norm(y - of) / max(np.linalg.norm(of), np.finfo(float).tiny))
-
-
-def find_oversampling(experiment: Experiment, accuracy: float) -> int:
-    """Find the integration steps per sample at which halving the step changes the position by less than `accuracy`."""
-    coarse = try_experiment(experiment)
-    while True:
-        finer = replace(experiment, oversampling=2 * experiment.oversampling)
-        fine = try_experiment(finer)
-        error = np.inf if coarse is None or fine is None else relative_difference(coarse["y"], fine["y"])
-        if error <= accuracy:
-            return experiment.oversampling
-        if finer.oversampling > MAX_STEPS_PER_SAMPLE:
-            why = f"halving the step still changes the position by {error:.1e}"
-            if np.isinf(error):
-                why = "the step is still too long to be stable in sliding"
-            raise ValueError(
-                f"accuracy must be one that {MAX_STEPS_PER_SAMPLE} integration steps per sample reach ({why}), "
-                f"got {accuracy:g}. Raise the sampling frequency"
-            )
-        experiment, coarse = finer, fine
 
 
 def require_matching_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:

@@ -12,7 +12,7 @@ from matplotlib import pyplot as plt
 
 import nlfrf
 from nlfrf import plot as measured_pictures
-from robust import UncertaintyModel, check, fit_nominal, ncfsyn, uncertainty, validate
+from robust import UncertaintyModel, check, fit_nominal, ncfsyn, uncertainty
 from robust import plot as pictures
 from robust.analysis import sample_loops
 from robust.plot import plot_loop_bounds
@@ -47,7 +47,6 @@ OVER_FREQUENCY = {
     "weight": lambda ax: pictures.plot_weight(MODEL, ax=ax),
     "nominal": lambda ax: pictures.plot_nominal(MODEL, ax=ax),
     "budget": lambda ax: pictures.plot_budget(MODEL, ax=ax),
-    "validation": lambda ax: pictures.plot_validation(validate(MODEL, BLA), ax=ax),
     "bode": lambda ax: pictures.plot_set(MODEL, BLA, ax=ax),
     "shaping": lambda ax: plot_loop_bounds(MODEL, control.tf([1.0], [1, 1]), K, ax=ax),
 }

@@ -8,14 +8,13 @@ import pytest
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-from robust import check, fit_nominal, frd, ncfsyn, performance_weight, uncertainty, validate
+from robust import check, frd, ncfsyn, performance_weight, uncertainty
 from robust import plot as pictures
 from robust._base.states import FrictionVerdict
 from robust.analysis import sample_loops
 from robust.friction.reading.identification import FrictionFit
 from robust.lti.lti import response
 from robust.models import scan_orders
-from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
 from tests.support.pictures import labels, notes
 
@@ -78,18 +77,6 @@ def test_curves_leave_the_picture_below_without_a_plateau(ax):
     assert high >= 2
 
 
-def test_validation_shows_every_line(ax):
-    validation = validate(MODEL, make_bla(lambda s: 1.2 * plant(s), F, f0=0.25, sigma_distortion=0.05 * SIZE, rng=3))
-    assert 0 < validation.n_outside < validation.n_lines == F.size
-    pictures.plot_validation(validation, ax=ax)
-    out = validation.distance > 1
-    assert 0 < validation.n_outside_set == out.sum()
-    assert curve(ax, "outside")[1].size == validation.n_outside_set
-    assert np.array_equal(curve(ax, "outside")[0], validation.omega[out] / 2 / np.pi)
-    assert curve(ax, "inside")[1].max() <= 1
-    assert f"{validation.n_outside_set} of {F.size} lines outside" in ax.get_title()
-
-
 def test_an_unstable_loop_is_drawn_without_curves(ax):
     report = check(MODEL, 1e4 * K)
     assert not report.nominally_stable
@@ -143,25 +130,6 @@ def test_family_orders_fit_nominal_bounds(ax):
         assert axes.get_xlabel()
         assert axes.get_ylabel()
         plt.close(axes.figure)
-    axes = pictures.plot_bounds(MODEL, K, loop_bounds(MODEL, W_P))
-    assert "|L|" in labels(axes)
-    plt.close(axes.figure)
-
-
-@pytest.mark.parametrize("dt", [0, 1e-3])
-def test_poles_and_zeros_stand_in_their_ellipses(dt):
-    bla = make_bla(plant, F, f0=0.25, sigma_distortion=0.05 * np.abs(plant(2j * np.pi * F)), rng=0)
-    fit = fit_nominal(bla, n_poles=2, n_zeros=1, dt=dt)
-    ax = pictures.plot_roots(fit)
-    crosses = next(line for line in ax.lines if line.get_label() == "poles")
-    poles = fit.uncertainty.poles if dt else fit.uncertainty.poles / (2 * np.pi)
-    assert np.allclose(np.sort_complex(crosses.get_xdata() + 1j * crosses.get_ydata()), np.sort_complex(poles))
-    assert "95 % of each of the poles" in labels(ax)
-    assert ("unit circle" if dt else "limit of stability") in labels(ax)
-    assert "Hz" in ax.get_xlabel() or dt
-    plt.close(ax.figure)
-    with pytest.raises(ValueError, match="confidence must lie"):
-        pictures.plot_roots(fit, confidence=95)
 
 
 def test_what_rests_where_has_a_bar_a_case_from_the_set_point_on(ax):

@@ -13,9 +13,9 @@ from nlfrf.hysteresis import (
     Parabola,
     Table,
     Tanh,
-    fit_maxwell_slip,
     hysteresis_force,
 )
+from tests.support.chords import chord_elements
 
 CURVES = [Linear(3.0), Tanh(3.0, 2.0), Exponential(3.0, 2.0), Parabola(3.0, 2.0), ElasticPlastic(3.0, 2.0)]
 CURVES += [Table([0.2, 0.7, 1.5], [0.5, 1.2, 1.6]), MaxwellSlip([1.0, 2.0], [0.4, 1.5])]
@@ -72,7 +72,7 @@ def test_memory_that_is_too_short_is_announced_and_costs_only_the_innermost_loop
     path = np.concatenate([inward, -inward[250::-1]])
     with pytest.warns(DataWarning, match=r"the hysteresis memory of 256 turning points overflowed \d+ times"):
         force = hysteresis_force(curve, path)
-    elements = fit_maxwell_slip(curve, n_elements=2000, decades=3)  # no memory to overflow
+    elements = chord_elements(curve, np.geomspace(4e-3, 6, 2000))  # no memory to overflow
     assert np.abs(force - hysteresis_force(elements, path)).max() < 1e-3
     assert np.isfinite(force).all()
 
@@ -93,31 +93,9 @@ def test_stack_and_elements_are_the_same_operator():
     assert np.abs(difference).max() < 1e-12
 
 
-@pytest.mark.parametrize("curve", [CURVES[0], *CURVES[4:]], ids=lambda c: type(c).__name__)
-def test_elements_fitted_to_straight_lines_are_exact(curve):
-    z = walk(3000, rng=3, span=0.3)
-    difference = hysteresis_force(fit_maxwell_slip(curve), z) - hysteresis_force(curve, z)
-    assert np.abs(difference).max() < 1e-12
-
-
-@pytest.mark.parametrize("curve", CURVES[1:4], ids=lambda c: type(c).__name__)
-def test_fitted_elements_come_close_with_their_number(curve):
-    z = walk(3000, rng=4, span=0.05)
-    exact = hysteresis_force(curve, z)
-    errors = [
-        np.abs(hysteresis_force(fit_maxwell_slip(curve, n_elements=n, decades=3), z) - exact).max() for n in (16, 64)
-    ]
-    assert errors[0] < 0.02 * curve.Fy
-    assert errors[1] < errors[0] / 10  # second order in the spacing of the knots: 4 times closer, 16 times better
-
-
-def test_graded_knots_keep_the_loss_of_small_motions():
-    curve, amplitude = Tanh(1.0, 1.0), 0.1
-    elements = fit_maxwell_slip(curve, n_elements=32)
-    quarter = np.linspace(0, amplitude, 1001)
+def test_elements_of_one_size_lose_nothing_in_small_motions():
+    quarter = np.linspace(0, 0.1, 1001)
     cycle = np.concatenate([quarter, quarter[-2::-1], -quarter[1:], -quarter[-2::-1], quarter[1:]])
-    loss = [np.trapezoid(hysteresis_force(c, cycle)[1000:], cycle[1000:]) for c in (curve, elements)]
-    assert loss[1] == pytest.approx(loss[0], rel=0.1)
     uniform = MaxwellSlip(np.full(8, 1 / 8), np.full(8, 1 / 8) * np.linspace(0.4, 3.0, 8))
     assert abs(np.trapezoid(hysteresis_force(uniform, cycle)[1000:], cycle[1000:])) < 1e-12
 
@@ -151,7 +129,5 @@ def test_refusals_name_the_parameter():
         MaxwellSlip([1.0, 1.0], [1.0, 0.0])
     with pytest.raises(ValueError, match="strength must hold real numbers, got dtype <U1"):
         MaxwellSlip([1.0], ["a"])
-    with pytest.raises(ValueError, match="n_elements must be a whole number of at least 1, got 0"):
-        fit_maxwell_slip(Tanh(1, 1), n_elements=0)
     with pytest.raises(ValueError, match="curve must be one of Linear"):
         hysteresis_force(3.0, [1.0])

@@ -6,13 +6,12 @@ from itertools import pairwise
 import control
 import numpy as np
 import pytest
-from matplotlib.path import Path
+from scipy.stats import chi2
 
 import nlfrf
 import robust
 from robust.models.fit.fit_uncertainty import estimate_uncertainty, expected_ratio
 from robust.models.fit.orders import describe_doubts
-from robust.plot.loops import confidence_ellipse
 from tests.support.printed import unwrapped
 from tests.support.random_rational import random_rational
 
@@ -35,17 +34,14 @@ def fitted(G, **more):
 
 
 def inside(fit, name, truth):
-    """Which true roots lie within the ellipses that are drawn; the intervals of real ones."""
-    known, true_roots = fit.uncertainty, getattr(truth.uncertainty, name)
-    curves = [
-        confidence_ellipse(r, c, 0.95) for r, c in zip(getattr(known, name), getattr(known, f"cov_{name}"), strict=True)
-    ]
-    return [
-        Path(np.column_stack([curve.real, curve.imag])).contains_point((root.real, root.imag))
-        if root.imag
-        else curve.real.min() < root.real < curve.real.max()
-        for curve, root in zip(curves, true_roots, strict=True)
-    ]
+    """Which true roots lie within the 95 % ellipses of their covariances; the intervals of real ones."""
+    known, found = fit.uncertainty, []
+    pairs = zip(getattr(known, name), getattr(known, f"cov_{name}"), getattr(truth.uncertainty, name), strict=True)
+    for root, covariance, true_root in pairs:
+        away = np.array([(true_root - root).real, (true_root - root).imag])[: 1 + bool(true_root.imag)]
+        n = away.size
+        found.append(away @ np.linalg.solve(covariance[:n, :n], away) < chi2.ppf(0.95, n))
+    return found
 
 
 @pytest.mark.attack(every=2)
