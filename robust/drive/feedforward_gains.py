@@ -22,6 +22,7 @@ from nlfrf._base.arguments import require_kind, require_nonnegative, require_rea
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
+from robust.drive.controller_gains import solve_relative
 from robust.friction.plant import FrictionPlant
 from robust.friction.reading.levels import SIGMAS, FrictionClass
 from robust.lti.lti import response, timebase
@@ -250,11 +251,7 @@ def rigid_body(
         columns = np.stack([-(omega**2), 1j * omega]) * G  # m s^2 + c s = 1/G
     if not np.isfinite(columns).all():
         raise ValueError("plant must be 1/(m s^2 + c s), got one with a response that is not finite")
-    size = np.linalg.norm(columns, axis=1)
-    size = np.where(size > 0, size, 1.0)
-    rows = np.concatenate([(columns / size[:, None]).real, (columns / size[:, None]).imag], axis=1)
-    ones = np.concatenate([np.ones(omega.size), np.zeros(omega.size)])
-    m, c = np.linalg.lstsq(rows.T, ones, rcond=None)[0] / size
+    m, c = solve_relative(columns, np.ones(omega.size))
     misfit = float(np.max(np.abs(m * columns[0] + c * columns[1] - 1)))
     if not (misfit <= MISFIT and m > 0):
         raise ValueError(

@@ -26,9 +26,6 @@ from robust.friction.proof.multipliers import (
     bristle_multipliers,
     bristle_terms,
     filter_rates,
-    largest_share,
-    maxwell_slip_multipliers,
-    multiplier_terms,
 )
 from robust.friction.proof.ports import (
     coupling_of_rests,
@@ -72,26 +69,12 @@ class Multipliers:
 
 
 class FrictionCertificate(NamedTuple):
-    """Why the energy of a loop falls, with the weights that show it, or why that is not proved.
+    """Why the energy of a loop falls, or, in `reason`, what failed last.
 
-    Fields
-    ------
-    reason : str
-        What failed last; empty where it is proved.
-    multipliers : (2, J) ndarray
-        Rates a_j [rad/s] (zero for the weight of f v) and weights mu_j.
-    omega, form : (W,) ndarray
-        The integrand with these weights over frequency [rad/s], over its largest part.
-    numbers : tuple of Multipliers
-        Where it holds, one a port: all that a `FrictionClaim` needs besides loop, class and energy.
-    energy : JudgedStorage or None
-        Of a proof.
+    numbers : weights of the filters, one a port: all that a `FrictionClaim` needs besides loop, class and energy.
     """
 
     reason: str
-    multipliers: np.ndarray
-    omega: np.ndarray
-    form: np.ndarray
     numbers: tuple[Multipliers, ...] = ()
     energy: JudgedStorage | None = None
 
@@ -131,48 +114,28 @@ def certify_maxwell_slip(
 
     K0, rho : of several ports one each. Quick: with the first set of filters only, and without the finest intervals.
     """
-    several, stiffest, ratios = loop.B.ndim > 1, np.atleast_1d(K0), np.atleast_1d(rho)
-    omega = loop_frequencies(loop, N_POINTS if several else 900)
-    response = mobility(loop, omega)
-    balanced = False
-    if several:
-        wrong, balanced = coupling_of_rests(loop)
-        if wrong:
-            return FrictionCertificate(wrong, np.zeros((2, 0)), omega, np.full(omega.size, np.nan))
+    n_ports = loop.columns.shape[1]
+    omega = loop_frequencies(loop, N_POINTS if n_ports > 1 else 900)
+    response = mobility(loop, omega).reshape(omega.size, n_ports, n_ports)
+    wrong, balanced = coupling_of_rests(loop) if n_ports > 1 else ("", False)
+    if wrong:
+        return FrictionCertificate(wrong)
     reason = "no weights of the filters make every frequency dissipate"
     fastest = 1 / bristle_time if bristle_time else np.inf
-    found = np.zeros((2, 0))
-    form = np.full(omega.size, np.nan)
     for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
-        weights = (
-            weights_of_ports(response, omega, rates=rates, K0=stiffest, rho=ratios, balanced=balanced)
-            if several
-            else weights_of_port(response, omega, rates=rates, K0=stiffest[0], rho=ratios[0])
+        mu = weights_of_ports(
+            response, omega, rates=rates, K0=np.atleast_1d(K0), rho=np.atleast_1d(rho), balanced=balanced
         )
-        if weights is None:
+        if mu is None:
             continue
-        mu, form = weights
-        found = np.vstack([np.tile(np.append(0.0, rates), mu.shape[0]), mu.ravel()])[:, mu.ravel() > 0]
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho), quick)
         if not reason:
             numbers = []
             for own in mu:
                 used = np.append(True, own[2:] > 0)
                 numbers.append(Multipliers(rates=rates[used], weights=own[1:][used], free=float(own[0])))
-            return FrictionCertificate("", found, omega, form, tuple(numbers), energy)
-    return FrictionCertificate(reason, found, omega, form)
-
-
-def weights_of_port(
-    response: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return (1, 1 + J) weights of the filters at one port and (W,) the dissipation with them; None of none."""
-    table = multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho)
-    mu, share = maxwell_slip_multipliers(table)
-    if not share > 0 or not (mu[1:] > 0).any():
-        return None
-    mu[mu < 1e-9 * mu.max()] = 0
-    return mu[np.newaxis], table @ mu / np.abs(table * mu).max(axis=1)
+            return FrictionCertificate("", tuple(numbers), energy)
+    return FrictionCertificate(reason)
 
 
 def certify_bristle(
@@ -181,15 +144,13 @@ def certify_bristle(
     """Search the multipliers of creeping bristles (stiffness K0, stiction rho), and certify what they prove."""
     omega = loop_frequencies(loop, N_POINTS)
     response = mobility(loop, omega)
-    reason, found, form = "no weights make every frequency dissipate", np.zeros((2, 0)), np.full(omega.size, np.nan)
+    reason = "no weights make every frequency dissipate"
     for rates in filter_rates(reference, np.inf)[: 1 if quick else 2]:
-        table = bristle_terms(response, omega, rates=rates, K0=K0, microdamping=microdamping)
-        weights = bristle_multipliers(table, rho)
+        weights = bristle_multipliers(
+            bristle_terms(response, omega, rates=rates, K0=K0, microdamping=microdamping), rho
+        )
         if weights is None:
             continue
-        chosen = np.concatenate([[weights.mu], weights.nu])
-        found = np.vstack([np.append(0.0, rates), chosen])[:, chosen > 0]
-        form = largest_share(table, weights)
         reason, energy = certified_dissipation(
             bristle_dissipation(loop, rates, weights=weights, K0=K0, microdamping=microdamping), quick
         )
@@ -198,8 +159,8 @@ def certify_bristle(
             numbers = Multipliers(
                 rates=rates[used], weights=weights.nu[used], free=weights.mu, block=weights.block, bounds=weights.bounds
             )
-            return FrictionCertificate("", found, omega, form, (numbers,), energy)
-    return FrictionCertificate(reason, found, omega, form)
+            return FrictionCertificate("", (numbers,), energy)
+    return FrictionCertificate(reason)
 
 
 def proved_limits(loop: FrictionLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:
@@ -278,10 +239,6 @@ class FrictionProof:
         given, the sliding loop is stable, or none was found.
     certificate : Certificate or None
         What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
-    multipliers : (2, J) ndarray
-        Rates [rad/s] and weights of the filters it was proved with; rate zero: the weight of the friction itself.
-    omega, form : (W,) ndarray
-        The dissipation with these weights over frequency [rad/s], negative, over its largest part.
     saturation : float
         Largest force of the actuator [N]; infinite where none was given.
     kick : float
@@ -330,9 +287,6 @@ class FrictionProof:
     settling_error: float = np.nan
     kick_sure: float = np.nan
     certificate: Certificate | None = None
-    multipliers: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
-    omega: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    form: np.ndarray = field(default_factory=lambda: np.zeros(0))
     saturation: float = np.inf
     kick: float = np.nan
     kick_linear: float = np.nan
@@ -373,16 +327,9 @@ def certified_verdict(
         found = certify_friction(loop, friction, reference)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return replace(undecided, reason=f"numerical failure: {error}")
-    proof = replace(
-        undecided,
-        reason=found.reason,
-        certificate=failed_certificate(SUBJECT, 0.0, found.reason),
-        multipliers=found.multipliers,
-        omega=found.omega,
-        form=found.form,
-    )
     if found.energy is None:
-        return proof
+        certificate = failed_certificate(SUBJECT, 0.0, found.reason)
+        return replace(undecided, reason=found.reason, certificate=certificate)
     certificate = Certificate(
         subject=SUBJECT,
         outcome=Outcome.HOLDS,
@@ -393,7 +340,7 @@ def certified_verdict(
         claim=build_claim(machine, K, delay=delay, friction=friction, numbers=found.numbers, stored=found.energy),
         again=verify_friction,
     )
-    proof = replace(proof, verdict=FrictionVerdict.PROVED, certificate=certificate)
+    proof = replace(undecided, verdict=FrictionVerdict.PROVED, certificate=certificate)
     if limits and isinstance(friction, AnyFriction):
         K0_max, stiction_max = proved_limits(loop, friction, reference)
         proof = replace(proof, K0_max=K0_max, stiction_max=stiction_max)

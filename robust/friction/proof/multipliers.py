@@ -17,7 +17,6 @@ import numpy as np
 from scipy.optimize import linprog, minimize_scalar
 
 from nlfrf._base.values import value
-from robust.friction.plant import FrictionLoop, loop_frequencies, mobility
 from robust.proofs.search.certificate import solve_program
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ def friction_forms(
 
 
 MAX_ROUNDS = 60
-NEGLIGIBLE_WEIGHT = 1e-12  # of the largest weight: what is left out
+NEGLIGIBLE_WEIGHT = 1e-9  # of the largest weight: what is left out
 NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this share of the diagonal is not taken for negative
 
 
@@ -156,23 +155,6 @@ def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = No
         return np.zeros(n), -np.inf
     mu = np.clip(result.x[:-1], 0, None)
     return mu / columns, float(-(A[:, :-1] @ mu).max())
-
-
-def largest_stiffness(loop: FrictionLoop, rates: np.ndarray, *, rho: float, top: float = 1e8) -> float:
-    """Largest K0 [N/m] at which weights exist at every frequency of a grid, by bisection; 0 where none."""
-    omega = loop_frequencies(loop)
-    response = mobility(loop, omega)
-
-    def exist(K0: float) -> bool:
-        return maxwell_slip_multipliers(multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho))[1] > 1e-9
-
-    low, high = 1.0, top
-    if not exist(low):
-        return 0.0
-    while high / low > 1.0005:
-        middle = np.sqrt(low * high)
-        low, high = (middle, high) if exist(middle) else (low, middle)
-    return float(low)
 
 
 # ---- Weights for the friction of bristles that creep, by one cone program over the frequencies.
@@ -297,14 +279,6 @@ def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
     if theta.value is None or share.value is None or not share.value > MIN_SHARE:
         return None
     return np.asarray(theta.value)
-
-
-def largest_share(table: np.ndarray, weights: BristleMultipliers) -> np.ndarray:
-    """Return (W,) the largest eigenvalue over frequency with these weights, of the largest entry there."""
-    unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
-    found = np.concatenate([[weights.mu], weights.nu, [weights.block[i, j] for i, j in BLOCK_ENTRIES]])
-    parts = table * unit[:, None, :, None] * unit[:, None, None, :] * found[:, None, None]
-    return np.asarray(np.linalg.eigvalsh(parts.sum(axis=1))[:, -1] / np.abs(parts).max(axis=(1, 2, 3)))
 
 
 #: Entries (v, v), (v, q), (q, q) of a form: numbers, or expressions of a convex program.

@@ -284,17 +284,12 @@ def misfit_limit(dof: np.ndarray, free: int) -> float:
 
 def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
     """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
-    omega, tau, base = reaction.omega, 0.0, regressors(reaction.omega, best.rate)
+    tau = 0.0
     for _ in range(DELAY_STEPS):
         H, slope = reaction.delayed(tau)
-        solution = least_squares(np.column_stack([base, -slope]), H, std=reaction.std, rate=best.rate)
-        tau += float(solution.found[-1])
-    misfit = solution.chi / (2 * omega.size - 6)
-    variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
-    # the model error may be alike on all lines, and is then no less for their number
-    precision = np.abs(reaction.H / reaction.std) ** 2
-    variance += MODEL_ERROR**2 * float(precision.sum() / (precision @ omega**2))
-    return tau, float(np.sqrt(variance)), misfit
+        step, std, misfit = fit_one_more(replace(reaction, H=H), best, -slope, size=reaction.H * reaction.omega)
+        tau += step
+    return tau, std, misfit
 
 
 def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
@@ -303,14 +298,23 @@ def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
     One term is tested with far more power than the misfit as a whole, which a mode at twice the highest line does not
     raise by 1 % where that line has a few per cent of noise.
     """
-    omega, H, std = reaction.omega, reaction.H, reaction.std
-    columns = np.column_stack([regressors(omega, best.rate), -(omega**4)])
-    solution = least_squares(columns, H, std=std, rate=best.rate)
-    misfit = solution.chi / (2 * omega.size - columns.shape[1] - 1)
+    return fit_one_more(reaction, best, -(reaction.omega**4), size=reaction.omega**4)[:2]
+
+
+def fit_one_more(
+    reaction: Reaction, best: Solution, column: np.ndarray, *, size: np.ndarray
+) -> tuple[float, float, float]:
+    """Return amount, standard deviation and misfit of one more term with this column (W,); size : of the term.
+
+    The model error may be alike on all lines, and is then no less for their number.
+    """
+    columns = np.column_stack([regressors(reaction.omega, best.rate), column])
+    solution = least_squares(columns, reaction.H, std=reaction.std, rate=best.rate)
+    misfit = solution.chi / (2 * reaction.omega.size - columns.shape[1] - 1)
     variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
-    precision = (omega**4 / std) ** 2  # of the lines for this term, and the model error that they may share
-    variance += MODEL_ERROR**2 * float((precision @ np.abs(H / omega**4) ** 2) / precision.sum())
-    return float(solution.found[-1]), float(np.sqrt(variance))
+    precision = np.abs(size / reaction.std) ** 2
+    variance += MODEL_ERROR**2 * float((precision @ np.abs(reaction.H / size) ** 2) / precision.sum())
+    return float(solution.found[-1]), float(np.sqrt(variance)), misfit
 
 
 #: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
