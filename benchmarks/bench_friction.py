@@ -15,15 +15,15 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.timing import best, of_children
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre
-from nlfrf.hysteresis import Tanh, fit_maxwell_slip
+from nlfrf.hysteresis import MaxwellSlip
 from nlfrf.rig import run
 from nlfrf.rig.bench.rig import Rig, initial_memory, integrate_rig
 from nlfrf.rig.bench.simulate import force_over_period
 from nlfrf.signals.multisine import multisine
 
 SLIDING = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01, "sigma2": 0.4}
-CURVE = Tanh(64e3, 1.0)
-ELEMENTS = fit_maxwell_slip(CURVE, n_elements=16)
+#: Elements that slip one after the other at 0.1 to 3.5 times Fs/K0.
+ELEMENTS = MaxwellSlip(np.full(16, 4e3), 4e3 / 64e3 * np.geomspace(0.1, 3.5, 16))
 LAWS = {
     "Leuven, stack (target 15)": Leuven(),
     "Leuven, 16 elements (target 25)": Leuven(curve=ELEMENTS),

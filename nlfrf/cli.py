@@ -26,7 +26,7 @@ from nlfrf._base.command import (
     progress_display,
     run_command,
 )
-from nlfrf._base.files import LOAD_OPTIONS, require_writable
+from nlfrf._base.files import LOAD_OPTIONS, MULTIRECORD_KINDS, require_writable, stated_kind
 from nlfrf._base.values import to_json
 from nlfrf.axis.axis_file import load_axis
 from nlfrf.axis.trace import in_design_units
@@ -34,7 +34,7 @@ from nlfrf.doctor import examine
 from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design, load_experiment
 from nlfrf.io.inspection import screen_file
-from nlfrf.io.records import ReadOptions, holds_multirecord
+from nlfrf.io.records import ReadOptions
 from nlfrf.io.results import load_own
 from nlfrf.signals.lines import KINDS, grid_lines
 
@@ -108,7 +108,7 @@ def design(
         raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
     if inputs <= 1 and (zippered or draws != 1):
         raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
-    ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine = nlfrf.multisine(
+    ms = nlfrf.multisine(
         kind,
         fs=fs,
         n_samples=period,
@@ -124,7 +124,7 @@ def design(
         n_draws=draws,
     )
     warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
-    if crest is not None and isinstance(ms, nlfrf.Multisine):
+    if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.save(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
@@ -146,9 +146,6 @@ def simulate(
     stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m] instead of the paper's 80000.")] = None,
     noise: Annotated[float, typer.Option(help="Standard deviation of white noise added to the position [m].")] = 0.0,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of that noise.")] = None,
-    accuracy: Annotated[
-        float | None, typer.Option(help="Error of the position asked for, relative to its rms.")
-    ] = None,
     oversampling: Annotated[int, typer.Option(help="Integration steps per sample.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
     decimal: Decimal = ".",
@@ -158,7 +155,7 @@ def simulate(
     A multisine of two inputs goes through a stage of two coupled axes with friction.
     """
     ms = load_design(file)
-    several = isinstance(ms, nlfrf.signals.OrthogonalMultisine)
+    several = not ms.is_single
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
@@ -173,7 +170,6 @@ def simulate(
             ms,
             n_periods=periods,
             n_discard=discard,
-            accuracy=accuracy,
             oversampling=oversampling,
             resume=resume,
             progress=advance,
@@ -267,7 +263,8 @@ def identify(
         "design": design,
         "hold": hold,
     }
-    if len(inputs) > 1 or (input is None and holds_multirecord(file[0])):
+    kind = stated_kind(file[0], file[0].suffix.lower()) if input is None else None
+    if len(inputs) > 1 or kind in MULTIRECORD_KINDS:
         if opinion:
             raise ValueError(
                 f"opinion must be left out for several inputs, got it with {', '.join(input or [file[0].name])}"
@@ -508,7 +505,7 @@ def plot(
     if isinstance(content, nlfrf.Bla) and not content.is_single:
         pictures.plot_frm(content, confidence=confidence, ax=top)
         pictures.plot_singular_values(content, confidence=confidence, ax=bottom)
-    elif isinstance(content, nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine):
+    elif isinstance(content, nlfrf.Multisine):
         pictures.plot_excitation(content, ax=top)
         pictures.plot_spectrum(content, ax=bottom)
     else:
@@ -561,9 +558,7 @@ def doctor() -> None:
     print("all is well")
 
 
-def warn_of_band(
-    ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine, kind: str, *, f_min: float, f_max: float
-) -> None:
+def warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) -> None:
     """Warn of a band of which the lines of a grid leave out much at one end."""
     first, last = ms.f[[0, -1]].tolist()
     if first > (1 + MAX_BAND_GAP) * f_min or last < (1 - MAX_BAND_GAP) * f_max:
@@ -575,7 +570,7 @@ def warn_of_band(
         )
 
 
-def suggest_lines(ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine, kind: str, f_min: float) -> str:
+def suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     """Describe the lines of a grid at its low end, and the options that give one there."""
     if f_min < ms.f0:
         n = int(np.ceil(ms.fs / f_min))

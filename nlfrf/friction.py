@@ -12,7 +12,6 @@ from nlfrf.rig.laws.laws import (
     OwnFriction,
     VaryingSliders,
     element_forces,
-    stribeck,
 )
 
 __all__ = [
@@ -24,5 +23,4 @@ __all__ = [
     "OwnFriction",
     "VaryingSliders",
     "element_forces",
-    "stribeck",
 ]

@@ -4,7 +4,7 @@ The public names of `nlfrf.rig.laws.curves` and `nlfrf.rig.laws.hysteresis`, in 
 """
 
 from nlfrf.rig.laws.curves import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
-from nlfrf.rig.laws.hysteresis import fit_maxwell_slip, hysteresis_force
+from nlfrf.rig.laws.hysteresis import hysteresis_force
 
 __all__ = [
     "ElasticPlastic",
@@ -14,6 +14,5 @@ __all__ = [
     "Parabola",
     "Table",
     "Tanh",
-    "fit_maxwell_slip",
     "hysteresis_force",
 ]

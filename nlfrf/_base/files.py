@@ -40,7 +40,9 @@ if TYPE_CHECKING:
 
 PICTURE_SIGNATURE = "nlfrf and robust: a picture of a result"  # what pictures say of who made them
 RECORD_SCHEMAS = ("nlfrf-record", "nlfrf-multirecord")
-MEASURED_RECORD = "a measured record"  # kind of a record that no command simulated
+#: Kinds of the same records, where no command simulated them.
+MEASURED_RECORDS = ("a measured record", "a measured record of several channels")
+MULTIRECORD_KINDS = (RECORD_SCHEMAS[1], MEASURED_RECORDS[1])
 SIMULATED_MARK = "simulated"  # entry of a record that a command computed: any other record may be someone's measurement
 DESIGN_MARK = "the samples of a design"
 TABLE_HEADERS = (
@@ -74,12 +76,11 @@ MODEL_FILE = FileKind(
 CERTIFICATE_FILE = FileKind("a certificate", "robust verify {}")
 FILE_KINDS = {
     "nlfrf-multisine": MULTISINE_FILE,
-    "nlfrf-orthogonal-multisine": MULTISINE_FILE,
     "nlfrf-axis-experiment": FileKind(
         "an experiment on a drive",
         "nlfrf axis play AXIS SETPOINTS.csv -o trace.csv, or play it and: nlfrf identify TRACE --design {} -o bla.npz",
     ),
-    **dict.fromkeys((*RECORD_SCHEMAS, MEASURED_RECORD), RECORD_FILE),
+    **dict.fromkeys((*RECORD_SCHEMAS, *MEASURED_RECORDS), RECORD_FILE),
     "nlfrf-bla": BLA_FILE,
     "nlfrf-frm": BLA_FILE,
     "robust-model": MODEL_FILE,
@@ -258,7 +259,7 @@ def file_kind(path: Path, suffix: str) -> str | None:
     A record counts only where a command simulated it, because a measurement is written by the same function.
     """
     kind = stated_kind(path, suffix)
-    return None if kind == MEASURED_RECORD else kind
+    return None if kind in MEASURED_RECORDS else kind
 
 
 def stated_kind(path: Path, suffix: str) -> str | None:
@@ -323,7 +324,7 @@ def kind_of_mat(path: Path) -> str | None:
 
 def kind_of_schema(schema: str, simulated: bool) -> str | None:
     if schema in RECORD_SCHEMAS and not simulated:
-        return MEASURED_RECORD
+        return MEASURED_RECORDS[RECORD_SCHEMAS.index(schema)]
     return schema if schema.startswith(("nlfrf-", "robust-")) else None
 
 

@@ -101,8 +101,10 @@ class Covariances:
 
     Examples
     --------
-    >>> Covariances.of_variances(noise=np.ones(3), total=2 * np.ones(3), distortion=np.ones(3)).total[0, 0]
-    array([2., 2., 2.])
+    >>> one = np.ones((1, 1, 3))
+    >>> cov = Covariances(gamma=one, noise=one, total=2 * one, distortion=one, even=one, bound=2 * one)
+    >>> cov.map(np.sqrt).noise.shape
+    (1, 1, 3)
     """
 
     gamma: np.ndarray
@@ -111,26 +113,6 @@ class Covariances:
     distortion: np.ndarray
     even: np.ndarray
     bound: np.ndarray
-
-    @classmethod
-    def of_variances(
-        cls,
-        *,
-        noise: np.ndarray,
-        total: np.ndarray,
-        distortion: np.ndarray,
-        even: np.ndarray | None = None,
-        bound: np.ndarray | None = None,
-        n_realizations: int = 1,
-    ) -> Covariances:
-        """Return those of one input and output from (F,) variances of G, distortion and even of one realisation.
-
-        Without `even` nothing is known of the even lines; without `bound` the total variance is behind the bound.
-        """
-        even = np.full(total.shape, np.nan) if even is None else even
-        parts = {"noise": noise, "total": total, "bound": total if bound is None else bound}
-        parts |= {"distortion": distortion / n_realizations, "even": even / n_realizations}
-        return cls(gamma=np.ones((1, 1, total.size)), **{name: part[None, None] for name, part in parts.items()})
 
     def map(self, change: Callable[[np.ndarray], np.ndarray]) -> Covariances:
         """Return them with each covariance changed, `gamma` as it is."""
@@ -355,12 +337,6 @@ class Bla(Channels):
         """
         quantile = self.f_quantile(confidence, simultaneous=simultaneous)
         return np.sqrt(quantile * self.entries(self.covariance_of(of)))
-
-    def covariance(self) -> np.ndarray:
-        """Return the (n_y n_u, n_y n_u, F) covariance of vec G, columns stacked: conj(gamma) kron cov_bound."""
-        n = self.n_inputs * self.n_outputs
-        both = np.einsum("abk,cdk->acbdk", self.cov.gamma.conj(), self.cov.bound)
-        return both.reshape(n, n, -1)
 
     def block(
         self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
@@ -628,6 +604,22 @@ class DistortionLevels:
     noise_excited: np.ndarray
     noise_odd: np.ndarray
     noise_even: np.ndarray
+
+
+def levels_without_detection(f: np.ndarray, excited: np.ndarray) -> DistortionLevels:
+    """Return the levels of amplitudes (F,) of one realisation on excited lines, where there are no detection lines."""
+    none = np.zeros(0)
+    return DistortionLevels(
+        f_excited=f,
+        f_odd=none,
+        f_even=none,
+        excited=excited[None].astype(complex),
+        odd=none[None].astype(complex),
+        even=none[None].astype(complex),
+        noise_excited=np.full(f.size, np.nan),
+        noise_odd=none,
+        noise_even=none,
+    )
 
 
 def describe_matrix(bla: Bla) -> str:

@@ -15,7 +15,7 @@ from nlfrf._base.arguments import (
     require_real,
     require_real_array,
 )
-from nlfrf.bla.bla import Bla, Covariances, DistortionLevels, Experiment
+from nlfrf.bla.bla import Bla, Covariances, Experiment, levels_without_detection
 from nlfrf.signals.lines import LineGrid
 
 #: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
@@ -134,6 +134,7 @@ def bla_from_frf(
     of_output, of_input = bound_by_product(variance.reshape(n_y, n_u, f.size))
     cov = np.einsum("jf,jk->jkf", of_output, np.eye(n_y)).astype(complex)
     nan = np.full(cov.shape, np.nan, dtype=complex)
+    levels = levels_without_detection(f, np.full(f.size, np.nan))
     return Bla(
         f=f,
         G=G.astype(complex),
@@ -152,7 +153,7 @@ def bla_from_frf(
         fs=rate,
         hold=hold,
         grid_factor=np.ones(f.size),
-        levels=(unknown_levels(f),) * n_y if several else unknown_levels(f),
+        levels=(levels,) * n_y if several else levels,
         coherence=None if coherence is None or several else np.broadcast_to(coherence, f.shape).astype(float),
         inputs=tuple(inputs),
         outputs=tuple(outputs),
@@ -194,23 +195,6 @@ def entry_variances(
             f"coherence of 1 on some lines is rounded, and would leave G without variance: {below.max():g} is taken"
         )
     return (1 - below) / below * np.abs(G) ** 2 / (n - 1), n - 1
-
-
-def unknown_levels(f: np.ndarray) -> DistortionLevels:
-    """Return `DistortionLevels` whose amplitudes are not known: nan on the excited lines, no detection lines."""
-    none = np.zeros(0)
-    nan = np.full(f.size, np.nan)
-    return DistortionLevels(
-        f_excited=f,
-        f_odd=none,
-        f_even=none,
-        excited=nan[None].astype(complex),
-        odd=none[None].astype(complex),
-        even=none[None].astype(complex),
-        noise_excited=nan,
-        noise_odd=none,
-        noise_even=none,
-    )
 
 
 def bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

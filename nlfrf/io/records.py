@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import zlib
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TypedDict, Unpack, overload
 
@@ -19,17 +17,18 @@ from nlfrf._base.arguments import (
     require_integer,
     short_form,
 )
-from nlfrf._base.files import FILE_KINDS, RECORD_SCHEMAS, describe_wrong_file, to_path
+from nlfrf._base.files import FILE_KINDS, RECORD_SCHEMAS, describe_wrong_file
 from nlfrf._base.numbers import all_finite
 from nlfrf._base.values import value
 from nlfrf.io.channels import Channels, read_channels, to_paths
-from nlfrf.io.designs import load_design, load_multisine
+from nlfrf.io.designs import load_design
 from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, stored_multirecord, stored_records
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import SAME_CLOCK, Record
-from nlfrf.records.reference import Design, design_period
+from nlfrf.records.reference import design_period
 from nlfrf.records.samples import Cutting, record_from_samples, records_from_streams
 from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import Multisine
 
 
 def read_measurement(path: str | os.PathLike[str]) -> Channels:
@@ -235,7 +234,7 @@ class ReadOptions(TypedDict, total=False):
     lines: LineGrid | None
     n_discard: int
     resample: bool
-    design: Design | Path_ | None
+    design: Multisine | Path_ | None
     hold: str | None
 
 
@@ -279,7 +278,7 @@ def load_record(
     lines: LineGrid | None = None,
     n_discard: int = 0,
     resample: bool = False,
-    design: Design | Path_ | None = None,
+    design: Multisine | Path_ | None = None,
     hold: str | None = None,
 ) -> Record | list[Record]:
     """Read a record from a measurement file, or from several of one experiment.
@@ -348,7 +347,7 @@ def load_record(
     """
     files = list(map(read_measurement, to_paths(path)))
     if isinstance(design, str | os.PathLike):
-        design = (load_multisine if isinstance(u, str) else load_design)(design)
+        design = load_design(design)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     if not isinstance(u, str) and not isinstance(y, str) and all(map(holds_several, files)):
         if r:
@@ -464,11 +463,6 @@ def trim_missing(*groups: dict[str, list[np.ndarray]]) -> None:
 
 # ---- Records of several inputs or outputs from files.
 
-HEAD_BYTES = (
-    1 << 16
-)  # bytes in which the schema of a file of this package stands: as NumPy has texts, or as HDF5 has them
-FIRST_MEMBER_BYTES = 128 + 8  # bytes of a MATLAB file before its first variable
-
 
 def load_channels(
     files: list[Channels],
@@ -514,19 +508,6 @@ def load_channels(
         design=options.design,
         hold=options.hold,
     )
-
-
-def holds_multirecord(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is a record of several inputs that `save_record` wrote: its schema stands in front."""
-    path = to_path(path)
-    if path.suffix.lower() not in (".npz", ".mat", ".h5", ".hdf5") or not path.is_file():
-        return False
-    with path.open("rb") as stream:
-        head = stream.read(HEAD_BYTES)
-    if head.startswith(b"MATLAB 5.0"):
-        with suppress(zlib.error):  # of variables that are not compressed
-            head = zlib.decompressobj().decompress(head[FIRST_MEMBER_BYTES:], HEAD_BYTES)
-    return any(MULTIRECORD_SCHEMA.encode(code) in head for code in ("utf-8", "utf-32-le"))
 
 
 def holds_several(file: Channels) -> bool:

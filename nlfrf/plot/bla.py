@@ -245,5 +245,5 @@ def require_single(bla: Bla) -> None:
     if not bla.is_single:
         raise ValueError(
             f"bla must be of one input and output, got {bla.n_outputs} x {bla.n_inputs}: take plot_frm, "
-            "plot_frm_phase or plot_frm_bounds, or bla.entry(output, input)"
+            "plot_frm_bounds, or bla.entry(output, input)"
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from nlfrf._base.axes import axes_or_new, finish_axes, finish_matrix, gain_band, matrix_axes, phase_band, to_decibel
+from nlfrf._base.axes import axes_or_new, finish_axes, finish_matrix, gain_band, matrix_axes, to_decibel
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.gains import rga, rga_radius, singular_values
 from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
@@ -49,21 +49,6 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
                 frm.f, to_decibel(size[j, i]), marker_style(frm), ms=2, lw=1.0, color=COLOR["excited"], label="|G|"
             )
             entry.set(xscale="log", ylim=(floor, ceiling))
-    return finish_matrix(made, foot, "frequency [Hz]")
-
-
-def plot_frm_phase(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
-    """Draw the unwrapped phase of every entry with its bound; arguments and result as in `plot_frm`."""
-    require_kind("frm", frm, Bla)
-    made, foot = entry_axes(ax, frm, "[deg]")
-    wide = phase_band(frm.matrix, expand_entries(frm, frm.bound(confidence)))
-    phase = np.degrees(np.unwrap(np.angle(frm.matrix), axis=2))
-    for (j, i), one in np.ndenumerate(made):
-        low, high = phase[j, i] - wide[j, i], phase[j, i] + wide[j, i]
-        label = f"{100 * confidence:g} % bound of the entry"
-        one.fill_between(frm.f, low, high, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
-        one.plot(frm.f, phase[j, i], marker_style(frm), ms=2, lw=1.0, color=COLOR["excited"], label="arg G")
-        one.set_xscale("log")
     return finish_matrix(made, foot, "frequency [Hz]")
 
 

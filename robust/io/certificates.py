@@ -15,7 +15,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import format_count, keep_warnings, one_line, repeat_warnings, short_form
-from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORD, RECORD_SCHEMAS, parse_json_of, require_file_of
+from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORDS, RECORD_SCHEMAS, parse_json_of, require_file_of
 from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
@@ -30,9 +30,9 @@ from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
 from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.proof.certify import plant_matrices
+from robust.friction.proof.certify import FrictionProof, plant_matrices
 from robust.friction.proof.linear_uncertainty import friction_frequency_test
-from robust.friction.proof.prove import FrictionProof, prove_friction
+from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.friction_class import friction_class
 from robust.friction.reading.levels import FrictionClass, require_si
 from robust.friction.units import position_unit_of
@@ -268,7 +268,7 @@ def is_same_system(mine: Matrices, other: Matrices) -> bool:
 #: Arguments of `load_record` that were given, by name.
 LoadOptions: TypeAlias = Mapping[str, Any]
 #: Kinds of files of ours that a machine and its friction are read from.
-MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, MEASURED_RECORD, "robust-model", "robust-matrix-model")
+MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
 
 
 @value

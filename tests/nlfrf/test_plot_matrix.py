@@ -19,7 +19,6 @@ NAMES = {"inputs": ("Fx", "Fy"), "outputs": ("x", "y", "angle")}
 FRM = nlfrf.identify(nlfrf.Record(u=U, y=Y, fs=256, lines=MS.lines, **NAMES))
 MATRICES = {
     "frm": lambda ax: pictures.plot_frm(FRM, ax=ax),
-    "phase": lambda ax: pictures.plot_frm_phase(FRM, ax=ax),
     "bounds": lambda ax: pictures.plot_frm_bounds(FRM, ax=ax),
     "rga": lambda ax: pictures.plot_rga(FRM, ax=ax),
 }
@@ -41,9 +40,6 @@ def test_every_entry_stands_where_it_belongs():
         assert top == pytest.approx(20 * np.log10((np.abs(FRM.G) + FRM.bound())[j, i].max()))
     assert [ax.get_ylabel() for ax in made[:, 0]] == ["x  [dB]", "y  [dB]", "angle  [dB]"]
     assert [ax.get_title() for ax in made[0]] == ["by Fx", "by Fy"]
-    plt.close(made[0, 0].figure)
-    made = pictures.plot_frm_phase(FRM)
-    np.testing.assert_allclose(curve(made[0, 1], "arg G"), np.degrees(np.unwrap(np.angle(FRM.G[0, 1]))))
     plt.close(made[0, 0].figure)
 
 

@@ -20,7 +20,7 @@ from docs.gallery import EXAMPLES, names, outputs, printed, title_and_text
 PRINTED = {
     "00_thirty_lines": [
         r"BLA on 148 lines",
-        r"\|W T\| < 1 at every frequency: holds \(KYP lemma\)",
+        r"\|W T\| < 1 at every frequency: holds \(scaled KYP lemma\)",
         r"statistically robust",
     ],
     "01_identify_then_design": [

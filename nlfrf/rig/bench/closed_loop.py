@@ -147,7 +147,8 @@ def run_axes_loop(
     n, fs = r.shape[1], controller.fs
     K = [np.ascontiguousarray(part) for part in controller.matrices(rig.n_outputs, rig.n_inputs)]
     channels = {"disturbance": rig.n_inputs, "noise": rig.n_outputs}
-    samples = [channel_samples(name, signals[name], n_channels=width, n=n) for name, width in channels.items()]
+    rows = [signal_rows(name, signals[name], n, n_rows=width) for name, width in channels.items()]
+    samples = [np.ascontiguousarray(one.T) for one in rows]
     begin = initial_axes(initial, rig.n_axes)
     late = min(controller.delay * fs, n)  # all later is after the end
     for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
@@ -158,8 +159,8 @@ def run_axes_loop(
         if length == n:
             break
     warn_of_forgotten_loops(lost)
-    rows = {"r": r[:, :length].copy()} | {name: found[name][:, :length] for name in UNITS if name != "r"}
-    return Trajectory(t=np.arange(length) / fs, signals=rows, units=UNITS, diverged=length < n)
+    traces = {"r": r[:, :length].copy()} | {name: found[name][:, :length] for name in UNITS if name != "r"}
+    return Trajectory(t=np.arange(length) / fs, signals=traces, units=UNITS, diverged=length < n)
 
 
 def run_axes_once(
@@ -206,14 +207,16 @@ def broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
     return np.array([one if name == "saturation" and one == np.inf else check(name, one) for one in found])
 
 
-def channel_samples(name: str, signal: ArrayLike | None, *, n_channels: int, n: int) -> np.ndarray:
-    """Return (n, channels) samples; zeros when not given."""
+def signal_rows(name: str, signal: ArrayLike | None, n: int, *, n_rows: int | None = None) -> np.ndarray:
+    """Return (rows, n) signals, one a run or one a channel, of which there have to be `n_rows`; zeros if not given."""
     if signal is None:
-        return np.zeros((n, n_channels))
-    signal = require_real_array(name, signal, ndim=2)
-    if signal.shape != (n_channels, n):
-        raise ValueError(f"{name} must have shape ({n_channels}, {n}), channels and samples of r, got {signal.shape}")
-    return np.ascontiguousarray(signal.T)
+        return np.zeros((n_rows or 1, n))
+    rows = require_real_array(name, np.atleast_2d(signal), ndim=2)
+    if rows.shape[1] != n:
+        raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {rows.shape[1]}")
+    if n_rows is not None and len(rows) != n_rows:
+        raise ValueError(f"{name} must have {n_rows} channels, as the rig has, got {len(rows)}")
+    return rows
 
 
 def initial_axes(initial: ArrayLike, n: int) -> np.ndarray:
@@ -410,10 +413,8 @@ def run_one_loop(
 ) -> Trajectory:
     """Simulate a sampled controller around a rig of one axis; arguments as of `run`."""
     r = require_samples("signal", r)
-    rows = {name: samples_or_zeros(name, signal, r.size)[None] for name, signal in signals.items()}
-    begin = np.atleast_2d(initial)
-    if begin.shape != (1, 2):
-        raise ValueError(f"initial must hold a position and a velocity, got shape {begin.shape}")
+    rows = {name: signal_rows(name, signal, r.size, n_rows=1) for name, signal in signals.items()}
+    begin = initial_axes(initial, 1).T
     runs = stack_runs(rig, [controller], {"r": r[None], **rows, "initial": begin}, steps=steps)
     out = simulate_runs(runs)
     warn_of_forgotten_loops(float(out["lost"].max()))
@@ -518,8 +519,8 @@ def run_loops(
         [as_controller(K) for K in listed],
         {
             "r": reference.copy(),
-            "disturbance": signals_per_run("disturbance", disturbance, n),
-            "noise": signals_per_run("noise", noise, n),
+            "disturbance": signal_rows("disturbance", disturbance, n),
+            "noise": signal_rows("noise", noise, n),
             "initial": np.atleast_2d(initial),
         },
         steps=oversampling,
@@ -591,23 +592,3 @@ def steps_per_sample(rig: Rig, fs: float, oversampling: int) -> int:
             f"{needed}: its stable step is {rig.stable_step:.2g} s"
         )
     return max(require_integer("oversampling", oversampling, least=1), needed)
-
-
-def signals_per_run(name: str, signal: ArrayLike | None, n: int) -> np.ndarray:
-    """Return (R, n) signals, one a run; zeros when not given."""
-    if signal is None:
-        return np.zeros((1, n))
-    signal = require_real_array(name, np.atleast_2d(signal), ndim=2)
-    if signal.shape[1] != n:
-        raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.shape[1]}")
-    return signal
-
-
-def samples_or_zeros(name: str, signal: ArrayLike | None, n: int) -> np.ndarray:
-    """Return a signal of n samples; zeros when not given."""
-    if signal is None:
-        return np.zeros(n)
-    signal = require_real_array(name, signal, ndim=1)
-    if signal.size != n:
-        raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.size}")
-    return signal

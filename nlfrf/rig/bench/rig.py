@@ -81,7 +81,7 @@ def warn_of_coarse_step(poles: np.ndarray, fs: float, oversampling: int) -> None
         enough = int(np.ceil(oversampling * (shift / MAX_RESONANCE_ERROR) ** 0.25))
         warnings.warn(
             f"the integration step is coarse: the resonance of the stuck rig comes out wrong by {100 * shift:.2g} %. "
-            f"Take an oversampling of {enough}, or state the accuracy",
+            f"Take an oversampling of {enough}",
             DataWarning,
             stacklevel=3,
         )

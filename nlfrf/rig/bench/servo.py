@@ -34,7 +34,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from nlfrf.records.record import Record, SignalLabels
 from nlfrf.rig.bench import machine as axes
-from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, memory_at, samples_or_zeros, steps_per_sample
+from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, memory_at, signal_rows, steps_per_sample
 from nlfrf.rig.bench.drive import Drive
 from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
@@ -43,7 +43,7 @@ from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.laws import Friction, VaryingSliders, pack_law
 from nlfrf.signals.axis_experiment import PORTS, stepped_profile
-from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.multisine import Multisine, require_one_input
 
 MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
@@ -91,8 +91,8 @@ class ServoAxis:
     Examples
     --------
     >>> axis = servo_axis("belt")
-    >>> round(axis.antiresonance, 1), round(axis.resonance, 1), axis.units
-    (47.3, 83.2, ('m', 'N'))
+    >>> round(axis.resonance, 1), axis.units
+    (83.2, ('m', 'N'))
     """
 
     motor_inertia: float
@@ -152,11 +152,6 @@ class ServoAxis:
         return self.motor_inertia + self.load_inertia
 
     @property
-    def antiresonance(self) -> float:
-        """Frequency at which a free load swings on the held motor [Hz], undamped; nan of one mass."""
-        return float(np.sqrt((self.stiffness + self.spring) / self.load_inertia) / 2 / np.pi) if self.two else np.nan
-
-    @property
     def resonance(self) -> float:
         """Highest frequency at which motor and load swing without friction [Hz], undamped; zero of one free mass."""
         return float(np.abs(self.rig.poles(0.0)).max() / 2 / np.pi) if self.two or self.spring else 0.0
@@ -199,7 +194,8 @@ def run_axis(
     sizes = [np.size(signal) for signal in given.values() if signal is not None]
     if not sizes or 0 in sizes:
         raise ValueError("position, velocity or force must be given, with at least one sample, got none")
-    signals = {name: samples_or_zeros(name, signal, sizes[0]) for name, signal in (given | {"noise": noise}).items()}
+    given["noise"] = noise
+    signals = {name: signal_rows(name, signal, sizes[0], n_rows=1)[0] for name, signal in given.items()}
     begin = initial_axes(initial, axis.rig.n_axes)
     steps = steps_per_sample(axis.rig, axis.drive.fs, oversampling)
     for halving in range(MAX_HALVINGS + 1):  # what does not reach the end is run again before it is believed
@@ -371,7 +367,7 @@ def simulate_servo(
     ((1, 1, 4000), ('N',), ('m',), 'zoh')
     """
     require_kind("axis", axis, ServoAxis)
-    require_kind("ms", ms, Multisine)
+    require_one_input(ms)
     experiment = ServoExperiment(
         axis=axis,
         ms=ms,

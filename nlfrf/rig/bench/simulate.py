@@ -24,7 +24,6 @@ from nlfrf._base.arguments import (
     require_choice,
     require_integer,
     require_kind,
-    require_positive,
     short_form,
 )
 from nlfrf._base.files import Role, write_arrays
@@ -41,7 +40,6 @@ from nlfrf.rig.bench.rig import (
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 if TYPE_CHECKING:
     from hashlib import _Hash as Hash
@@ -213,8 +211,6 @@ def hash_value(digest: Hash, value: object) -> None:
 
 #: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
 MAX_PERIOD_CHANGE = 1e-4
-#: Integration steps per sample beyond which no accuracy is sought.
-MAX_STEPS_PER_SAMPLE = 64
 
 
 @value
@@ -222,7 +218,7 @@ class Experiment:
     """One realisation of a multisine on a rig, and how it is integrated: the argument of a worker."""
 
     rig: Rig
-    ms: Multisine | OrthogonalMultisine
+    ms: Multisine
     n_periods: int
     n_discard: int
     oversampling: int
@@ -231,13 +227,12 @@ class Experiment:
 
 def simulate(
     rig: Rig,
-    ms: Multisine | OrthogonalMultisine,
+    ms: Multisine,
     *,
     n_periods: int = 1,
     n_discard: int = 2,
     oversampling: int = 1,
     hold: str = "band-limited",
-    accuracy: float | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
@@ -248,7 +243,7 @@ def simulate(
     ----------
     rig : Rig
         The machine.
-    ms : Multisine, or OrthogonalMultisine for a rig of several inputs
+    ms : Multisine
         The forces [N], M realisations or experiments of N samples.
     n_periods : int
         Periods P kept.
@@ -259,9 +254,6 @@ def simulate(
         so that nothing but rounding appears on even lines.
     hold : str
         The force between samples: "band-limited", the multisine itself; "zoh", each sample held.
-    accuracy : float, optional
-        Largest error of the position that is allowed, rms over rms: `oversampling` is doubled until halving the
-        step changes the first realisation by less, from a step too long to be stable too.
     executor : concurrent.futures.Executor, optional
         Where the realisations are run; one thread per core when not given. The result does not depend on it.
     progress : callable, optional
@@ -279,7 +271,7 @@ def simulate(
     ------
     ValueError
         A multisine of other inputs than the rig has; a step too long to be stable, with the oversampling that would do;
-        an accuracy that is not reached; an executor that dies; numbers out of range.
+        an executor that dies; numbers out of range.
 
     Warns
     -----
@@ -300,7 +292,7 @@ def simulate(
     True
     """
     require_kind("rig", rig, Rig)
-    require_kind("ms", ms, Multisine, OrthogonalMultisine)
+    require_kind("ms", ms, Multisine)
     experiment = Experiment(
         rig=rig,
         ms=ms,
@@ -309,15 +301,12 @@ def simulate(
         oversampling=require_integer("oversampling", oversampling, least=1),
         hold=require_choice("hold", hold, ("band-limited", "zoh")),
     )
-    require_matching_inputs(rig, ms)
+    if rig.n_inputs != ms.n_inputs:
+        raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
     n_runs = ms.phase.shape[-2]
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
-    if accuracy is None:
-        require_stable_step(rig.stable_step, ms.fs, oversampling)
-        warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
-    else:
-        steps = find_oversampling(realizations[0], require_positive("accuracy", accuracy))
-        realizations = [replace(realization, oversampling=steps) for realization in realizations]
+    require_stable_step(rig.stable_step, ms.fs, oversampling)
+    warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
     outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)
     change = np.array([float(outcome["change"]) for outcome in outcomes])
     if np.any(change > MAX_PERIOD_CHANGE):
@@ -359,7 +348,8 @@ def try_experiment(experiment: Experiment) -> Arrays | None:
         periods = [*periods[-max(experiment.n_periods - 1, 1) :], sensor_positions(experiment, out[:, 0])]
     change = np.nan
     if len(periods) > 1:
-        change = relative_difference(periods[-2], periods[-1])
+        size = np.linalg.norm(periods[-1])  # zero of a mass that never moved
+        change = float(np.linalg.norm(periods[-2] - periods[-1]) / max(size, np.finfo(float).tiny))
     y = np.stack(periods[-experiment.n_periods :], axis=-2)
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
 
@@ -369,47 +359,10 @@ def sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
     if not experiment.rig.several:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
-    return y if isinstance(experiment.ms, OrthogonalMultisine) else y[0]
+    return y[0] if experiment.ms.is_single and len(y) == 1 else y
 
 
-def relative_difference(y: np.ndarray, of: np.ndarray) -> float:
-    """Return the rms of y - of over the rms of `of`; zero where both are zero, as of a mass that never moved."""
-    return float(np.linalg.norm(y - of) / max(np.linalg.norm(of), np.finfo(float).tiny))
-
-
-def find_oversampling(experiment: Experiment, accuracy: float) -> int:
-    """Find the integration steps per sample at which halving the step changes the position by less than `accuracy`."""
-    coarse = try_experiment(experiment)
-    while True:
-        finer = replace(experiment, oversampling=2 * experiment.oversampling)
-        fine = try_experiment(finer)
-        error = np.inf if coarse is None or fine is None else relative_difference(coarse["y"], fine["y"])
-        if error <= accuracy:
-            return experiment.oversampling
-        if finer.oversampling > MAX_STEPS_PER_SAMPLE:
-            why = f"halving the step still changes the position by {error:.1e}"
-            if np.isinf(error):
-                why = "the step is still too long to be stable in sliding"
-            raise ValueError(
-                f"accuracy must be one that {MAX_STEPS_PER_SAMPLE} integration steps per sample reach ({why}), "
-                f"got {accuracy:g}. Raise the sampling frequency"
-            )
-        experiment, coarse = finer, fine
-
-
-def require_matching_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
-    """Refuse a multisine whose number of inputs is not that of the rig."""
-    if isinstance(ms, OrthogonalMultisine):
-        if not rig.several or rig.n_inputs != ms.n_inputs:
-            raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
-    elif (rig.n_inputs, rig.n_outputs) != (1, 1):
-        raise ValueError(
-            f"ms must be made with n_inputs={rig.n_inputs} for a rig of {rig.n_inputs} inputs and {rig.n_outputs} "
-            "outputs, got one of a single input"
-        )
-
-
-def make_record(rig: Rig, ms: Multisine | OrthogonalMultisine, *, y: np.ndarray, hold: str) -> Record:
+def make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record:
     """Return the record of input and measured positions, with the names and units of the rig."""
     u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
     return Record(
@@ -425,7 +378,7 @@ def make_record(rig: Rig, ms: Multisine | OrthogonalMultisine, *, y: np.ndarray,
     )
 
 
-def force_over_period(ms: Multisine | OrthogonalMultisine, oversampling: int, hold: str) -> np.ndarray:
+def force_over_period(ms: Multisine, oversampling: int, hold: str) -> np.ndarray:
     """Return the (n, 3) or (n, 3, n_u) force at begin, middle and end of every integration step of one period."""
     if hold == "zoh":
         u = np.repeat(ms.u[..., 0, :].T, oversampling, axis=0)

@@ -101,8 +101,7 @@ def memory_friction(
         return elements_force(law, grid, stack, d, move, v, p, q), -rate * p, law.n - rate * q
     if law.form == kernel_data.SLIDERS:
         return sliders_force(law, grid, stack, move, x, v), 0.0, 0.0
-    fh, fb = hysteresis_on_trial(law.curve, grid, state, stack, p)
-    dz, force = friction_rates(law, v, fh, fb)
+    dz, force = friction_rates(law, v, hysteresis_on_trial(law.curve, grid, state, stack, p))
     return force, dz, 0.0
 
 
@@ -152,8 +151,8 @@ def axis_rates(
             force = d * stribeck_force(law, v) + law.sigma2 * v if d != 0.0 else 0.0
         elif form >= 0:
             law = unpack_law(laws, i)
-            if form != kernel_data.ORIGINAL and law.curve.kind == kernel_data.SPRING:  # no memory to look at
-                dp, force = friction_rates(law, v, law.curve.K0 * p, 0.0)
+            if law.curve.kind == kernel_data.SPRING:  # no memory to look at
+                dp, force = friction_rates(law, v, law.curve.K0 * p)
             else:
                 d, move = work[HEADING, i], x - work[PLACE, i]
                 force, dp, dq = memory_friction(law, grids[i], states[i], stacks[i], d, move, x, v, p, q)
@@ -318,11 +317,7 @@ def commit_part(
         elif form == kernel_data.SLIDERS:
             commit_sliders(law, grids[i], stacks[i], x1 - x0, x1, v0, v1, span)
         else:
-            if law.form != kernel_data.ORIGINAL and law.curve.kind == kernel_data.SPRING:
-                slope, states[i, Z] = law.curve.K0, work[END + 2, i]
-                states[i, F] = slope * states[i, Z]
-            else:
-                slope = commit_hysteresis(law.curve, grids[i], states[i], stacks[i], work[END + 2, i])
+            slope = commit_hysteresis(law.curve, grids[i], states[i], stacks[i], work[END + 2, i])
             states[i, ERROR] = max(states[i, ERROR], 1.0) * error_growth(law, v1, states[i, F], slope, span)
             stable = stable and states[i, ERROR] <= kernel_data.MAX_ERROR_GROWTH
     return stable

@@ -12,12 +12,12 @@ import numpy as np
 
 # Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones
 # first), elements
-SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS, VARYING = range(9)
-# Laws: three forms of the state equation dz/dt, three that switch between sticking and slipping, the user's own
-LEUVEN, ORIGINAL, DAHL, COULOMB, GMS, SLIDERS, OWN = range(7)
+SPRING, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS, VARYING = range(8)
+# Laws: two forms of the state equation dz/dt, three that switch between sticking and slipping, the user's own
+LEUVEN, DAHL, COULOMB, GMS, SLIDERS, OWN = range(6)
 # Places in Memory.state
-X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, ERROR = range(9)
-N_STATES = 9
+X, V, Z, F, DIRECTION, DEPTH, LOST, ERROR = range(8)
+N_STATES = 8
 #: Growth of an error of z, to first order, up to which sliding counts as stable. The hysteresis bounds the error beyond
 #: the first order: below this limit the position was never off by 1e-3, well above it by 1e-2 and more.
 MAX_ERROR_GROWTH = 1e30

@@ -25,7 +25,7 @@ import numpy as np
 
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
-from nlfrf.rig.kernels.data import DEEPEST, DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
+from nlfrf.rig.kernels.data import DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
 #: Branches of the hysteresis: looked up in the memory at every stage; the virgin curve; a later branch.
 FROM_MEMORY, VIRGIN, LATER = range(3)
@@ -42,7 +42,7 @@ inlined = njit(
 @inlined
 def virgin_curve(curve: Curve, grid: Array, z: float) -> float:
     """Return the virgin curve y(z), odd."""
-    if curve.kind <= kernel_data.LINEAR:
+    if curve.kind == kernel_data.SPRING:
         return curve.K0 * z
     if curve.kind == kernel_data.TANH:
         return curve.Fy * math.tanh(curve.K0 * z / curve.Fy)
@@ -63,7 +63,7 @@ def virgin_curve(curve: Curve, grid: Array, z: float) -> float:
 @compiled
 def virgin_stiffness(curve: Curve, grid: Array, z: float, y: float) -> float:
     """Return the stiffness y'(z) of the virgin curve, where y = y(z)."""
-    if curve.kind <= kernel_data.LINEAR:
+    if curve.kind == kernel_data.SPRING:
         return curve.K0
     if curve.kind == kernel_data.TANH:
         return curve.K0 * (1.0 - (y / curve.Fy) ** 2)
@@ -111,34 +111,27 @@ def depth_after_move(z: float, z0: float, direction: float, depth: int, stack: A
 
 
 @compiled
-def branch_start_force(state: Array, stack: Array) -> float:
-    """Return the force at which the current branch began."""
-    depth = int(state[DEPTH])
-    return stack[1, depth - 1] if depth > 0 else 0.0
-
-
-@compiled
-def hysteresis_on_trial(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> tuple[float, float]:
-    """Return the hysteresis force after a monotone move from the committed state to z, and that of its begin."""
+def hysteresis_on_trial(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> float:
+    """Return the hysteresis force after a monotone move from the committed state to z."""
     z0 = state[Z]
     if curve.kind == kernel_data.SPRING:
-        return curve.K0 * z, 0.0
+        return curve.K0 * z
     if curve.kind == kernel_data.ELEMENTS:
         total = 0.0
         for i in range(grid.shape[1]):
             w = grid[1, i]
             total += min(max(stack[0, i] + grid[0, i] * (z - z0), -w), w)
-        return total, 0.0
+        return total
     if z == z0:
-        return state[F], branch_start_force(state, stack)
+        return state[F]
     depth = int(state[DEPTH])
     n = depth_after_move(z, z0, state[DIRECTION], depth, stack)
     if n == 0:
-        return virgin_curve(curve, grid, z), 0.0
+        return virgin_curve(curve, grid, z)
     zm, fm = z0, state[F]
     if n <= depth:
         zm, fm = stack[0, n - 1], stack[1, n - 1]
-    return fm + 2.0 * virgin_curve(curve, grid, 0.5 * (z - zm)), fm
+    return fm + 2.0 * virgin_curve(curve, grid, 0.5 * (z - zm))
 
 
 @compiled
@@ -161,7 +154,7 @@ def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: 
         return stiffness
     depth = int(state[DEPTH])
     if z != z0:
-        force, _ = hysteresis_on_trial(curve, grid, state, stack, z)
+        force = hysteresis_on_trial(curve, grid, state, stack, z)
         n = depth_after_move(z, z0, state[DIRECTION], depth, stack)
         if n == depth + 1:
             if depth == stack.shape[1]:  # full: the innermost loop is forgotten, and counted
@@ -171,8 +164,7 @@ def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: 
             stack[0, depth], stack[1, depth] = z0, state[F]
         depth = n
         state[DIRECTION] = 1.0 if z > z0 else -1.0
-        state[DEPTH], state[DEEPEST] = depth, max(state[DEEPEST], depth)
-        state[Z], state[F] = z, force
+        state[DEPTH], state[Z], state[F] = depth, z, force
     if depth == 0:
         return virgin_stiffness(curve, grid, z, state[F])
     return virgin_stiffness(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
@@ -197,7 +189,7 @@ def stribeck_force(law: Law, v: float) -> float:
 
 
 @inlined
-def friction_rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
+def friction_rates(law: Law, v: float, fh: float) -> tuple[float, float]:
     """Return dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
     g = stribeck_force(law, v)
     if law.form == kernel_data.LEUVEN:
@@ -207,14 +199,8 @@ def friction_rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, flo
         dz = v - abs(v) * r if fh >= 0.0 else v + abs(v) * r
     else:
         d = 1.0 if v >= 0.0 else -1.0
-        if law.form == kernel_data.ORIGINAL:
-            # where the branch began beyond s(v) there is no force left to build up: it slides
-            rise, margin = d * (fh - fb), g - d * fb
-            r = 1.0 if margin <= 0.0 or rise >= margin else rise / margin
-            dz = v * (1.0 - math.copysign(abs(r) ** law.n, r))
-        else:
-            r = 1.0 - d * fh / g
-            dz = v * math.copysign(abs(r) ** law.n, r)
+        r = 1.0 - d * fh / g
+        dz = v * math.copysign(abs(r) ** law.n, r)
     return dz, fh + law.sigma1 * dz + law.sigma2 * v
 
 
@@ -233,10 +219,10 @@ def error_growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> f
 @compiled
 def next_branch(law: Law, state: Array, stack: Array, v: float, has_turned: bool) -> Branch:
     """Return the branch that is followed until z turns or a loop closes, and its turning point."""
-    if not (kernel_data.LINEAR <= law.curve.kind <= kernel_data.PARABOLA):
-        return FROM_MEMORY, 0.0, branch_start_force(state, stack)
+    if not (kernel_data.TANH <= law.curve.kind <= kernel_data.PARABOLA):
+        return FROM_MEMORY, 0.0, 0.0
     if not has_turned and state[DIRECTION] != 0.0:
-        dz, _ = friction_rates(law, v, state[F], branch_start_force(state, stack))
+        dz, _ = friction_rates(law, v, state[F])
         has_turned = dz * state[DIRECTION] < 0.0
     if has_turned:
         return LATER, state[Z], state[F]
@@ -247,14 +233,12 @@ def next_branch(law: Law, state: Array, stack: Array, v: float, has_turned: bool
 
 
 @inlined
-def branch_force(
-    curve: Curve, grid: Array, state: Array, stack: Array, branch: Branch, z: float
-) -> tuple[float, float]:
-    """Return the hysteresis force at z on a branch, and the force at which the branch began."""
+def branch_force(curve: Curve, grid: Array, state: Array, stack: Array, branch: Branch, z: float) -> float:
+    """Return the hysteresis force at z on a branch."""
     if branch[0] == LATER:
-        return branch[2] + 2.0 * virgin_curve(curve, grid, 0.5 * (z - branch[1])), branch[2]
+        return branch[2] + 2.0 * virgin_curve(curve, grid, 0.5 * (z - branch[1]))
     if branch[0] == VIRGIN:
-        return virgin_curve(curve, grid, z), 0.0
+        return virgin_curve(curve, grid, z)
     return hysteresis_on_trial(curve, grid, state, stack, z)
 
 
@@ -267,19 +251,16 @@ def trial_step(
     w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
     u1, u2, u3 = drive_at(step.u, a), drive_at(step.u, 0.5 * (a + b)), drive_at(step.u, b)
     x, v = step.x, step.v
-    z1, f1 = friction_rates(law, v, state[F], branch[2])
+    z1, f1 = friction_rates(law, v, state[F])
     a1 = w * (u1 - k * x - c * v - f1)
     v2 = u2 if driven else v + 0.5 * h * a1
-    fh, fb = branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z1)
-    z2, f2 = friction_rates(law, v2, fh, fb)
+    z2, f2 = friction_rates(law, v2, branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z1))
     a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - f2)
     v3 = u2 if driven else v + 0.5 * h * a2
-    fh, fb = branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z2)
-    z3, f3 = friction_rates(law, v3, fh, fb)
+    z3, f3 = friction_rates(law, v3, branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z2))
     a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - f3)
     v4 = u3 if driven else v + h * a3
-    fh, fb = branch_force(curve, grid, state, stack, branch, z + h * z3)
-    z4, f4 = friction_rates(law, v4, fh, fb)
+    z4, f4 = friction_rates(law, v4, branch_force(curve, grid, state, stack, branch, z + h * z3))
     a4 = w * (u3 - k * (x + h * v3) - c * v4 - f4)
     x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
     v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
@@ -385,7 +366,7 @@ def advance_hysteretic(
         if j % substeps == 0:
             i = j // substeps
             out[i, 0], out[i, 1], out[i, 2] = x, v, state[Z]
-            _, out[i, 3] = friction_rates(law, v, state[F], branch_start_force(state, stack))
+            _, out[i, 3] = friction_rates(law, v, state[F])
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
         way = next_branch(law, state, stack, v, False)

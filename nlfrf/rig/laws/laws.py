@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import (
-    require_choice,
     require_integer,
     require_nonnegative,
     require_positive,
@@ -418,10 +417,6 @@ class Leuven:
         How suddenly presliding passes into sliding.
     curve : Tanh, Linear, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
         Virgin curve of the hysteresis; `MaxwellSlip` for elements as the memory. It must reach Fs.
-    form : str
-        "modified", as above (Lampaert); "original" (Swevers): the ratio of the force since the last turning
-        point to the way left from there, whose friction force jumps where an inner loop closes. For studying
-        that jump only.
 
     Raises
     ------
@@ -451,19 +446,15 @@ class Leuven:
     sigma2: float = 0.4
     n: float = 1.0
     curve: Curve = Tanh(K0=64e3, Fy=1.0)
-    form: str = "modified"
 
     def __post_init__(self) -> None:
         check_stribeck(self)
         require_positive("n", self.n)
-        require_choice("form", self.form, ("modified", "original"))
         packed, _ = pack_curve(self.curve)
         if packed.Fy < self.Fs * (1 - 1e-2):
             raise ValueError(
                 f"curve must reach the static friction Fs = {self.Fs:g} N, got one that ends at {packed.Fy:g} N"
             )
-        if self.form == "original" and packed.kind == kernel_data.ELEMENTS:
-            raise ValueError('curve must be a virgin curve where form="original", got MaxwellSlip')
 
 
 @value
@@ -545,43 +536,6 @@ def check_stribeck(law: StribeckLaw) -> None:
         raise ValueError(f"Fs must be at least Fc = {law.Fc:g} N, got {law.Fs:g} N")
 
 
-def stribeck(law: Friction, v: ArrayLike) -> np.ndarray:
-    """Return the Stribeck curve s(v) of a law, without its viscous part; zero at v = 0.
-
-    Parameters
-    ----------
-    law : Friction
-        Any law but `OwnFriction`.
-    v : array_like
-        Velocities [m/s].
-
-    Returns
-    -------
-    ndarray (of the shape of v)
-        Force in steady motion [N].
-
-    Raises
-    ------
-    ValueError
-        A law of the user's own, which has no such curve.
-
-    References
-    ----------
-    J. Swevers, F. Al-Bender, C. G. Ganseman, T. Prajogo, *An integrated friction model structure with improved
-    presliding behavior for accurate friction compensation*, IEEE Trans. Autom. Control 45, 2000.
-
-    Examples
-    --------
-    >>> stribeck(Leuven(), [-0.01, 0.0, 1.0]).round(4)
-    array([-0.8104,  0.    ,  0.7   ])
-    """
-    v = np.asarray(v, dtype=float)
-    if isinstance(law, OwnFriction):
-        raise ValueError("law must have a Stribeck curve, got OwnFriction: `drive` it at constant velocities")
-    packed, _ = pack_law(law)
-    return np.sign(v) * (packed.Fc + (packed.Fs - packed.Fc) * np.exp(-(np.abs(v / packed.vs) ** packed.delta)))
-
-
 def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
     """Return the numbers of a law, and the grid of its curve or elements, for compiled code."""
     if isinstance(law, Dahl):
@@ -606,11 +560,7 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
     if not isinstance(law, Leuven):
         raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
     curve, grid = pack_curve(law.curve)
-    if law.form == "modified":
-        return pack_stribeck_law(law, kernel_data.LEUVEN, n=law.n, curve=curve), grid
-    if curve.kind == kernel_data.SPRING:  # the original form needs the turning points of a spring too
-        curve = curve._replace(kind=kernel_data.LINEAR)
-    return pack_stribeck_law(law, kernel_data.ORIGINAL, n=law.n, curve=curve), grid
+    return pack_stribeck_law(law, kernel_data.LEUVEN, n=law.n, curve=curve), grid
 
 
 def pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:

@@ -12,7 +12,6 @@ from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.studies.ensembles import (
     GRIDS,
     LEVELS,
-    Ensemble,
     Ensembles,
     frf,
     output_linear,
@@ -21,8 +20,6 @@ from nlfrf.rig.studies.ensembles import (
     power_db,
     systematic_over_detection,
 )
-from nlfrf.rig.studies.findings import SIGNALS
-from nlfrf.rig.studies.level_study import LevelStudy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,33 +28,24 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, RED, GREY = "tab:blue", "tab:orange", "tab:green", "tab:red", "0.6"
 
 
-def draw_figures(
-    ensembles: Ensembles, signals: dict[str, Ensemble], *, study: LevelStudy, rig: Rig
-) -> list[tuple[str, Figure]]:
-    """Every figure with its name."""
+def draw_figures(ensembles: Ensembles, rig: Rig) -> dict[str, Figure]:
+    """Every figure by its name."""
     names = {"odd": "figure4", "odd-odd": "figure5", "special-odd": "figure6", "random-odd": "random_odd"}
-    return [
-        ("figure3", figure_levels(ensembles)),
-        *((names[kind], figure_grid(ensembles, kind, rig)) for kind in GRIDS),
-        ("figure7", figure_comparison(ensembles)),
-        ("excitations", figure_excitations(signals)),
-        ("levels", figure_study(study)),
-    ]
+    grids = {names[kind]: figure_grid(ensembles, kind, rig) for kind in GRIDS}
+    return {"figure3": figure_levels(ensembles), **grids, "figure7": figure_comparison(ensembles)}
 
 
-def new_figure(
-    width: float, height: float, *, rows: int = 1, columns: int = 1, sharex: bool = False
-) -> tuple[Figure, np.ndarray]:
-    """Create a figure that belongs to no window, and its axes as an array."""
+def new_figure(height: float, rows: int) -> tuple[Figure, np.ndarray]:
+    """Create a figure that belongs to no window, and its axes as an array, one under the other."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel()
+    figure = Figure(figsize=(8, height), layout="constrained")
+    return figure, figure.subplots(rows, sharex=True)
 
 
 def figure_levels(ensembles: Ensembles) -> Figure:
     """Draw figure 3: the BLA at the three levels, amplitude and phase."""
-    figure, (top, bottom) = new_figure(8, 7, rows=2, sharex=True)
+    figure, (top, bottom) = new_figure(7, 2)
     for level, colour in zip(LEVELS, (BLUE, GREEN, RED), strict=True):
         e = ensembles[level, "odd"]
         G, variance = frf(e)
@@ -73,7 +61,7 @@ def figure_levels(ensembles: Ensembles) -> Figure:
 
 def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
     """Draw figures 4 to 6: the output on excited and detection lines at the three levels."""
-    figure, axes = new_figure(8, 11, rows=3, sharex=True)
+    figure, axes = new_figure(11, 3)
     number = {"odd": "Figure 4. ", "odd-odd": "Figure 5. ", "special-odd": "Figure 6. "}.get(kind, "")
     for level, ax in zip(LEVELS, axes, strict=True):
         e = ensembles[level, kind]
@@ -110,7 +98,7 @@ def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
 
 def figure_comparison(ensembles: Ensembles) -> Figure:
     """Draw figure 7: the BLAs of the three grids at level 1, their differences and the standard deviation."""
-    figure, (top, bottom) = new_figure(8, 7, rows=2, sharex=True)
+    figure, (top, bottom) = new_figure(7, 2)
     G_odd, variance = frf(ensembles[1, "odd"])
     lines = ensembles[1, "odd"].lines.excited
     for kind, colour in zip(GRIDS[:3], (BLUE, ORANGE, GREEN), strict=True):
@@ -125,51 +113,6 @@ def figure_comparison(ensembles: Ensembles) -> Figure:
     top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 7. Three grids, one BLA (level 1)")
     bottom.set(xlabel="frequency [Hz]", ylabel="difference [dB re 1 m/N]")
     return add_grids(figure, (top, bottom))
-
-
-def figure_excitations(signals: dict[str, Ensemble]) -> Figure:
-    """Draw the BLAs of signals with the same power spectrum and other distributions."""
-    figure, (top, bottom) = new_figure(8, 7, rows=2, sharex=True)
-    G_first, variance = frf(signals[SIGNALS[0]])
-    for signal, colour in zip(SIGNALS, ("black", GREY, BLUE, ORANGE, RED), strict=True):
-        e = signals[signal]
-        G, other = frf(e)
-        f = e.lines.excited * e.f0
-        top.plot(f, 2 * power_db(np.abs(G)), color=colour, label=signal)
-        if signal != SIGNALS[0]:
-            ratio = np.abs(G - G_first) ** 2 / (variance + other)
-            bottom.plot(f, ratio, ".", color=colour, label=f"{signal}: mean {np.mean(ratio):.1f}")
-    top.set(ylabel="|G| [dB re 1 m/N]", title="Same power spectrum, other distributions (held for 1/64 s)")
-    bottom.set(xlabel="frequency [Hz]", ylabel="squared difference over its variance", yscale="log")
-    return add_grids(figure, (top, bottom))
-
-
-def figure_study(study: LevelStudy) -> Figure:
-    """Draw the level study: the family, and how fast its distortion grows."""
-    figure, axes = new_figure(8, 10, rows=3, sharex=True)
-    plot_level_study(study, axes=axes)
-    return figure
-
-
-def plot_level_study(study: LevelStudy, *, axes: np.ndarray | None = None) -> np.ndarray:
-    """Draw a level study on three axes: the BLAs, the distortion, and its growth per 20 dB of level."""
-    if axes is None:
-        _, axes = new_figure(8, 10, rows=3, sharex=True)
-    import matplotlib
-
-    colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.9, study.rms.size))
-    for i, (level, bla, colour) in enumerate(zip(study.rms, study.blas, colours, strict=True)):
-        axes[0].plot(bla.f, 2 * power_db(np.abs(bla.G)), color=colour, label=f"{level:.3g} N rms")
-        axes[1].plot(bla.f, power_db(study.distortion[i]), color=colour)
-        if i > 0:
-            label = f"to {level:.3g} N: median {np.median(study.growth[i - 1]):.0f} dB"
-            axes[2].plot(bla.f, study.growth[i - 1], color=colour, lw=0.8, label=label)
-    axes[0].set(ylabel="|G| [dB re 1 m/N]", title="The family over levels")
-    axes[1].set(ylabel="distortion over |G| [dB]")
-    axes[2].set(xlabel="frequency [Hz]", ylabel="growth [dB per 20 dB]")
-    for ax in axes:
-        finish_axes(ax)
-    return axes
 
 
 def add_grids(figure: Figure, axes: Iterable[Axes]) -> Figure:

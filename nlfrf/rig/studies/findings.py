@@ -14,7 +14,8 @@ import numpy as np
 from nlfrf._base.arguments import format_paragraph
 from nlfrf._base.values import value
 from nlfrf.records.record import Record
-from nlfrf.rig.bench.rig import Rig, initial_memory, integrate_rig, unstable_step_error
+from nlfrf.rig.bench.motion import run_rig
+from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.simulate import Arrays, Experiment, run_all, run_experiment
 from nlfrf.rig.studies.ensembles import (
     F0,
@@ -263,7 +264,6 @@ class HeldSignal:
 
     rig: Rig
     force: np.ndarray
-    n_discard: int
 
 
 def draw_held_values(signal: str, n_realizations: int, rng: np.random.Generator) -> np.ndarray:
@@ -283,17 +283,11 @@ def draw_held_values(signal: str, n_realizations: int, rng: np.random.Generator)
 
 
 def simulate_held(held: HeldSignal) -> Arrays:
-    """Integrate one period of held values to steady state, with 4096 steps a second; runs in a worker."""
+    """Return the third period of held values and of the position, with 4096 steps a second; runs in a worker."""
     n = round(FS / F0)
     force = np.repeat(held.force, n // held.force.size)
-    drive = np.repeat(force[:, np.newaxis], 3, axis=1)
-    memory, out = initial_memory(held.rig), None
-    for _ in range(held.n_discard + 1):
-        out = integrate_rig(held.rig, memory, drive=drive, h=1 / FS, substeps=1)
-        if out is None:
-            raise unstable_step_error(FS, 1, lambda finer: False)
-    assert out is not None
-    return {"u": force, "y": out[:, 0]}
+    moved = run_rig(held.rig, np.tile(force, 3), fs=FS, oversampling=1, hold="zoh")
+    return {"u": force, "y": moved.x[-n:].copy()}
 
 
 class RunOptions(TypedDict, total=False):
@@ -301,24 +295,6 @@ class RunOptions(TypedDict, total=False):
 
     executor: Executor | None
     resume: str | os.PathLike[str] | None
-
-
-def simulate_held_ensemble(
-    rig: Rig,
-    signal: str,
-    n_realizations: int,
-    rng: np.random.Generator,
-    *,
-    progress: Callable[[int, int], object] | None,
-    **options: Unpack[RunOptions],
-) -> Ensemble:
-    """Simulate the ensemble of one held signal."""
-    values = draw_held_values(signal, n_realizations, rng)
-    results = run_all(
-        simulate_held, [HeldSignal(rig=rig, force=row, n_discard=2) for row in values], progress=progress, **options
-    )
-    u, y = (np.stack([result[name] for result in results])[:, np.newaxis, :] for name in ("u", "y"))
-    return ensemble_spectra(Record(u=u, y=y, fs=FS, lines=LineGrid(excited=COMPARED_LINES)))
 
 
 def simulate_random_amplitudes(
@@ -356,21 +332,22 @@ def judge_side_remarks(
     rng: np.random.Generator,
     progress: Callable[[int, int], object] | None = None,
     **options: Unpack[RunOptions],
-) -> tuple[list[Finding], dict[str, Ensemble]]:
-    """Judge S1 to S3; return the findings and their ensembles. `odd` is the odd multisine at level 1."""
+) -> list[Finding]:
+    """Judge S1 to S3. `odd` is the odd multisine at level 1."""
     m = odd.n_realizations
-    ensembles: dict[str, Ensemble] = {}
     total = m * (len(SIGNALS) + 1)
 
     def shifted(done: int) -> Callable[[int, int], object] | None:
         return None if progress is None else lambda now, _: progress(done + now, total)
 
-    for i, signal in enumerate(SIGNALS):
-        ensembles[signal] = simulate_held_ensemble(rig, signal, m, rng, progress=shifted(i * m), **options)
-    random = simulate_random_amplitudes(rig, m, rng, progress=shifted(len(SIGNALS) * m), **options)
-    ensembles["random amplitudes"] = random
-    difference = {s: normalised_difference(ensembles["multisine"], ensembles[s]) for s in SIGNALS[1:]}
-    return judge_remarks(difference, normalised_difference(odd, random)), ensembles
+    held = [HeldSignal(rig=rig, force=row) for signal in SIGNALS for row in draw_held_values(signal, m, rng)]
+    results = run_all(simulate_held, held, progress=shifted(0), **options)
+    u, y = (np.stack([one[name] for one in results]).reshape(len(SIGNALS), m, 1, -1) for name in ("u", "y"))
+    records = [Record(u=u[i], y=y[i], fs=FS, lines=LineGrid(excited=COMPARED_LINES)) for i in range(len(SIGNALS))]
+    first, *others = map(ensemble_spectra, records)
+    random = simulate_random_amplitudes(rig, m, rng, progress=shifted(len(held)), **options)
+    differences = [normalised_difference(first, other) for other in others]
+    return judge_remarks(dict(zip(SIGNALS[1:], differences, strict=True)), normalised_difference(odd, random))
 
 
 def judge_remarks(difference: dict[str, float], amplitudes: float) -> list[Finding]:

@@ -24,12 +24,8 @@ from nlfrf.rig.bench.simulate import simulate
 from nlfrf.rig.studies.ensembles import GRIDS, LEVELS, Ensembles, ensemble_spectra, paper_multisine
 from nlfrf.rig.studies.figures import draw_figures
 from nlfrf.rig.studies.findings import SIGNALS, Finding, judge_findings, judge_side_remarks
-from nlfrf.rig.studies.level_study import level_study
 
-#: Levels of the study [N rms], 10 dB apart.
-STUDY_LEVELS = 0.0025 * 10 ** np.arange(0, 3.1, 0.5)
-
-FIGURES = (*(f"figure{k}" for k in range(3, 8)), "random_odd", "excitations", "levels")
+FIGURES = (*(f"figure{k}" for k in range(3, 8)), "random_odd")
 OUTPUT_FILES = (*(f"{name}.png" for name in FIGURES), "findings.json", "findings.md")
 
 
@@ -44,7 +40,7 @@ def reproduce(
 ) -> list[Finding]:
     """Run the paper's experiments and write its figures and findings.
 
-    Writes figure3.png to figure7.png, random_odd.png, excitations.png, levels.png, findings.json and findings.md.
+    Writes figure3.png to figure7.png, random_odd.png, findings.json and findings.md.
 
     Parameters
     ----------
@@ -72,8 +68,8 @@ def reproduce(
         raise ValueError(f"out must be a folder, got the file {folder}")
     folder.mkdir(parents=True, exist_ok=True)
     require_writable(*(folder / name for name in OUTPUT_FILES), role=Role.DERIVED)  # hours before they are written
-    rig, rng, few = paper_rig(), np.random.default_rng(seed), max(4, m // 10)
-    total = m * (len(LEVELS) * len(GRIDS) + len(SIGNALS) + 1) + few * STUDY_LEVELS.size
+    rig, rng = paper_rig(), np.random.default_rng(seed)
+    total = m * (len(LEVELS) * len(GRIDS) + len(SIGNALS) + 1)
     done = 0
 
     def count(before: int) -> Callable[[int, int], object] | None:
@@ -86,15 +82,11 @@ def reproduce(
             record = simulate(rig, ms, executor=executor, progress=count(done), resume=resume)
             ensembles[level, kind] = ensemble_spectra(record)
             done += m
-    found = judge_findings(ensembles, rig)
-    remarks, signals = judge_side_remarks(
+    remarks = judge_side_remarks(
         rig, ensembles[1, "odd"], rng=rng, executor=executor, progress=count(done), resume=resume
     )
-    done += m * (len(SIGNALS) + 1)
-    ms = paper_multisine("special-odd", 1, n_realizations=few, rng=rng)
-    study = level_study(rig, ms, STUDY_LEVELS, n_discard=4, executor=executor, progress=count(done), resume=resume)
-    found = [*found, *remarks]
-    for name, figure in draw_figures(ensembles, signals, study=study, rig=rig):
+    found = [*judge_findings(ensembles, rig), *remarks]
+    for name, figure in draw_figures(ensembles, rig).items():
         save_figure(folder / f"{name}.png", figure, dpi=110, role=Role.DERIVED)
     content = {
         "schema": "nlfrf-findings",

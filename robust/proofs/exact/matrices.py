@@ -10,9 +10,7 @@ from collections.abc import Sequence
 
 from flint import arb, arb_poly, ctx, fmpq_mat
 
-from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.polynomials import (
     Coefficient,
     Decision,
@@ -78,36 +76,16 @@ NORM_BITS = (256, 1024, 4096)
 NOT_EXAMINED = undecided("not looked at")
 
 
-@value
-class NormClaim:
-    """What is claimed of a system: stable, with H-infinity norm below the level."""
-
-    system: Matrices
-    level: float
-
-
-def verify_norm(claim: NormClaim) -> Verification:
-    """Stability and norm bound of a system re-proved in exact arithmetic."""
-    try:
-        decided = decide_norm(claim)
-    except ValueError as error:
-        return Verification(verified=False, proved=(), failed=(("the system", str(error)),), bits=0)
-    return summarise_claims(decided, NORM_BITS[-1])
-
-
-def decide_norm(claim: NormClaim) -> dict[str, Decision]:
-    """Stability and the bound, each decided; for an unstable system the bound is not looked at.
+def decide_norm(system: Matrices, level: float) -> dict[str, Decision]:
+    """Stability and a norm bound, each decided; for an unstable system the bound is not looked at.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
     >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                   # 1/(s + 1): the norm is one
-    >>> [decide_norm(NormClaim(system=lag, level=x))["norm"].holds for x in (1.0, np.nextafter(1, 2))]
+    >>> [decide_norm(lag, x)["norm"].holds for x in (1.0, np.nextafter(1, 2))]
     [False, True]
     """
-    system = claim.system
     n = system.order
-    if n > MAX_STATES:
-        raise ValueError(f"system must have at most {MAX_STATES} states to be verified, got {n}")
     A, B, C, D = (to_rational_matrix(getattr(system, name)) for name in "ABCD")
     if system.dt and n:
         shifted = A + identity(n)
@@ -118,7 +96,7 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
     stable = routh(A.charpoly(), n) if n else proved()
     return {
         "stability": stable,
-        "norm": gain_below_level(A, B, C=C, D=D, level=claim.level) if stable.holds else NOT_EXAMINED,
+        "norm": gain_below_level(A, B, C=C, D=D, level=level) if stable.holds else NOT_EXAMINED,
     }
 
 

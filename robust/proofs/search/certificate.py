@@ -12,7 +12,6 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.loops import Verification, verify_loop
-from robust.proofs.exact.matrices import NormClaim, verify_norm
 from robust.proofs.exact.scaled_kyp import ScaledClaim
 
 if TYPE_CHECKING:
@@ -27,8 +26,8 @@ class Certificate:
 
     A loop with one input and one output is proved in exact arithmetic from the matrices as they were given, one with
     several by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats that. Any
-    other outcome is judged in floating point, with slacks far above its rounding; of a norm (KYP) `verify` proves the
-    same again to the last bit.
+    other outcome is judged in floating point, with slacks far above its rounding. A norm is the structured singular
+    value of one full block.
 
     Fields
     ------
@@ -41,13 +40,13 @@ class Certificate:
         The norm is below this level at every frequency.
     method : str
         "exact arithmetic", "scaled KYP" (P and X, see `robust.proofs.exact.scaled_kyp`) and "generalised KYP" (P, Q and
-        X of every interval, see `robust.proofs.exact.interval_kyp`), all proved, rigorous; "KYP" (P from cvxpy),
-        "periodic Riccati equation, Bernstein" (friction), or "".
+        X of every interval, see `robust.proofs.exact.interval_kyp`), all proved, rigorous; "periodic Riccati equation,
+        Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) of a norm; where it is violated.
     reason : str
         Why it does not hold, for people; empty when it does.
-    claim : LoopClaim, NormClaim or another
+    claim : LoopClaim or another
         What holds, with every number as given, to be proved again; None where the proof is of another kind (mu).
     again : callable, optional
         How a claim of another kind is proved again: again(claim, time_cap=seconds).
@@ -65,7 +64,7 @@ class Certificate:
     (True, False)
     >>> print(proof.verify())
     stability: proved, rigorous
-    norm: proved, rigorous
+    structured singular value: proved, rigorous
     """
 
     subject: str
@@ -120,8 +119,6 @@ class Certificate:
         """
         if isinstance(self.claim, LoopClaim):
             return verify_loop(self.claim, time_cap=time_cap)
-        if isinstance(self.claim, NormClaim):
-            return verify_norm(self.claim)
         if self.again is not None:
             return self.again(self.claim, time_cap=time_cap)
         reason = "judged in floating point only: no exact claim is kept of it" if self.holds else self.reason

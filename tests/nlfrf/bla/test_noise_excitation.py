@@ -30,13 +30,12 @@ def test_the_ends_of_the_band_are_lines_whatever_the_rounding(f_min, f_max):
     np.testing.assert_allclose(f[[0, -1]], [f_min, f_max])
 
 
-@pytest.mark.parametrize("method", ["local", "welch"])
-def test_coherence_and_level_of_a_line_are_those_of_white_noise(method):
+def test_coherence_and_level_of_a_line_are_those_of_white_noise():
     """y = 2 u + v with v as strong as 2 u: coherence 1/2, and the power of a line is that of n / 2 equal ones."""
     rng = np.random.default_rng(5)
     n, u = 200, rng.standard_normal(80_000)
     y = 2 * u + 2 * rng.standard_normal(u.size)
-    bla = identify_noise(u, y, fs=1.0, n_samples=n, f_min=0.02, f_max=0.48, method=method)
+    bla = identify_noise(u, y, fs=1.0, n_samples=n, f_min=0.02, f_max=0.48)
     few = np.sqrt(u.size / n * bla.f.size)  # independent spectra behind the averages
     assert abs(bla.coherence.mean() - 0.5) < 4 * 0.6 / few
     power = np.mean(np.abs(bla.levels.excited) ** 2) / 2
@@ -63,14 +62,6 @@ def resonance(u):
 
 
 NOISE = dict(fs=1000, n_samples=500, f_min=20, f_max=120)
-
-
-def test_segments_that_smear_a_resonance_are_warned_of():
-    rng = np.random.default_rng(0)
-    u = rng.standard_normal(60_000)
-    with pytest.warns(DataWarning, match=r"n_samples must resolve the resonances: on \d+ of 51 lines, worst at"):
-        identify_noise(u, resonance(u), method="welch", **NOISE)
-    identify_noise(u, resonance(u), method="local", **NOISE)  # without a word
 
 
 def test_chirps_and_bursts_are_no_noise():

@@ -143,7 +143,11 @@ def limited(K, options):
         (3.0, {}, "K must have A, B, C, D and dt, got float without A, B, C, D, dt"),
         (PI, {"delay": -1.0}, "delay must be zero or positive, got -1"),
         (PI, {"saturation": 0.0}, "saturation must be positive, got 0"),
-        (PI, {"initial": np.zeros((2, 2))}, r"initial must hold a position and a velocity, got shape \(2, 2\)"),
+        (
+            PI,
+            {"initial": np.zeros((2, 2))},
+            r"initial must hold .* shape \(2, 1\), got .*\(2, 2\)",
+        ),
         (PI, {"resolution": -1.0}, "resolution must be zero or positive, got -1"),
         (PI, {"noise": np.zeros(3)}, "noise must have one value for each of the 10 samples of r, got 3"),
         (PI, {"oversampling": 0}, "oversampling must be a whole number of at least 1, got 0"),

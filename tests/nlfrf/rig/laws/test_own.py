@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import nlfrf
 from nlfrf import simulate
-from nlfrf.friction import LuGre, OwnFriction, stribeck
+from nlfrf.friction import LuGre, OwnFriction
 from nlfrf.rig import Controller, Rig, run
 
 SIGMA0, SIGMA1, SIGMA2, FC, FS, VS = 64e3, 13.0, 0.4, 0.7, 1.0, 0.01
@@ -135,11 +135,6 @@ def test_a_loop_around_what_numba_cannot_compile_runs_as_it_is():
     plain = OwnFriction(derivative=viscous_rate, force=force, rest=[], stiffness=0.0, damping=70.0)
     slow, quick = loop(plain), loop(SLIDING)
     assert slow.x == pytest.approx(quick.x, rel=1e-9, abs=1e-15)
-
-
-def test_where_it_does_not_go_it_is_refused():
-    with pytest.raises(ValueError, match="must have a Stribeck curve"):
-        stribeck(OWN, [0.1])
 
 
 def test_results_of_own_functions_are_not_resumed(tmp_path):

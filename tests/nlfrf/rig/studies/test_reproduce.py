@@ -149,7 +149,7 @@ def test_short_run_has_every_finding(short_run):
 
 def test_short_run_writes_everything(short_run):
     folder, found, seen = short_run
-    figures = ["excitations", "figure3", "figure4", "figure5", "figure6", "figure7", "levels", "random_odd"]
+    figures = ["figure3", "figure4", "figure5", "figure6", "figure7", "random_odd"]
     assert sorted(path.stem for path in folder.glob("*.png")) == figures
     assert all(path.stat().st_size > 20_000 for path in folder.glob("*.png"))
     content = json.loads((folder / "findings.json").read_text())
