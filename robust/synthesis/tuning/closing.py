@@ -14,6 +14,7 @@ from functools import cached_property
 
 import control
 import numpy as np
+from scipy.linalg import block_diag
 
 from nlfrf._base.values import value
 from robust.lti.lti import Matrices, evaluate_transfer
@@ -41,12 +42,9 @@ class StatePlant:
     def close(self, M: np.ndarray) -> ClosedLoop | None:
         """Return the loop closed by the blocks; None where it has no solution."""
         around = np.eye(M.shape[1]) - self.D22 @ M
-        if self.D22.any():
-            if not is_well_posed(around):
-                return None
-            F = np.linalg.inv(around)
-        else:
-            F = around
+        if not is_well_posed(around):
+            return None
+        F = np.linalg.inv(around)
         N = M @ F
         gain = self.B2 @ N
         return ClosedLoop(
@@ -64,20 +62,13 @@ def state_plant(open_loop: control.StateSpace, n_states: int, n_in: int, n_out: 
     """Return the open loop, last inputs and outputs those of the blocks, with the states of the blocks put in."""
     A, B, C, D = continuous_matrices(open_loop, dt)
     n_w, n_z = B.shape[1] - n_out, C.shape[0] - n_in
-
-    def block_diagonal(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
-        out = np.zeros((upper.shape[0] + lower.shape[0], upper.shape[1] + lower.shape[1]))
-        out[: upper.shape[0], : upper.shape[1]] = upper
-        out[upper.shape[0] :, upper.shape[1] :] = lower
-        return out
-
     zero, one = np.zeros((n_states, n_states)), np.eye(n_states)
-    B2 = block_diagonal(B[:, n_w:], one)  # (states, states of the blocks) <- (u, derivatives)
-    C2 = block_diagonal(C[n_z:], one)
+    B2 = block_diag(B[:, n_w:], one)  # (states, states of the blocks) <- (u, derivatives)
+    C2 = block_diag(C[n_z:], one)
     u_first, y_first = np.r_[n_out : n_out + n_states, :n_out], np.r_[n_in : n_in + n_states, :n_in]
-    D22 = block_diagonal(D[n_z:, n_w:], zero)
+    D22 = block_diag(D[n_z:, n_w:], zero)
     return StatePlant(
-        A=block_diagonal(A, zero),
+        A=block_diag(A, zero),
         B1=np.vstack([B[:, :n_w], np.zeros((n_states, n_w))]),
         B2=B2[:, u_first],
         C1=np.hstack([C[:n_z], np.zeros((n_z, n_states))]),

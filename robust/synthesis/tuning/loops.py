@@ -12,8 +12,8 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.lti.connections import lower_lft
 from robust.lti.grids import cluster_at_modes
-from robust.lti.lti import evaluate_transfer, frequency_response_matrices
-from robust.lti.norms import continuous_matrices, crossings, discrete_matrices, well_conditioned
+from robust.lti.lti import Matrices, evaluate_transfer, frequency_response_matrices
+from robust.lti.norms import continuous_matrices, crossings, discrete_matrices, largest_gain, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
 from robust.synthesis.tuning.friction import FrictionChannel, Multipliers
@@ -371,9 +371,7 @@ def highest_places(level: np.ndarray) -> np.ndarray:
     return places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
 
 
-def weighted_channel(
-    loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float
-) -> tuple[np.ndarray, ...]:
+def weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float) -> Matrices:
     """Return matrices of a channel with its weight behind it, on each output."""
     A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
     Aw, Bw, Cw, Dw = continuous_matrices(weighting, dt)
@@ -389,15 +387,14 @@ def weighted_channel(
 
 
 def norm_over_band(
-    matrices: tuple[np.ndarray, ...], best: float, *, where: float, band: tuple[float, float]
+    matrices: Matrices, best: float, *, where: float, band: tuple[float, float]
 ) -> tuple[float, float, bool]:
     """Return the norm over a band, its frequency, and whether the Hamiltonian has no crossing above it."""
-    A, B, C, D = well_conditioned(matrices)  # type: ignore[arg-type]  # four matrices
-    certain = False
+    system, certain = well_conditioned(matrices), False
     for _ in range(20):
         raised = False
         for step in DIFFERENCE_STEPS:
-            found = crossings((A, B, C, D), best * (1 + step))
+            found = crossings(system, best * (1 + step))
             if found is None:
                 continue
             omega = np.unique(found[0])
@@ -406,8 +403,7 @@ def norm_over_band(
             if not omega.size:
                 continue
             points = np.concatenate([omega, (omega[1:] + omega[:-1]) / 2])
-            H = evaluate_transfer(matrices[0], matrices[1], matrices[2], matrices[3], 1j * points)
-            gains = np.linalg.svd(H, compute_uv=False)[:, 0]
+            gains = largest_gain(matrices, points)
             k = int(np.argmax(gains))
             if gains[k] > best * (1 + NORM_TOLERANCE):
                 best, where, raised = float(gains[k]), float(points[k]), True

@@ -136,15 +136,11 @@ class TuningProblem:
             rows += [(float(excesses[place]), k, int(place)) for place in self.movable_poles(k, loop.poles)]
         rows.sort(reverse=True)
         excess = rows[0][0] if rows else -np.inf
-        slopes = self.controller.slopes(x) if (peaks or pole_slopes) else None
-        pole_rows = (
-            [self.pole_gradient(loops[k], place, value_, slopes) for value_, k, place in rows[:N_POLES]]
-            if (pole_slopes and slopes is not None)
-            else []
-        )
+        slopes = self.controller.slopes(x)
+        seen = rows[:N_POLES] if pole_slopes else []
+        pole_rows = [self.pole_gradient(loops[k], place, value_, slopes) for value_, k, place in seen]
         if not peaks or not excess < 0:
             return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=[])
-        assert slopes is not None
         found: list[Peak] = []
         for scene, loop in zip(self.scenes, loops, strict=True):
             found += scene.peaks(loop, slopes)
@@ -182,9 +178,8 @@ class TuningProblem:
                 left[k] = False
         return np.flatnonzero(left)
 
-    def pole_gradient(self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray | None) -> PoleRow:
+    def pole_gradient(self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray) -> PoleRow:
         """Return the slope of a pole: d pole = l dM r, carried on to s."""
-        assert slopes is not None
         right, left = loop.pole_sensitivity_factors(place)
         slope = slopes.reshape(len(slopes), -1) @ (right @ left).T.ravel()
         if self.dt:

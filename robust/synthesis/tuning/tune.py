@@ -516,24 +516,18 @@ def is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
     """Return whether the loop of every plant is stable beyond rounding, on the time base on which it runs."""
     M = problem.controller.matrix(x)
     for scene in problem.scenes:
-        if isinstance(scene, MeasuredLoop):
-            if not all(scene.stability_by_winding(M)):
-                return False
-            continue
         loop = scene.close(M)
         if loop is None:
             return False
-        closed = system_of_loop(loop, problem.dt)
+        if not isinstance(loop, ClosedLoop):  # on lines: by its winding number
+            continue
+        matrices = discrete_matrices(loop.matrices, problem.dt)  # back from the plane of the bilinear map
+        closed = control.StateSpace(*matrices, problem.dt, remove_useless_states=False)
         if not assess_stability(closed).stable:
             return False
         if problem.decay and not has_decay(closed, problem, scene.index):
             return False
     return True
-
-
-def system_of_loop(loop: ClosedLoop, dt: float) -> control.StateSpace:
-    """Return the loop as a system: under a clock back from the plane of the bilinear map."""
-    return control.StateSpace(*discrete_matrices(loop.matrices, dt), dt, remove_useless_states=False)
 
 
 def has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:
