@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from importlib.resources import files
-from pathlib import Path
 from types import NoneType
 from typing import TypeVar, cast
 
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import add_warnings, require_kind
-from nlfrf._base.files import to_path, write_text
+from nlfrf._base.files import write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
 from robust.analysis.loop_level import LoopSignals
@@ -30,11 +29,9 @@ from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
 from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
-from robust.reports.parts import Banner
+from robust.reports.parts import Banner, page_path
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
-
-PAGE_SUFFIXES = (".html", ".htm")
 
 
 def write_report(
@@ -99,8 +96,7 @@ def write_report(
     Examples
     --------
     >>> import tempfile
-    >>> from pathlib import Path
-    >>> import control
+    >>>     >>> import control
     >>> import numpy as np
     >>> G, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.05]))
@@ -159,14 +155,6 @@ def write_report(
     page = {"verdict": report.verdict, "banner": banner, "warnings": warned, "sections": sections}
     write_text(path, render_page(title=title, notes=notes, **page))
     return report
-
-
-def page_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a page, or a refusal where it ends otherwise."""
-    path = to_path(path)
-    if path.suffix.lower() not in PAGE_SUFFIXES:
-        raise ValueError(f"path must end in .html, got {path.name!r}")
-    return path
 
 
 def render_page(**content: object) -> str:

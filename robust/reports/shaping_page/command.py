@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf._base.files import write_text
 from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel
+from robust.reports.parts import page_path
 from robust.reports.shaping_page.generated_text import PartSources
 from robust.reports.shaping_page.page import page_content, page_text
 
@@ -28,9 +29,7 @@ def write_from_files(
 ) -> None:
     """Write the page of models and a controller, and the paths of both; demand is bandwidth [Hz], peak, error."""
     files, controller = paths
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"out must end in .html, got {out.name!r}")
-    bandwidth, peak, error = demand
+    out, (bandwidth, peak, error) = page_path(out), demand
     sources = PartSources(
         names=tuple(path.stem for path in files),
         files=tuple(map(str, files)),

@@ -63,14 +63,14 @@ def python_script(
         rows.append(f"model = robust.load({files[0]!r})")
     if w_P is not None:
         rows.append(f"w_P = {sources.demand or state_space_literal(w_P)}")
-    rows += [f"dt = {dt!r}", starting_controller(sources, K, dt), PLACE_OF_K, ""]
+    rows += [f"dt = {dt!r}", starting_controller(sources, K), PLACE_OF_K, ""]
     arguments = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
     check = f"print(robust.check(model, K{arguments}))"
     rows += ["for model in models:", f"    {check}"] if several else [check]
     return "\n".join([*rows, 'robust.save(K, "controller.json")', ""])
 
 
-def starting_controller(sources: PartSources, K: control.StateSpace, dt: float) -> str:
+def starting_controller(sources: PartSources, K: control.StateSpace) -> str:
     """Return the controller to begin with; its gain alone is part of what is shaped."""
     if sources.controller:
         return f"K = robust.load({sources.controller!r})"

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import hessenberg
 
 from nlfrf._base.arguments import require_nonnegative, short_form
-from nlfrf._base.files import to_path, write_text
+from nlfrf._base.files import write_text
 from nlfrf._base.types import JsonObject
 from robust._base.types import Controller, Weight
 from robust.analysis.bounds import loop_bounds
@@ -24,6 +24,7 @@ from robust.lti.stability import poles_with_rounding
 from robust.models.sets.forms import FORMS
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
+from robust.reports.parts import page_path
 from robust.reports.shaping_page.beginning import starting_state
 from robust.reports.shaping_page.generated_text import PartSources, proof_commands, python_script
 
@@ -281,9 +282,7 @@ def write_shaping_page(
     >>> "default-src 'none'" in text, "src=" in text          # it may ask for nothing, and does not
     (True, False)
     """
-    path = to_path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"path must end in .html, got {path.name!r}")
+    path = page_path(path)
     write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources(title=title))))
 
 

@@ -210,10 +210,6 @@ class Basis:
         Y, X = self.Y(s) * self.integrals(s)[:, None], self.X(s) * response(self.fixed, omega)[:, None]
         return np.hstack([Y, np.zeros_like(X)]), np.hstack([np.zeros_like(Y), X])
 
-    def on_lines(self, omega: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the columns of Y and X on the lines, by name."""
-        return dict(zip("YX", self.columns(omega), strict=True))
-
     def powers(self, s: np.ndarray, degree: int) -> np.ndarray:
         """Return (W, degree + 1) powers of q = (s - a)/(s + a): of modulus one on the axis, so no column is lost."""
         return np.power(((s - self.a) / (s + self.a))[:, None], np.arange(degree + 1))

@@ -270,9 +270,7 @@ class ModelledLoop:
         gains = channel.slopes(H, perturbation, None if d is None else d[0])
         return peaks_of_gains(channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes)
 
-    def raise_norms(
-        self, loop: ClosedLoop, floors: dict[int, float] | None = None
-    ) -> dict[int, tuple[float, float, bool]]:
+    def raise_norms(self, loop: ClosedLoop) -> dict[int, tuple[float, float, bool]]:
         """Find the largest level of each limit, its frequency, and whether none is higher (Bruinsma & Steinbuch 1990).
 
         Frequencies found above the grid are kept for good.

@@ -160,7 +160,7 @@ def minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) -> 
             if is_done(current, start):
                 break
             current = evaluate_at_exact_peaks(problem, descend_on_penalty(problem, current, rho))
-            problem.report(current, rho)
+            problem.report(current)
             if is_done(current, start):
                 break
             if not current.merit(rho) < before - ROUND_GAIN:
@@ -207,7 +207,7 @@ def descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float) 
         merit = found.merit(rho)
         if merit < best.merit(rho):
             best = found
-            problem.report(found, rho)
+            problem.report(found)
         outside = x - inside
         slope = found.merit_slope(rho) if found.stable else np.zeros(x.size)
         return merit + float(np.abs(outside).sum()), np.where(outside == 0, slope, np.sign(outside)), found
@@ -273,7 +273,7 @@ def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float)
             break
         d, tried, multipliers, predicted = accepted
         tried, d = lengthen_step(problem, current, tried=tried, d=d, rho=rho)
-        problem.report(tried, rho)
+        problem.report(tried)
         s = tried.x - current.x
         y = lagrangian_change(current, tried, multipliers)
         H = damped_update(H, s, y=y, fresh=fresh)

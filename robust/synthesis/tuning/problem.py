@@ -251,7 +251,7 @@ class TuningProblem:
         """Of each plant every limit, as it is said in the end."""
         return [scene.look_closely(loop) for scene, loop in self.loops_at(x)]
 
-    def report(self, evaluation: Evaluation, rho: float) -> None:
+    def report(self, evaluation: Evaluation) -> None:
         """Keep the best, and say how far the search is."""
         if evaluation.stable and (self.best is None or is_better(evaluation, self.best)):
             self.best = evaluation

@@ -375,7 +375,7 @@ def search(
                 spread.append(np.inf)
                 continue
             current = problem.evaluate(current.x)
-            problem.report(current, 1.0)
+            problem.report(current)
             if best is None:
                 require_movable_limits(problem, current)
             found = minimise_from(problem, current)
