@@ -51,7 +51,6 @@ def prove_friction(
     delay: float = 0.0,
     Fs: float | Sequence[float] | None = None,
     saturation: float | None = None,
-    limits: bool = False,
 ) -> FrictionProof:
     """Prove that a loop comes to rest with every friction of a class, through sampler and hold, or refute it.
 
@@ -73,8 +72,6 @@ def prove_friction(
         Largest force of the actuator [N], more than Fs, which must be given too: proves that the loop comes to rest
         though its actuator saturates, or up to which kick. Of one port and `any_maxwell_slip`; of `any_bristle` only
         how far the actuator never saturates. K is without anti-windup.
-    limits : bool
-        Whether to look for the largest stiffness and stiction that are still proved; of one port.
 
     Returns
     -------
@@ -109,8 +106,6 @@ def prove_friction(
         raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
     given = friction_of_ports(machine, friction)
     require_same_units(machine, given)
-    if limits and isinstance(given, FrictionAtPorts):
-        raise ValueError("limits must be False with friction at several ports, got True")
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
@@ -138,7 +133,7 @@ def prove_friction(
     if spring is not None:
         proof = replace(proof, verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, given))
     elif given.kind in ("Maxwell slip", "bristle"):
-        proof = certified_verdict(proof, K, delay=delay, loop=loop, limits=limits)
+        proof = certified_verdict(proof, K, delay=delay, loop=loop)
         if proof.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(forces).all() and known is None:
             proof = settling_verdict(proof, K, delay=delay, loop=loop, forces=forces)
     elif given.kind == "bounded":

@@ -484,7 +484,7 @@ class JudgedStorage:
     stored: np.ndarray
 
 
-def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, JudgedStorage | None]:
+def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]:
     """Empty and the energy, if a storage function was judged to prove the inequality; else what failed last."""
     judged = in_balanced_coordinates(form)
     failure = "no storage function was found"
@@ -502,7 +502,7 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
-    if worst < NEAR_MISS and not quick and form.spans.size:
+    if worst < NEAR_MISS and form.spans.size:
         storage = build_storage(judged.form, P, slack=slack, n_intervals=MAX_INTERVALS)
         failure = judge_storage(judged, storage)[0]
         if not failure:

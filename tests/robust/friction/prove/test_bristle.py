@@ -109,10 +109,8 @@ def test_the_friction_of_the_paper_lies_only_here():
 def test_limits_of_a_bristle():
     """A spring alone as controller: stiction until what the microdamping gives back takes all of c = 20 Ns/m."""
     machine = friction_plant(1.0, 80e3, 20.0)
-    proof = prove_friction(machine, 0.0, RIG_FRICTION, limits=True)
-    assert proof.K0_max >= 64e3
-    assert 1 / 0.7 < proof.stiction_max < 1 + 20 / 13
-    assert prove_friction(machine, 0.0, any_bristle(proof.K0_max, 1 / 0.7, 13.0)).verdict == "proved"
+    for stiction, verdict in ((1 / 0.7, "proved"), (1 + 20 / 13, "not decided")):
+        assert prove_friction(machine, 0.0, any_bristle(64e3, stiction, 13.0)).verdict == verdict
 
 
 def test_energy_falls_along_a_motion_with_lugre():
