@@ -14,13 +14,13 @@ import numpy as np
 from robust._base.types import Blocks
 from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Effort, Findings, Margins, Proofs, ReportCurves, decide_verdict
-from robust.analysis.loop import Loop
 from robust.analysis.loop_of_channels import LoopOfChannels
 from robust.analysis.sampled_set import SampledSet
 from robust.analysis.text import (
     ALIASES_NOT_PROVED,
     NO_MU,
     NOTHING_PROVED,
+    SAMPLES_ONLY,
     explain_mu,
     structure_proof_sentences,
 )
@@ -42,7 +42,7 @@ DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided v
 MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
 
 
-def judge_mu(loop: Loop | LoopOfChannels, effort: Effort) -> Findings:
+def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
     """Return what is found of a loop by mu, in that form of its set that says most, with the largest |S| over it."""
     found = {form: judge_system(system, effort) for form, system in loop.systems.items()}
     form = best_form(found)
@@ -54,17 +54,20 @@ def judge_mu(loop: Loop | LoopOfChannels, effort: Effort) -> Findings:
         at = int(S_worst.argmax())
         margins = replace(taken.margins, S_worst=float(S_worst[at]), omega_S_worst=float(omega[at]))
         taken = replace(taken, margins=margins)
-    return add_aliases(taken, folded) if (folded := loop.folded(form)) else taken
+    return add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
 
 
-def add_aliases(found: Findings, folded: SampledSet) -> Findings:
+def add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) -> Findings:
     """Return findings of a sampled set with the proof that it contains the continuous one, where it is worth one."""
     proofs, proved = found.proofs, False
     if proofs.robustly_stable:
         certificate = folded.certify_aliases()
         proofs, proved = replace(proofs, certificates=(*proofs.certificates, certificate)), certificate.holds
-    text = found.not_proved if proved else f"{ALIASES_NOT_PROVED}; {found.not_proved}"
-    return replace(found, folding=folded.describe(proved=proved), proofs=proofs, not_proved=text)
+    found = replace(found, folding=folded.describe(proved=proved), proofs=proofs)
+    if not proved:
+        return replace(found, not_proved=f"{ALIASES_NOT_PROVED}; {found.not_proved}")
+    sentences = structure_proof_sentences(system, proofs, folded=True)
+    return replace(found, reason=found.reason.replace(SAMPLES_ONLY, ""), proved=sentences[0], not_proved=sentences[1])
 
 
 def best_form(found: dict[str, Findings]) -> str:
@@ -109,7 +112,7 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
         robust_performance=len(certificates) == 2 and certificates[1].holds,
         violated=broken <= 1,
     )
-    proved = structure_proof_sentences(system, proofs)
+    proved = structure_proof_sentences(system, proofs, folded=False)
     return Findings(
         verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,

@@ -27,7 +27,6 @@ from robust.lti.realisation import stable_weight, state_space
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.lti.stability import StabilityResult, delay_pole_count, poles_with_rounding
 from robust.models.sets.forms import FORMS
-from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.closed_loops import poles_of_closed_loop
@@ -193,38 +192,6 @@ class Loop:
         """Evaluate every alias at the frequencies of the curves."""
         assert self.aliases is not None
         return evaluate_aliases(self.aliases, curves.omega, S=curves.S, KS=curves.K_S, sampled=curves.G)
-
-    @property
-    def systems(self) -> dict[str, UncertainSystem]:
-        """Return `system` by the form of the set, of which one channel has one."""
-        return {self.form: self.system}
-
-    def sensitivity(self, form: str) -> UncertainSystem:
-        """Return `system` with S as its performance."""
-        one = control.StateSpace([], [], [], [[1.0]], self.dt)
-        return replace(self, w_P=one).systems[form]
-
-    def lines(self, form: str) -> np.ndarray:
-        """Return the frequencies (W,) [rad/s] of the set."""
-        return self.model.omega
-
-    def folded(self, form: str) -> None:
-        """Return the sampled set that aliases are in, which `systems` have none of."""
-
-    @cached_property
-    def system(self) -> UncertainSystem:
-        """Return the loop with its perturbation pulled out, weights inside, as `judge_mu` takes it.
-
-        Raises
-        ------
-        ValueError
-            A loop that is no state space in one time base, for the reason that is named.
-        """
-        if reason := self.reason_against_system:
-            raise ValueError(f"loop must be a state space for bounds of mu, got one of which {reason}")
-        inputs, outputs = ((), ()) if self.w_P is None else (("r",), ("weighted e",))
-        block = Block("z", "d", perturbation=self.model.perturbation)
-        return UncertainSystem(N=self.perturbation_loop, blocks={self.form: block}, inputs=inputs, outputs=outputs)
 
     @property
     def reason_against_system(self) -> str:

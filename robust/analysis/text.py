@@ -38,6 +38,7 @@ REMEDIES = {
     "assumed": "what is assumed where nothing was measured: measure there",
 }
 #: What a verdict on a set around a sampled nominal does not cover.
+NONLINEAR_PLANT = "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
 SAMPLES_ONLY = "; it is a set of sampled plants, and says nothing of what happens between the samples"
 #: Largest |S| over a set that is not warned of; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
 USUAL_PEAK = 2.0
@@ -172,31 +173,60 @@ def compare_joint(joint: float) -> str:
 
 def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
     """Return what was proved of one loop and what was not, one sentence each."""
-    model, performance = loop.model, proofs.robust_performance
-    where = "at all frequencies"
-    if loop.dt:
-        where += f" up to Nyquist ({0.5 / loop.dt:.4g} Hz), " + (
-            "with everything that folds down from above" if loop.aliases is not None else "of the samples"
-        )
+    model, missing = loop.model, []
+    if model.perturbation == "statistical":
+        missing += [NONLINEAR_PLANT] + ["more than the confidence of the set"] * bool(describe_confidence(model))
+    assumed = "anything about the plant outside the measured band beyond the assumption on the weight there ({})"
+    return join_proof_sentences(
+        describe_set(model),
+        proofs,
+        missing=[*missing, assumed.format(model.origin.extrapolation)],
+        demand=loop.w_P is not None,
+        dt=loop.dt,
+        folded=loop.aliases is not None,
+    )
+
+
+def structure_proof_sentences(system: UncertainSystem, proofs: Proofs, *, folded: bool) -> tuple[str, str]:
+    """Return what was proved of several uncertainties and what was not; `folded` where every alias is in the set."""
+    words = {
+        "real": "every constant value of {}",
+        "LTI": "every stable linear {}",
+        "statistical": "every linear {}",
+        "operator": "every causal {}, nonlinear ones included",
+    }
+    kinds = {name: "real" if one.kind == "real" else one.perturbation for name, one in system.blocks.items()}
+    known = {"real": "parameters that change while the loop runs", "statistical": NONLINEAR_PLANT}
+    return join_proof_sentences(
+        f"{' and '.join(words[kind].format(name) for name, kind in kinds.items())}, all at once",
+        proofs,
+        missing=[text for kind, text in known.items() if kind in kinds.values()],
+        demand=bool(system.inputs),
+        dt=system.N.dt,
+        folded=folded,
+    )
+
+
+def join_proof_sentences(
+    perturbations: str, proofs: Proofs, *, missing: list[str], demand: bool, dt: float, folded: bool
+) -> tuple[str, str]:
+    """Return what was proved with these perturbations, and what was not besides what is missing."""
     if not proofs.robustly_stable:
         return "Only that the nominal loop is stable.", "Anything about the set around it."
-    what = "stability and the performance demand" if performance else "stability"
-    proved = f"{what.capitalize()} with {describe_set(model)}, {where}."
-    missing = []
-    if model.perturbation == "statistical":
-        missing.append(
-            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
-        )
-        if describe_confidence(model):
-            missing.append("more than the confidence of the set")
-    if loop.w_P is not None and not performance:
-        missing.append("the performance demand for the whole set")
-    if loop.dt and loop.aliases is None:
-        missing.append("perturbations of the continuous plant between the samples: the set is one of sampled plants")
-    assumed = f"the assumption on the weight there ({model.origin.extrapolation})"
-    missing.append(f"anything about the plant outside the measured band beyond {assumed}")
-    text = "; ".join(missing)
-    return proved, text[0].upper() + text[1:] + "."
+    where = "at all frequencies"
+    if dt:
+        seen = "with everything that folds down from above" if folded else "of the samples"
+        where += f" up to Nyquist ({0.5 / dt:.4g} Hz), {seen}"
+    if demand and not proofs.robust_performance:
+        missing = [*missing, "the performance demand for the whole set"]
+    if dt and not folded:
+        missing = [
+            *missing,
+            "perturbations of a continuous plant between the samples: the set is one of sampled plants",
+        ]
+    what = "Stability and the performance demand" if proofs.robust_performance else "Stability"
+    text = "; ".join(missing or ["anything outside the set"])
+    return f"{what} with {perturbations}, {where}.", f"{text[0].upper()}{text[1:]}."
 
 
 def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
@@ -374,40 +404,6 @@ def explain_mu(
     if not certify:
         return f"{below}, and no proof was asked for (certify=False)"
     return f"{below}, but no proof was found: {proofs.certificates[0].reason}"
-
-
-def structure_proof_sentences(system: UncertainSystem, proofs: Proofs) -> tuple[str, str]:
-    """Return what was proved of several uncertainties and what was not, one sentence each."""
-    performs = proofs.robust_performance
-    if not proofs.robustly_stable:
-        return "Only that the nominal loop is stable.", "Anything about the set around it."
-    words = {
-        "real": "every constant value of {}",
-        "LTI": "every stable linear {}",
-        "statistical": "every linear {}",
-        "operator": "every causal {}, nonlinear ones included",
-    }
-    parts = [
-        words["real" if block.kind == "real" else block.perturbation].format(name)
-        for name, block in system.blocks.items()
-    ]
-    what = "Stability and the performance demand" if performs else "Stability"
-    missing = []
-    if any(block.kind == "real" for block in system.blocks.values()):
-        missing.append("parameters that change while the loop runs")
-    if any(block.perturbation == "statistical" for block in system.blocks.values()):
-        missing.append(
-            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
-        )
-    if system.inputs and not performs:
-        missing.append("the performance demand for the whole set")
-    if system.N.dt:
-        missing.append("perturbations of a continuous plant between the samples: the set is one of sampled plants")
-    text = "; ".join(missing or ["anything outside the set"])
-    where = "at all frequencies"
-    if system.N.dt:
-        where += f" up to Nyquist ({0.5 / system.N.dt:.4g} Hz), of the samples"
-    return f"{what} with {' and '.join(parts)}, all at once, {where}.", text[0].upper() + text[1:] + "."
 
 
 # ---- The sentences of a report's own numbers.

@@ -25,7 +25,6 @@ from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.lti.connections import block_diagonal, in_series, upper_lft, worst_perturbation
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
-from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels, is_within_set, require_parametric
@@ -379,37 +378,20 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> BreakingPer
 def interpolate_perturbation(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
     """Return a stable real system of gain one that is `delta` (drives, reads) at omega: of rank one, or diagonal."""
     if not full:
-        return block_diagonal(first_order_all_passes(np.diag(delta), omega, dt), dt)
+        return all_passes(np.diag(delta), omega, dt)
     U, sizes, Vh = np.linalg.svd(delta)
     into, out = Vh[0] * sizes[0], U[:, 0]
     add = control.StateSpace([], [], [], np.ones((1, into.size)), dt)
     spread = control.StateSpace([], [], [], np.ones((out.size, 1)), dt)
     return in_series(
-        block_diagonal(first_order_all_passes(into, omega, dt), dt),
+        all_passes(into, omega, dt),
         add,
         spread,
-        block_diagonal(first_order_all_passes(out, omega, dt), dt),
+        all_passes(out, omega, dt),
         dt=dt,
     )
 
 
-def first_order_all_passes(numbers: np.ndarray, omega: float, dt: float) -> list[control.StateSpace]:
-    """Return all-passes of first order that equal these complex numbers at omega: |a| times +-(c - s)/(c + s)."""
-    at = 2 / dt * np.tan(omega * dt / 2) if dt else omega
-    parts = []
-    for number in numbers:
-        size, phase = abs(number), np.angle(number)
-        sign = 1.0 if phase <= 0 else -1.0
-        lag = -phase if phase <= 0 else np.pi - phase  # from 0 to pi
-        if lag < 1e-9 or lag > np.pi - 1e-9 or not at or not np.isfinite(at):
-            gain = size * np.sign(np.cos(phase)) if size else 0.0
-            parts.append(control.StateSpace([], [], [], [[gain]], dt))
-            continue
-        c = at / np.tan(lag / 2)
-        # (c - s)/(c + s) = -1 + 2 c/(s + c)
-        A, B, C, D = (np.array([[x]]) for x in (-c, 1.0, 2 * c * size * sign, -size * sign))
-        if dt:
-            scale = 2 / dt
-            A, B, C, D = to_discrete(A / scale, B / np.sqrt(scale), C / np.sqrt(scale), D)
-        parts.append(control.StateSpace(A, B, C, D, dt))
-    return parts
+def all_passes(numbers: np.ndarray, omega: float, dt: float) -> control.StateSpace:
+    """Return all-passes of first order side by side that equal these complex numbers at omega."""
+    return block_diagonal([with_phase(omega, complex(number), dt) for number in numbers], dt)

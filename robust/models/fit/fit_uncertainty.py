@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.models.fit.rational import stack_real_imaginary
+from robust.models.fit.rational import partial_fractions, stack_real_imaginary
 
 #: Standard deviation over the root of the cost that stands for all larger ones: its square is a number.
 HUGE = 1e150
@@ -103,8 +103,8 @@ def estimate_uncertainty(
     free_delay : bool
         Whether a delay was fitted too.
     """
-    columns = [np.ones(s.size, dtype=complex)]  # of ln model: by ln gain, then by every root
-    columns += [-sign * part for sign, roots in ((1, zeros), (-1, poles)) for part in root_derivatives(s, roots)]
+    # of ln model: by ln gain, then by every root
+    columns = [np.ones(s.size), -partial_fractions(s, zeros), partial_fractions(s, poles)]
     if free_delay:
         columns.append(-1j * omega)
     J = stack_real_imaginary(np.column_stack(columns) * (model / std)[:, None])
@@ -128,55 +128,35 @@ def estimate_uncertainty(
 def separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.ndarray:
     """Return (n,) the distance of each pole to its nearest zero over the standard deviation of that distance.
 
-    cov : of the real and imaginary parts of zeros, then poles, conjugates once (as `root_derivatives` orders them).
+    cov : of the real and imaginary parts of zeros, then poles, conjugates once (as `partial_fractions` orders them).
     """
     if not zeros.size:
         return np.full(poles.size, np.inf)
-    at, parts = 0, []
-    for roots in (zeros, poles):
-        rows, k = np.zeros((roots.size, 2, cov.shape[0])), at
-        for i, root in enumerate(roots):
-            if root.imag < 0 and i:  # the conjugate of the one before
-                rows[i] = np.array([[1], [-1]]) * rows[i - 1]
-                continue
-            rows[i, 0, k] = 1.0
-            if root.imag:
-                rows[i, 1, k + 1] = 1.0
-            k += 2 if root.imag else 1
-        at = k
-        parts.append(rows)
     near = np.argmin(np.abs(poles[:, None] - zeros), axis=1)
-    difference = parts[1] - parts[0][near]
+    difference = np.concatenate([-root_parts(zeros)[near], root_parts(poles)], axis=2)
     variance = np.einsum("nij,jk,nik->n", difference, cov, difference)
     distance = np.abs(poles - zeros[near])
     over_std = distance / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
     return np.where(distance < np.abs(poles) / 2, over_std, np.inf)
 
 
-def root_derivatives(s: np.ndarray, roots: np.ndarray) -> list[np.ndarray]:
-    """Return 1/(s - r) by each real root; by real and imaginary part of a pair, one after the other."""
-    out = []
-    for k, root in enumerate(roots):
-        if root.imag == 0:
-            out.append(1 / (s - root.real))
-        elif root.imag > 0 or k == 0:
-            one, other = 1 / (s - root), 1 / (s - root.conj())
-            out += [one + other, 1j * (one - other)]
-    return out
+def root_parts(roots: np.ndarray) -> np.ndarray:
+    """Return (n, 2, n) real and imaginary part of each root by those of real roots and pairs, conjugates once."""
+    rows = np.zeros((roots.size, 2, roots.size))
+    for i, root in enumerate(roots):
+        if root.imag < 0 and i:  # the conjugate of the one before
+            rows[i] = np.array([[1], [-1]]) * rows[i - 1]
+            continue
+        rows[i, 0, i] = 1.0
+        if root.imag:
+            rows[i, 1, i + 1] = 1.0
+    return rows
 
 
 def root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
     """Return (n, 2, 2) covariance of real and imaginary part of each root, in the plane of the model."""
-    out, k = np.zeros((roots.size, 2, 2)), 0
-    for i, root in enumerate(roots):
-        if root.imag == 0:
-            out[i, 0, 0] = cov[k, k]
-            k += 1
-        elif root.imag > 0 or i == 0:
-            out[i] = cov[k : k + 2, k : k + 2]
-            k += 2
-        else:
-            out[i] = np.array([[1, -1], [-1, 1]]) * out[i - 1]
+    rows = root_parts(roots)
+    out = rows @ cov @ rows.transpose(0, 2, 1)
     if dt:
         slope = dt / (1 - roots * dt / 2) ** 2  # of z = (1 + s dt/2)/(1 - s dt/2)
         turn = np.array([[slope.real, -slope.imag], [slope.imag, slope.real]]).transpose(2, 0, 1)

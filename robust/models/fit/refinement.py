@@ -109,47 +109,29 @@ def damped_solver(J: np.ndarray, e: np.ndarray, *, free: np.ndarray) -> Callable
     return step
 
 
-def section_coefficients(roots: np.ndarray, *, log: bool = False) -> np.ndarray:
-    """Section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0.
-
-    With log, the logarithms of natural frequency and damping instead: stable whatever their values.
-    """
+def section_coefficients(roots: np.ndarray) -> np.ndarray:
+    """Section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0."""
     pairs, rest = pair_roots(roots)
-    out: list[float] = []
-    for a, b in pairs:
-        c1, c0 = -(a + b).real, (a * b).real
-        if log:
-            w = np.sqrt(max(c0, 1e-24))
-            out += [np.log(w), np.log(max(c1 / (2 * w), 1e-9))]
-        else:
-            out += [c1, c0]
-    return np.array(out + [np.log(max(-r.real, 1e-12)) if log else -r.real for r in rest])
+    return np.array([c for a, b in pairs for c in (-(a + b).real, (a * b).real)] + [-r.real for r in rest])
 
 
-def evaluate_sections(
-    x: np.ndarray, theta: np.ndarray, n: int, *, log: bool = False
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the value of each section at x, and the relative derivative by each parameter."""
     out, slopes = [], []
     for k in range(0, n - n % 2, 2):
-        c1, c0 = (2 * np.exp(theta[k] + theta[k + 1]), np.exp(2 * theta[k])) if log else (theta[k], theta[k + 1])
-        out.append(x * x + c1 * x + c0)
-        if log:
-            slopes += [(c1 * x + 2 * c0) / out[-1], c1 * x / out[-1]]
-        else:
-            slopes += [x / out[-1], 1 / out[-1]]
+        out.append(x * x + theta[k] * x + theta[k + 1])
+        slopes += [x / out[-1], 1 / out[-1]]
     if n % 2:
-        c0 = np.exp(theta[-1]) if log else theta[-1]
-        out.append(x + c0)
-        slopes.append((c0 if log else 1.0) / out[-1])
+        out.append(x + theta[-1])
+        slopes.append(1 / out[-1])
     return out, slopes
 
 
-def roots_from(theta: np.ndarray, n: int, *, log: bool = False) -> np.ndarray:
+def roots_from(theta: np.ndarray, n: int) -> np.ndarray:
     """Return the roots of all sections."""
     found: list[complex] = []
     for k in range(0, n - n % 2, 2):
-        c1, c0 = (2 * np.exp(theta[k] + theta[k + 1]), np.exp(2 * theta[k])) if log else (theta[k], theta[k + 1])
+        c1, c0 = theta[k], theta[k + 1]
         inner = complex(c1 * c1 / 4 - c0)
         if inner.real < 0:
             half = np.sqrt(inner)
@@ -159,10 +141,8 @@ def roots_from(theta: np.ndarray, n: int, *, log: bool = False) -> np.ndarray:
             far = -c1 / 2 - np.copysign(np.sqrt(inner.real), c1)
             found += [complex(far), complex(c0 / far if far else 0.0)]
     if n % 2:
-        found.append(complex(-np.exp(theta[-1]) if log else -theta[-1]))
-    roots = np.array(found, dtype=complex)
-    # an exponential underflows to zero, and what is stable has to be strictly so
-    return np.minimum(roots.real, -1e-12) + 1j * roots.imag if log else roots
+        found.append(complex(-theta[-1]))
+    return np.array(found, dtype=complex)
 
 
 # ---- How far |W| lies above a target, as a function of the roots of W.
@@ -307,10 +287,17 @@ def slope_at_zero(n: int) -> np.ndarray:
 
 def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Return roots behind the parameters."""
-    return (
-        order_roots(roots_from(theta[:order], order, log=True)),
-        order_roots(roots_from(theta[order:], order, log=True)),
-    )
+    zeros, poles = (roots_of_logarithms(part, order) for part in (theta[:order], theta[order:]))
+    return zeros, poles
+
+
+def roots_of_logarithms(theta: np.ndarray, n: int) -> np.ndarray:
+    """Return the stable roots of sections by logarithms: natural frequency and damping of each pair, a single root."""
+    m, coefficients = n - n % 2, np.exp(theta)
+    coefficients[:m:2], coefficients[1:m:2] = 2 * np.exp(theta[:m:2] + theta[1:m:2]), np.exp(2 * theta[:m:2])
+    roots = roots_from(coefficients, n)
+    # an exponential underflows to zero, and what is stable has to be strictly so
+    return order_roots(np.minimum(roots.real, -1e-12) + 1j * roots.imag)
 
 
 # ---- Newton steps on the roots of a weight, towards the least excess over a target.

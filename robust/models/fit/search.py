@@ -8,11 +8,12 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.lti.realisation import order_roots, pair_roots
-from robust.models.fit.fit_uncertainty import probability_of_cost, root_derivatives
+from robust.models.fit.fit_uncertainty import probability_of_cost
 from robust.models.fit.rational import (
     Roots,
     fit_numerator,
     known_factor,
+    partial_fractions,
     s_plane_points,
     stack_real_imaginary,
     starting_poles,
@@ -246,7 +247,7 @@ def further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
     lines, (zeros, poles, gain, tau, _) = search.lines, roots
     s, model = s_plane_points(lines.omega, search.dt), search.response(roots)
     weight = model / np.sqrt(lines.var)
-    columns = [np.ones(s.size, dtype=complex), *root_derivatives(s, zeros), *root_derivatives(s, poles)]
+    columns = [np.ones(s.size), partial_fractions(s, zeros), partial_fractions(s, poles)]
     if search.delay is None and not search.dt:
         columns.append(-1j * lines.omega)
     known = stack_real_imaginary(np.column_stack(columns) * weight[:, None])

@@ -338,10 +338,9 @@ def add_section(theta: np.ndarray, order: int, *, now: int, place: float, spread
 
 
 def starting_parameters(problem: MagnitudeProblem, order: int) -> list[np.ndarray]:
-    """Return starting parameters: a rational fit of |W|^2, sections spread over the band, sections on the peaks."""
-    found = [spread_sections(problem, order), sections_on_peaks(problem, order)]
+    """Return starting parameters: a rational fit of |W|^2, sections spread over the band."""
     fitted = fit_squared_magnitude(problem, order)
-    return found if fitted is None else [fitted, *found]
+    return [spread_sections(problem, order)] if fitted is None else [fitted, spread_sections(problem, order)]
 
 
 def spread_sections(problem: MagnitudeProblem, order: int) -> np.ndarray:
@@ -351,25 +350,6 @@ def spread_sections(problem: MagnitudeProblem, order: int) -> np.ndarray:
     pairs = np.column_stack([centres[:half], np.zeros(half)]).ravel()
     zeros = np.concatenate([pairs, centres[half:] if order % 2 else []])
     return np.concatenate([zeros + 0.1, zeros - 0.1])
-
-
-def sections_on_peaks(problem: MagnitudeProblem, order: int) -> np.ndarray:
-    """Return lightly damped sections on the highest peaks of the target, the rest spread."""
-    theta = spread_sections(problem, order)
-    log_x, t = np.log(problem.x), problem.target
-    width = max(1, t.size // 40)
-    taken = np.zeros(t.size, dtype=bool)
-    for k in range(order // 2):
-        free = np.where(taken, -np.inf, t)
-        peak = int(np.argmax(free))
-        if taken[peak]:
-            break
-        neighbourhood = t[max(0, peak - width) : peak + width + 1]
-        sharp = np.clip(np.exp(-(t[peak] - neighbourhood.min())), 1e-3, 0.5)
-        theta[2 * k], theta[2 * k + 1] = log_x[peak], np.log(0.7)
-        theta[order + 2 * k], theta[order + 2 * k + 1] = log_x[peak], np.log(sharp)
-        taken[max(0, peak - 2 * width) : peak + 2 * width + 1] = True
-    return theta
 
 
 def fit_squared_magnitude(problem: MagnitudeProblem, order: int) -> np.ndarray | None:

@@ -70,6 +70,8 @@ def test_two_equal_loops_are_one():
     assert "every alias is in the weights" in together.folding
     assert "which is proved" in together.folding
     assert "cover every alias" not in together.not_proved
+    assert "with everything that folds down from above" in together.proved
+    assert "samples" not in together.reason + together.not_proved
 
 
 def test_a_report_whose_aliases_are_not_proved_says_that_they_rest_on_a_grid(monkeypatch):
@@ -79,6 +81,7 @@ def test_a_report_whose_aliases_are_not_proved_says_that_they_rest_on_a_grid(mon
     assert "in floating point" in report.folding
     text = "That the weights of the sampled set cover every alias between the frequencies of a grid; "
     assert report.not_proved.startswith(text)
+    assert "says nothing of what happens between the samples" in report.reason
     assert not report.proofs.certificates[-1].holds
 
 
