@@ -862,10 +862,5 @@ def destabilizing_stiffness(
         return None
     springs = worst * stiffest
     stiffness = float(springs[0]) if loop.B.ndim == 1 else tuple(map(float, springs))
-    return stiffness, rightmost_pole(loop, springs, damper)
-
-
-def rightmost_pole(loop: FrictionLoop, kappa: float | np.ndarray, damper: float = 0.0) -> complex:
-    """Return the pole furthest outside of the stability region."""
-    poles = loop.poles(kappa, damper)
-    return complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])
+    poles = loop.poles(springs, damper)
+    return stiffness, complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])
