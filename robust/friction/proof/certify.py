@@ -378,7 +378,7 @@ def build_claim(
         K0=first.K0,
         stiction=first.stiction,
         bristle_time=first.bristle_time,
-        microdamping=float(np.nan_to_num(classes[0].microdamping)),
+        microdamping=classes[0].microdamping,
         rates=first.rates,
         weights=first.weights,
         free=first.free,

@@ -117,7 +117,7 @@ def prove_friction(
                 f"Fs must be that of the class, {given.Fs:g} {given.units.force}, or left out, got {forces[0]:g}"
             )
         forces = np.array([given.Fs])
-    spring = destabilizing_stiffness(loop, np.nan_to_num(given.K0), given.damper)
+    spring = destabilizing_stiffness(loop, np.nan_to_num(given.K0), given.microdamping)
     kick_sure, error_bound = bounds_of_bounded(machine, loop, forces, given) if known is None else (np.nan, np.nan)
     proof = FrictionProof(
         verdict=FrictionVerdict.NOT_DECIDED,

@@ -126,14 +126,11 @@ def test_energy_falls_along_a_motion_with_lugre():
     judged = in_balanced_coordinates(form)
     found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
     storages = (
-        build_storage(judged.form, P, slack=slack, n_intervals=N)
-        for slack, P in found
-        if P is not None
-        for N in (8, 128)
+        build_storage(judged, P, slack=slack, n_intervals=N) for slack, P in found if P is not None for N in (8, 128)
     )
     storage = next(storage for storage in storages if not judge_storage(judged, storage)[0])
     back, used = np.linalg.inv(judged.V), rates[weights.nu > 0]
-    P, n, rest = back.T @ storage.coefficients[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]
+    P, n, rest = back.T @ storage.P[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]
 
     def motion(_, s):
         xi, F, Fh = s[:n], s[n], s[n + 1 :]
