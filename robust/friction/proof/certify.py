@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import control
@@ -21,6 +21,7 @@ from robust.friction.plant import (
 )
 from robust.friction.proof.dissipation import ROUNDED_UP, bristle_dissipation, maxwell_slip_dissipation
 from robust.friction.proof.multipliers import (
+    Multipliers,
     bristle_multipliers,
     bristle_terms,
     filter_rates,
@@ -42,27 +43,6 @@ SUBJECT = "the stored energy falls"
 N_POINTS = 300  # of the frequencies of a cone program
 
 
-@value(copy=False)
-class Multipliers:
-    """Weights of the filters of a class of friction, and the block that only bristles have.
-
-    Fields
-    ------
-    rates, weights : (J,) ndarray
-        Rates [rad/s] of the filters, the reference first, and their weights mu_j.
-    free : float
-        Weight of f v.
-    block, bounds : (3, 3), (2,) ndarray
-        Of bristles, empty for Maxwell slip; see `FrictionClaim`.
-    """
-
-    rates: np.ndarray
-    weights: np.ndarray
-    free: float
-    block: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-
 class FrictionCertificate(NamedTuple):
     """Why the energy of a loop falls, or, in `reason`, what failed last.
 
@@ -82,30 +62,8 @@ def certify_friction(
     reference : rate of the filter that the others of Maxwell slip are measured against [rad/s].
     """
     if isinstance(friction, AnyFriction) and friction.kind == "bristle":
-        return certify_bristle(
-            loop,
-            friction.K0,
-            rho=friction.stiction,
-            microdamping=friction.microdamping,
-            reference=reference,
-        )
-    return certify_maxwell_slip(
-        loop, friction.K0, rho=friction.stiction, bristle_time=friction.bristle_time, reference=reference
-    )
-
-
-def certify_maxwell_slip(
-    loop: FrictionLoop,
-    K0: float | np.ndarray,
-    *,
-    rho: float | np.ndarray,
-    bristle_time: float,
-    reference: float,
-) -> FrictionCertificate:
-    """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
-
-    K0, rho : of several ports one each.
-    """
+        return certify_bristle(loop, friction, reference)
+    K0, rho = np.atleast_1d(friction.K0), np.atleast_1d(friction.stiction)
     n_ports = loop.columns.shape[1]
     omega = loop_frequencies(loop, N_POINTS if n_ports > 1 else 900)
     response = mobility(loop, omega).reshape(omega.size, n_ports, n_ports)
@@ -113,11 +71,9 @@ def certify_maxwell_slip(
     if wrong:
         return FrictionCertificate(wrong)
     reason = "no weights of the filters make every frequency dissipate"
-    fastest = 1 / bristle_time if bristle_time else np.inf
+    fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
     for rates in filter_rates(reference, fastest):
-        mu = weights_of_ports(
-            response, omega, rates=rates, K0=np.atleast_1d(K0), rho=np.atleast_1d(rho), balanced=balanced
-        )
+        mu = weights_of_ports(response, omega, rates=rates, K0=K0, rho=rho, balanced=balanced)
         if mu is None:
             continue
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho))
@@ -130,28 +86,20 @@ def certify_maxwell_slip(
     return FrictionCertificate(reason)
 
 
-def certify_bristle(
-    loop: FrictionLoop, K0: float, *, rho: float, microdamping: float, reference: float
-) -> FrictionCertificate:
-    """Search the multipliers of creeping bristles (stiffness K0, stiction rho), and certify what they prove."""
+def certify_bristle(loop: FrictionLoop, friction: AnyFriction, reference: float) -> FrictionCertificate:
+    """Search the multipliers of creeping bristles, and certify what they prove."""
+    known = {"K0": friction.K0, "microdamping": friction.microdamping}
     omega = loop_frequencies(loop, N_POINTS)
     response = mobility(loop, omega)
     reason = "no weights make every frequency dissipate"
     for rates in filter_rates(reference, np.inf)[:2]:
-        weights = bristle_multipliers(
-            bristle_terms(response, omega, rates=rates, K0=K0, microdamping=microdamping), rho
-        )
+        table = bristle_terms(response, omega, rates=rates, **known)
+        weights = bristle_multipliers(table, rates, friction.stiction)
         if weights is None:
             continue
-        reason, energy = certified_dissipation(
-            bristle_dissipation(loop, rates, weights=weights, K0=K0, microdamping=microdamping)
-        )
+        reason, energy = certified_dissipation(bristle_dissipation(loop, weights, **known))
         if not reason:
-            used = weights.nu > 0
-            numbers = Multipliers(
-                rates=rates[used], weights=weights.nu[used], free=weights.mu, block=weights.block, bounds=weights.bounds
-            )
-            return FrictionCertificate("", (numbers,), energy)
+            return FrictionCertificate("", (weights,), energy)
     return FrictionCertificate(reason)
 
 

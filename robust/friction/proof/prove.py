@@ -105,7 +105,10 @@ def prove_friction(
     if not isinstance(machine, FrictionPlant):
         raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
     given = friction_of_ports(machine, friction)
-    require_same_units(machine, given)
+    if given.position_unit != machine.position_unit:
+        raise ValueError(
+            f"friction must be in the units of the machine, {machine.position_unit}, got {given.position_unit}"
+        )
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
@@ -144,14 +147,6 @@ def prove_friction(
     if proof.verdict in CLAIMED:
         proof = replace(proof, claim=describe_claim(proof, K, delay=delay, forces=forces))
     return proof if known is None else with_actuator(proof, K, delay=delay, known=known)
-
-
-def require_same_units(machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts) -> None:
-    """Refuse a friction in other units than the machine."""
-    if friction.position_unit != machine.position_unit:
-        raise ValueError(
-            f"friction must be in the units of the machine, {machine.position_unit}, got {friction.position_unit}"
-        )
 
 
 def bounds_of_bounded(

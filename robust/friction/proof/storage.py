@@ -79,29 +79,31 @@ NEWTON_STEPS = 2
 Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def balancing_coordinates(form: Dissipation) -> np.ndarray:
+def balancing_coordinates(
+    A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None = None
+) -> np.ndarray:
     """Return (n, n) V with z = V z~ in which the input reaches every state alike: a root of the closed-loop Gramian.
 
     Summed over the ends of all spans: just after a delay the force that waited and the one that is held are the same.
     """
-    W = gramian(form)
+    W = gramian(A, B, spans=spans, jumps=jumps, block=block)
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
     values, vectors = np.linalg.eigh(W / np.outer(unit, unit))
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 1e-9 * values[-1])))
 
 
-def gramian(form: Dissipation) -> np.ndarray:
+def gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None) -> np.ndarray:
     """Return (n, n) controllability Gramian of the flow with its jumps."""
-    n = form.A.shape[0]
-    if not form.spans.size:
-        return np.asarray(solve_continuous_lyapunov(form.A, -form.B @ form.B.T))
+    n = A.shape[0]
+    if not spans.size:
+        return np.asarray(solve_continuous_lyapunov(A, -B @ B.T))
     parts: list[tuple[np.ndarray, np.ndarray]] = []
-    for span, jump in zip(form.spans, form.jumps, strict=True):
-        both = expm(span * np.block([[-form.A, form.B @ form.B.T], [np.zeros((n, n)), form.A.T]]))
+    for span, jump in zip(spans, jumps, strict=True):
+        both = expm(span * np.block([[-A, B @ B.T], [np.zeros((n, n)), A.T]]))
         flow, reached = both[n:, n:].T, both[n:, n:].T @ both[:n, n:]
-        if not parts and form.block is not None:
-            struck = flow @ form.block.input_column
-            reached = reached + np.outer(struck, struck) / form.block.weight
+        if not parts and block is not None:
+            struck = flow @ block.input_column
+            reached = reached + np.outer(struck, struck) / block.weight
         parts.append((flow @ jump, reached))
     W, Phi = np.zeros((n, n)), np.eye(n)
     for move, driven in parts:
@@ -187,15 +189,13 @@ def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
             if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
                 return None
             P = solution_from_subspace(Z, n)
-            return P if form.block is None else refine_by_newton(period, P)
+            return P if form.block is None or P is None else refine_by_newton(period, P)
     except (np.linalg.LinAlgError, ValueError):
         return None
 
 
-def refine_by_newton(period: Stretch, P: np.ndarray | None) -> np.ndarray | None:
+def refine_by_newton(period: Stretch, P: np.ndarray) -> np.ndarray | None:
     """Refine P by Newton steps: for a loop with a block the subspace alone gives few digits."""
-    if P is None:
-        return None
     for _ in range(NEWTON_STEPS):
         left = propagate_back(period, P) - P
         closed = np.linalg.solve(np.eye(P.shape[0]) - period[1] @ P, period[0])
@@ -265,7 +265,7 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
     heavy = form.block and replace(form.block, weight=form.block.weight / top**2)
-    V = balancing_coordinates(replace(form, B=form.B * (top / unit), block=heavy))
+    V = balancing_coordinates(form.A, form.B * (top / unit), spans=form.spans, jumps=form.jumps, block=heavy)
     back = np.linalg.inv(V)
     n = form.B.shape[0]
     more = form.stored.shape[0] - n
