@@ -656,7 +656,8 @@ def describe_class(
         machine = f"{mass}, k = {low:.4g} {kilo} ({widened}), c = 0 {units.damping}"
     return (
         f"Assumed, read from {len(fits)} levels from {lowest:.3g} to {highest:.4g} Hz (a mode beyond is not in it): "
-        f"{machine}; K0 = {friction.K0 / 1e3:.4g} {kilo}, {margin:g} times what is between the highest level and {rest:.4g} {kilo} at rest, and what is below it down to k; "
+        f"{machine}; K0 = {friction.K0 / 1e3:.4g} {kilo}, {margin:g} times what is between the highest level and "
+        f"{rest:.4g} {kilo} at rest, and what is below it down to k; "
         f"misfit at most {misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no "
         f"level shows. {ASSUMPTION_NOTE}"
     )
