@@ -343,7 +343,7 @@ def test_pid_from_one_record():
         (lambda: design_frf(BOOK, "PI", M_S=2, gain=3.0), "gain must be"),
         (
             lambda: design_frf(BOOK, "PI", M_S=2, fixed=control.tf([1], [1, 1], 0.1)),
-            "fixed must be continuous as the controller",
+            "fixed must be continuous as the",
         ),
         (lambda: design_frf(control.tf([1], [1, 0, -1]), "I", M_S=2), "start must be given: no simple I controller"),
         (
