@@ -37,7 +37,6 @@ COMMANDS = (
     "read_class --machines 60",
     "read_machine --runs 4",
     "bench_saturation --every 24",
-    "bench_quasi_linear --loops 60 --kicks 5",
     "bench_verification 200",
     "soundness 100",
     "near_limit 10",

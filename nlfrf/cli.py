@@ -108,7 +108,7 @@ def design(
         raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
     if inputs <= 1 and (zippered or draws != 1):
         raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
-    ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine = nlfrf.multisine(
+    ms = nlfrf.multisine(
         kind,
         fs=fs,
         n_samples=period,
@@ -124,7 +124,7 @@ def design(
         n_draws=draws,
     )
     warn_of_band(ms, kind, f_min=f_min, f_max=f_max)
-    if crest is not None and isinstance(ms, nlfrf.Multisine):
+    if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.save(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
@@ -155,7 +155,7 @@ def simulate(
     A multisine of two inputs goes through a stage of two coupled axes with friction.
     """
     ms = load_design(file)
-    several = isinstance(ms, nlfrf.signals.OrthogonalMultisine)
+    several = not ms.is_single
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
@@ -505,7 +505,7 @@ def plot(
     if isinstance(content, nlfrf.Bla) and not content.is_single:
         pictures.plot_frm(content, confidence=confidence, ax=top)
         pictures.plot_singular_values(content, confidence=confidence, ax=bottom)
-    elif isinstance(content, nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine):
+    elif isinstance(content, nlfrf.Multisine):
         pictures.plot_excitation(content, ax=top)
         pictures.plot_spectrum(content, ax=bottom)
     else:
@@ -558,9 +558,7 @@ def doctor() -> None:
     print("all is well")
 
 
-def warn_of_band(
-    ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine, kind: str, *, f_min: float, f_max: float
-) -> None:
+def warn_of_band(ms: nlfrf.Multisine, kind: str, *, f_min: float, f_max: float) -> None:
     """Warn of a band of which the lines of a grid leave out much at one end."""
     first, last = ms.f[[0, -1]].tolist()
     if first > (1 + MAX_BAND_GAP) * f_min or last < (1 - MAX_BAND_GAP) * f_max:
@@ -572,7 +570,7 @@ def warn_of_band(
         )
 
 
-def suggest_lines(ms: nlfrf.Multisine | nlfrf.signals.OrthogonalMultisine, kind: str, f_min: float) -> str:
+def suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     """Describe the lines of a grid at its low end, and the options that give one there."""
     if f_min < ms.f0:
         n = int(np.ceil(ms.fs / f_min))

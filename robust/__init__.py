@@ -12,7 +12,7 @@
     robust.analysis  check, worst case, families of loops, gains, step responses, levels of motion
     robust.margins   disk margins, classical margins, nu-gap
     robust.mu        bounds on the structured singular value, certificates, real parameters
-    robust.friction  machines with friction: classes, proofs, saturation, describing function
+    robust.friction  machines with friction: classes, proofs, saturation
     robust.proofs    certificates
     robust.lti       sampled plants, discrete controllers
     robust.io        files: models, controllers, certificates, gains for a PLC, MATLAB

@@ -76,7 +76,6 @@ MODEL_FILE = FileKind(
 CERTIFICATE_FILE = FileKind("a certificate", "robust verify {}")
 FILE_KINDS = {
     "nlfrf-multisine": MULTISINE_FILE,
-    "nlfrf-orthogonal-multisine": MULTISINE_FILE,
     "nlfrf-axis-experiment": FileKind(
         "an experiment on a drive",
         "nlfrf axis play AXIS SETPOINTS.csv -o trace.csv, or play it and: nlfrf identify TRACE --design {} -o bla.npz",

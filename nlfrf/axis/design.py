@@ -22,7 +22,7 @@ from nlfrf.records.record import Record
 from nlfrf.rig.bench.run import run
 from nlfrf.rig.bench.servo import ServoAxis
 from nlfrf.signals.axis_experiment import PORTS, AxisExperiment, AxisLimits
-from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.multisine import Multisine, require_one_input
 
 #: A drive with a rough machine, alone or with a measured FRF in place of that of the machine; a record.
 Source = ServoAxis | Record | tuple[ServoAxis, Bla]
@@ -204,7 +204,7 @@ def wanted_force(source: Source, ms: Multisine) -> Multisine:
     """Return the multisine that is wanted of the force, at an rms of one."""
     origin = source[0] if isinstance(source, tuple) else source
     require_kind("source", origin, ServoAxis, Record)
-    require_kind("ms", ms, Multisine)
+    require_one_input(ms)
     fs = origin.drive.fs if isinstance(origin, ServoAxis) else origin.fs
     if abs(ms.fs / fs - 1) > 1e-9:
         raise ValueError(f"ms must be sampled as the source is, at {fs:g} Hz, got {ms.fs:g} Hz")

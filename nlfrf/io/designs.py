@@ -22,24 +22,20 @@ from nlfrf._base.files import (
 from nlfrf.io.stored_values import load_value, save_value
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 MULTISINE_SCHEMA = "nlfrf-multisine"
-ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
 EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
 PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
 EXPERIMENT_SCHEMA = "nlfrf-axis-experiment"
-DESIGNS: dict[str, Callable[..., Multisine | OrthogonalMultisine | AxisExperiment]] = {
+DESIGNS: dict[str, Callable[..., Multisine | AxisExperiment]] = {
     MULTISINE_SCHEMA: Multisine,
-    ORTHOGONAL_SCHEMA: OrthogonalMultisine,
     EXPERIMENT_SCHEMA: AxisExperiment,
 }
 
 
-def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
+def save_multisine(ms: Multisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
     """Write a design with its samples, or what a generator plays and the design beside it."""
     path, companion = to_path(path), to_path(path).with_suffix(".npz")
-    schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u
     peak = float(np.abs(u).max())
     if suffix not in (*EXACT_SUFFIXES, *PLAYABLE_SUFFIXES):
@@ -76,9 +72,9 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
 
         write_atomically(path, write)
     else:
-        save_value(ms, schema, path, u=u)
+        save_value(ms, MULTISINE_SCHEMA, path, u=u)
         return
-    save_value(ms, schema, companion, role=Role.DERIVED, u=u, peak=np.array(peak))
+    save_value(ms, MULTISINE_SCHEMA, companion, role=Role.DERIVED, u=u, peak=np.array(peak))
 
 
 def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
@@ -121,26 +117,16 @@ def played_samples(u: np.ndarray) -> np.ndarray:
     return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
 
 
-def played_names(ms: Multisine | OrthogonalMultisine) -> list[str]:
+def played_names(ms: Multisine) -> list[str]:
     """Names of those periods: u0, u1 of realisations; of several inputs first the input, then the experiment."""
-    if isinstance(ms, Multisine):
+    if ms.is_single:
         return [f"u{m}" for m in range(ms.n_realizations)]
     return [f"u{i + 1} experiment {m + 1}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)]
 
 
-def load_multisine(path: str | os.PathLike[str]) -> Multisine:
-    """Return the design of one input in a file, or a refusal of one of several."""
-    ms = load_design(path)
-    if not isinstance(ms, Multisine):
-        raise ValueError(
-            f"path must be a design of one input, got one of {ms.n_inputs} in {str(path)!r}: take nlfrf.load"
-        )
-    return ms
-
-
-def load_design(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine:
+def load_design(path: str | os.PathLike[str]) -> Multisine:
     """Return the design that `save_multisine` wrote, of one input or of several."""
-    design: Multisine | OrthogonalMultisine | AxisExperiment = load_value(DESIGNS, path)
+    design: Multisine | AxisExperiment = load_value(DESIGNS, path)
     if isinstance(design, AxisExperiment):
         raise ValueError(f"path must be a multisine, got an experiment on a drive in {str(path)!r}: take load_trace")
     return design

@@ -7,6 +7,7 @@ import re
 import shlex
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.frf_tables import describe_frfs, find_frfs
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
-from nlfrf.io.records import LostRows, find_lost_rows
+from nlfrf.io.records import find_lost_rows
 from nlfrf.io.results import value_in
 from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.period import detect_period
@@ -26,7 +27,6 @@ from nlfrf.records.record import Record
 from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 INPUT_NAMES = re.compile(
     r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
@@ -222,13 +222,16 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
             return own_contents(file)
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
-        channels = tuple(describe_stream(file, name, stream) for name, stream in streams.items())
+        channels = tuple(
+            channel_statistics(name, file.unit(name), fs=known_rate(file, name), stream=stream)
+            for name, stream in streams.items()
+        )
     tables = find_frfs(file)
     frf, frf_options = describe_frfs(tables)
     n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record beside them
     streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
     candidates, progressive = split_moving(file, streams)
-    rows = {name: describe_lost_rows(file, name) for name in candidates}
+    rows = {name: find_lost_rows(file.seconds(name), known_rate(file, name)) for name in candidates}
     filled = {
         name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
     }
@@ -302,11 +305,8 @@ def screen_file(path: str | os.PathLike[str], contents: FileContents) -> Screene
         if not names:
             raise ValueError(f"plot must be of a record, got {path}, in which no channel varies")
         streams = [file.signal("u", name) for name in names]
-        lost = describe_lost_rows(file, names[0])
-        try:
-            fs = file.sampling_frequency(None, tuple(names))
-        except ValueError:
-            fs = float("nan")
+        lost = find_lost_rows(file.seconds(names[0]), known_rate(file, names[0]))
+        fs = known_rate(file, *names)
     return screen_streams(
         streams,
         [label_with_unit(UNIT_SUFFIX.sub("", name), file.unit(name), "unit of it") for name in names],
@@ -315,14 +315,6 @@ def screen_file(path: str | os.PathLike[str], contents: FileContents) -> Screene
         period=contents.period,
         place=None if lost is None else lost.place,
     )
-
-
-def describe_lost_rows(file: Channels, name: str) -> LostRows | None:
-    """Rows that the time column shows to be lost, of one channel."""
-    try:
-        return find_lost_rows(file.seconds(name), file.sampling_frequency(None, (name,)))
-    except ValueError:  # no clock is known
-        return None
 
 
 def own_contents(file: Channels) -> FileContents:
@@ -362,12 +354,9 @@ def record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
     ]
 
 
-def describe_extent(content: Record | Multisine | OrthogonalMultisine) -> str:
+def describe_extent(content: Record | Multisine) -> str:
     """Return how much of a signal there is, in words."""
-    if isinstance(content, OrthogonalMultisine) or (isinstance(content, Record) and not content.is_single):
-        runs = format_count(content.n_experiments, "experiment")
-    else:
-        runs = format_count(content.n_realizations, "realisation")
+    runs = format_count(content.n_experiments, "realisation" if content.is_single else "experiment")
     periods = f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
     f = content.lines.excited * content.f0
     band = f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
@@ -391,13 +380,12 @@ def is_progressive(stream: np.ndarray) -> bool:
     return bool(np.ptp(np.sign(steps)) == 0 or np.mean(even) >= 1 - MAX_UNEVEN_STEPS)
 
 
-def describe_stream(file: Channels, name: str, stream: np.ndarray) -> Channel:
-    """One channel in numbers."""
-    try:
-        fs = file.sampling_frequency(None, (name,))
-    except ValueError:
-        fs = float("nan")
-    return channel_statistics(name, file.unit(name), fs=fs, stream=stream)
+def known_rate(file: Channels, *names: str) -> float:
+    """Return the sampling frequency of channels [Hz]; nan where the file does not tell it."""
+    with warnings.catch_warnings(), suppress(ValueError):
+        warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
+        return file.sampling_frequency(None, names)
+    return np.nan
 
 
 def channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> Channel:
@@ -427,11 +415,8 @@ def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str,
     likely = sorted(candidates, key=lambda name: not (INPUT_NAMES.fullmatch(bare_name(name)) or is_set_point(name)))[
         :MAX_CANDIDATES
     ]
-    for name in candidates:
-        if name not in likely:
-            continue
-        stream = candidates[name]
-        x = np.asarray(stream, dtype=float)
+    for name in (name for name in candidates if name in likely):
+        x = np.asarray(candidates[name], dtype=float)
         try:
             period = detect_period(x)
             n = round(period)
@@ -442,15 +427,11 @@ def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str,
         spectrum = np.abs(np.fft.rfft(u.mean(axis=1)[0]))[excited]
         uneven = float(np.std(20 * np.log10(spectrum))) if excited.size > 1 else np.inf
         period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
-        description = f"period {period:.6g} samples"
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                fs = file.sampling_frequency(None, (name,))
-            description += f" ({period / fs:.4g} s), {x.size // n} periods; {format_count(excited.size, 'line')}"
-            description += f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
-        except ValueError:
-            description += f", {x.size // n} periods; {format_count(excited.size, 'line')}"
+        fs = known_rate(file, name)
+        lasts = "" if np.isnan(fs) else f" ({period / fs:.4g} s)"
+        band = "" if np.isnan(fs) else f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
+        description = f"period {period:.6g} samples{lasts}, {x.size // n} periods; {format_count(excited.size, 'line')}"
+        description += band
         found[name] = uneven, period, description
     if not found:
         return NO_INPUT

@@ -21,13 +21,14 @@ from nlfrf._base.files import FILE_KINDS, RECORD_SCHEMAS, describe_wrong_file
 from nlfrf._base.numbers import all_finite
 from nlfrf._base.values import value
 from nlfrf.io.channels import Channels, read_channels, to_paths
-from nlfrf.io.designs import load_design, load_multisine
+from nlfrf.io.designs import load_design
 from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, stored_multirecord, stored_records
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import SAME_CLOCK, Record
-from nlfrf.records.reference import Design, design_period
+from nlfrf.records.reference import design_period
 from nlfrf.records.samples import Cutting, record_from_samples, records_from_streams
 from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import Multisine
 
 
 def read_measurement(path: str | os.PathLike[str]) -> Channels:
@@ -233,7 +234,7 @@ class ReadOptions(TypedDict, total=False):
     lines: LineGrid | None
     n_discard: int
     resample: bool
-    design: Design | Path_ | None
+    design: Multisine | Path_ | None
     hold: str | None
 
 
@@ -277,7 +278,7 @@ def load_record(
     lines: LineGrid | None = None,
     n_discard: int = 0,
     resample: bool = False,
-    design: Design | Path_ | None = None,
+    design: Multisine | Path_ | None = None,
     hold: str | None = None,
 ) -> Record | list[Record]:
     """Read a record from a measurement file, or from several of one experiment.
@@ -346,7 +347,7 @@ def load_record(
     """
     files = list(map(read_measurement, to_paths(path)))
     if isinstance(design, str | os.PathLike):
-        design = (load_multisine if isinstance(u, str) else load_design)(design)
+        design = load_design(design)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     if not isinstance(u, str) and not isinstance(y, str) and all(map(holds_several, files)):
         if r:

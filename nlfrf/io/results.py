@@ -27,11 +27,10 @@ from nlfrf.records.record import Record
 from nlfrf.records.samples import Cutting
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
 RESULTS: dict[str, Callable[..., Bla]] = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
-StoredValue = Multisine | OrthogonalMultisine | AxisExperiment | Record | Bla
+StoredValue = Multisine | AxisExperiment | Record | Bla
 #: Reads and writes the JSON files of `robust`. It is named here, not imported: `robust` stands on this package.
 JSON_FILES = "robust.io.stored"
 
@@ -165,7 +164,7 @@ def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", del
         save_record(thing, path, decimal=decimal)
     elif isinstance(thing, AxisExperiment):
         save_experiment(thing, path, decimal=decimal)
-    elif isinstance(thing, Multisine | OrthogonalMultisine):
+    elif isinstance(thing, Multisine):
         save_multisine(thing, path, decimal=decimal)
     else:
         import_module(JSON_FILES).save_json(thing, path, delay=delay)
@@ -183,7 +182,7 @@ def load(path: str | os.PathLike[str]) -> Any:
 
     Returns
     -------
-    Multisine, OrthogonalMultisine, AxisExperiment, Record, Bla, UncertaintyModel or control.StateSpace
+    Multisine, AxisExperiment, Record, Bla, UncertaintyModel or control.StateSpace
         What was saved; a controller is a state space. Of a certificate the claim that it makes, unproved:
         `robust.io.verify_certificate` proves it again.
 

@@ -15,7 +15,6 @@ from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, ROUNDING_DB
 from nlfrf.records.record import Record
 from nlfrf.records.screened import Fault, ScreenedStreams
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,12 +33,12 @@ MAX_PERIODS = 200  # periods whose beginning is marked
 LINE_OFFSET = 0.3  # between the markers of two inputs, in lines
 
 
-def plot_excitation(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
+def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     """Draw one period of the first realisation over time, of every input; arguments as in `plot_bla`."""
-    require_kind("ms", ms, Multisine, OrthogonalMultisine)
+    require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
     t = np.arange(ms.n_samples) / ms.fs
-    if isinstance(ms, OrthogonalMultisine):
+    if not ms.is_single:
         for i, (u, color) in enumerate(zip(ms.u[:, 0], cycle(INPUT_COLORS))):
             label = f"u{i + 1}: rms {ms.rms[i]:.3g}, crest factor {ms.crest_factor[i, 0]:.2f}"
             ax.plot(t, u, "-", lw=0.6, color=color, label=label)
@@ -54,9 +53,9 @@ def plot_excitation(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = No
     return finish_axes(ax)
 
 
-def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
+def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     """Draw the first excited lines of a multisine, and its detection lines; arguments as in `plot_bla`."""
-    require_kind("ms", ms, Multisine, OrthogonalMultisine)
+    require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
     last = int(ms.lines.excited[-1])
     first = int(ms.lines.excited[0])
@@ -130,9 +129,9 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
     return finish_matrix(made, foot, "time [s]" if known else "sample")
 
 
-def labelled_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np.ndarray, str, float]]:
+def labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, float]]:
     """Return amplitudes (F,) by label, each with a colour and an offset from the line: one for each input."""
-    if isinstance(ms, Multisine):
+    if ms.is_single:
         return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
     sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which differ by the mixing
     offset = LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)

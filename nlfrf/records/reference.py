@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.arguments import require_kind, require_positive
+from nlfrf._base.arguments import require_positive
 from nlfrf._base.numbers import TINY, rfft_at
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-Design = Multisine | OrthogonalMultisine
 MIN_CORRELATION = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
 
 
-def design_period(design: Design, fs: float) -> int:
+def design_period(design: Multisine, fs: float) -> int:
     """Samples in one period of the design at the sampling frequency of a record [Hz].
 
     Raises
@@ -30,25 +28,24 @@ def design_period(design: Design, fs: float) -> int:
     return round(n)
 
 
-def reconstruct_reference(design: Design, u: np.ndarray) -> np.ndarray:
+def reconstruct_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
     """Return (M, P, N) the design as played, aligned with one input; as `reconstruct_references`."""
-    require_kind("design", design, Multisine)
     played: np.ndarray = reconstruct_references(design, u[None])[0]
     return played
 
 
-def fill_reference(found: dict[str, np.ndarray], design: Design | None) -> None:
+def fill_reference(found: dict[str, np.ndarray], design: Multisine | None) -> None:
     """Put what was played into the signals of a record as their references, where there are none and they may be.
 
     A zippered record is identified in open loop and takes none; that it shows the design is looked at all the same.
     """
     if design is not None and "r" not in found:
         played = reconstruct_references(design, found["u"])
-        if not (isinstance(design, OrthogonalMultisine) and design.design == "zippered"):
+        if design.design != "zippered":
             found["r"] = played
 
 
-def reconstruct_references(design: Design, u: np.ndarray) -> np.ndarray:
+def reconstruct_references(design: Multisine, u: np.ndarray) -> np.ndarray:
     """Return (n_u, M, P, N) the design as played, aligned with the inputs.
 
     Without noise and without what actuators add.
@@ -59,7 +56,7 @@ def reconstruct_references(design: Design, u: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    design : Multisine or OrthogonalMultisine
+    design : Multisine
         What was played.
     u : (n_u, M, P, N) ndarray
         Inputs as measured, cut into periods.
@@ -73,7 +70,7 @@ def reconstruct_references(design: Design, u: np.ndarray) -> np.ndarray:
     k = design.lines.excited
     if 2 * k[-1] >= n_samples:
         raise ValueError(f"design must have lines below the Nyquist line {n_samples / 2:g}, got line {k[-1]}")
-    D = design_spectra(design)
+    D = design.spectrum.reshape(design.n_inputs, -1, k.size)
     if len(D) != len(u):
         raise ValueError(f"design must have the inputs of the record, {len(u)}, got {len(D)}")
     U = rfft_at(u.mean(axis=2), k)
@@ -100,13 +97,6 @@ def reconstruct_references(design: Design, u: np.ndarray) -> np.ndarray:
     played = np.fft.irfft(spectrum, n_samples)
     played.flags.writeable = False
     return np.broadcast_to(played[:, :, None, :], u.shape)  # one period that stands for all of them
-
-
-def design_spectra(design: Design) -> np.ndarray:
-    """Return (n_u, M, F) complex amplitudes that were played."""
-    if isinstance(design, Multisine):
-        return (design.amplitude * np.exp(1j * design.phase))[None]
-    return design.spectrum
 
 
 def align_spectra(U: np.ndarray, D: np.ndarray, *, k: np.ndarray, n_samples: int) -> tuple[float, float]:

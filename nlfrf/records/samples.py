@@ -22,7 +22,7 @@ from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modul
 from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, SignalLabels, require_varying
-from nlfrf.records.reference import Design, design_period, fill_reference, reconstruct_reference
+from nlfrf.records.reference import design_period, fill_reference, reconstruct_reference
 from nlfrf.records.screening.gaps import find_slips
 from nlfrf.records.screening.input import (
     SEVERE_POWER,
@@ -36,7 +36,6 @@ from nlfrf.records.screening.output import align_output, resample_to_input_clock
 from nlfrf.records.screening.stream import excited_span, unwrap_position, warn_of_hits, warn_of_outliers
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
 MAX_CORRECTIONS = 3  # times that outputs are brought onto the clock of the input, and looked at again
@@ -63,7 +62,7 @@ def record_from_samples(
     r: np.ndarray | Sequence[np.ndarray] | None = None,
     n_discard: int = 0,
     resample: bool = False,
-    design: Design | None = None,
+    design: Multisine | None = None,
     hold: str | None = None,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
@@ -88,7 +87,7 @@ def record_from_samples(
         Cut the periods where the inputs show that they stand, between the samples where need be: the cure for a
         period that is not a whole number of samples, a drifting clock, and lost or repeated samples. The record's fs
         is then n_samples in each of those periods.
-    design : Multisine or OrthogonalMultisine, optional
+    design : Multisine, optional
         What was played. Its lines and its period are taken, and its phases are the reference, so that neither noise on
         the inputs nor what actuators add to them matters; a zippered design is for open loop and gives no reference.
         The experiments of a set lie side by side.
@@ -133,12 +132,13 @@ def record_from_samples(
     (2, 2, 2, 100)
     """
     if design is not None:
-        require_kind("design", design, OrthogonalMultisine, Multisine)
+        require_kind("design", design, Multisine)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     signals: dict[str, Samples] = {"u": u, "y": y}
     if r is not None:
         signals["r"] = r
-    if inputs or outputs or isinstance(design, OrthogonalMultisine) or any(map(has_channels, signals.values())):
+    several = design is not None and not design.is_single
+    if inputs or outputs or several or any(map(has_channels, signals.values())):
         return record_of_channels(signals, fs, options=options, inputs=inputs, outputs=outputs)
     (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, options=options)
     return record
@@ -151,7 +151,7 @@ class Cutting(NamedTuple):
     lines: LineGrid | None = None
     n_discard: int = 0
     resample: bool = False
-    design: Design | None = None
+    design: Multisine | None = None
     hold: str | None = None
 
 

@@ -1,2 +1,1 @@
 from .lines import LineGrid as LineGrid
-from .orthogonal import OrthogonalMultisine as OrthogonalMultisine

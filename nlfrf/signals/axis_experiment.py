@@ -12,12 +12,11 @@ import numpy as np
 from nlfrf._base.arguments import (
     require_choice,
     require_integer,
-    require_kind,
     require_nonnegative,
     require_real_array,
 )
 from nlfrf._base.values import value
-from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.multisine import Multisine, require_one_input
 
 PORTS = ("force", "velocity", "position")
 GAINS = ("kv", "kp", "tn")  # of a drive, by which an experiment knows it
@@ -133,7 +132,7 @@ class AxisExperiment:
     force_constant: float = np.nan
 
     def __post_init__(self) -> None:
-        require_kind("ms", self.ms, Multisine)
+        require_one_input(self.ms)
         require_choice("port", self.port, PORTS)
         require_integer("n_periods", self.n_periods, least=1)
         require_integer("n_discard", self.n_discard, least=1)

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from nlfrf._base.arguments import DataWarning, random_generator, require_integer, require_kind, require_positive
-from nlfrf.signals.multisine import Multisine, Rng
+from nlfrf._base.arguments import DataWarning, random_generator, require_integer, require_positive
+from nlfrf.signals.multisine import Multisine, Rng, require_one_input
 
 FALSE_ALARM = 1e-5  # with which random phases have peaks as low as those that are warned of
 RANDOM_STREAM = 1  # of the draws, beside the seed
@@ -83,7 +83,7 @@ def reduce_crest(
     >>> bool(2.2 < better.crest_factor[0] < 2.7 < ms.crest_factor[0])
     True
     """
-    require_kind("ms", ms, Multisine)
+    require_one_input(ms)
     n_fine = require_integer("oversampling", oversampling, least=1) * ms.n_samples
     n_iterations = require_integer("n_iterations", n_iterations, least=1)
     # another stream than that of multisine(rng=the same seed): its draws would be the phases that are there already

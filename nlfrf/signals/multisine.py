@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeAlias, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -12,13 +12,14 @@ from nlfrf._base.arguments import (
     random_generator,
     require_choice,
     require_integer,
+    require_kind,
     require_positive,
     require_real_array,
     short_form,
 )
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
 from nlfrf.signals.lines import KINDS, LineGrid, grid_lines
-from nlfrf.signals.orthogonal import OrthogonalMultisine, orthogonal_multisine
+from nlfrf.signals.orthogonal import DESIGNS, assign_lines, check_mixing, draw_phases
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -30,7 +31,7 @@ Rng = np.random.Generator | int | None
 
 @value
 class Multisine:
-    """One period of a multisine, in one or several random-phase realisations.
+    """One period of a multisine for one input, in random-phase realisations, or for several, in sets of experiments.
 
     Fields
     ------
@@ -41,24 +42,38 @@ class Multisine:
     kind : str
         The kind of harmonic grid.
     lines : LineGrid
-        Excited and detection lines.
-    amplitude : (F,) ndarray
-        Amplitude of the cosine on each excited line, in the unit of the signal.
-    phase : (M, F) ndarray
-        Phases [rad], one row per realisation.
+        Excited and detection lines, the same for all inputs.
+    amplitude : (F,) or (n_u, F) ndarray
+        Amplitude of the cosine on each excited line, in the unit of the signal; of several inputs before mixing, zero
+        where a zippered line drives another input.
+    phase : (M, F) or (n_u, M, F) ndarray
+        Phases [rad], one row per realisation, or of each input in each experiment, before mixing.
     hold : str
         How it is played between the samples: "zoh" by a converter that holds each, "band-limited" by a generator with
         a reconstruction filter; "unknown" where nobody said.
+    design : str
+        Of several inputs "orthogonal": n_inputs experiments make a set; "zippered": each line drives one input, one
+        experiment is enough.
+    mixing : (n_u, n_u) ndarray, optional
+        u = mixing @ (the orthogonal signals): one row for each input of the plant. None: the identity.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.1 (eq. 2-47) and 5.2.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.1 (eq. 2-47), 2.7, 3.7 and
+    5.2; T. Dobrowiecki, J. Schoukens, *Measuring a linear approximation to weakly nonlinear MIMO systems*, Automatica
+    43, 2007.
 
     Examples
     --------
     >>> ms = multisine(fs=1000, n_samples=1000, f_min=1, f_max=20, rms=2.0, n_realizations=3, rng=1)
     >>> ms.u.shape, ms.f0, round(ms.rms, 12)
     ((3, 1000), 1.0, 2.0)
+
+    Two inputs: each experiment excites both, the set tells them apart.
+
+    >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rms=(1.0, 2.0), n_inputs=2, rng=1)
+    >>> ms.u.shape, ms.rms.round(12).tolist()
+    ((2, 2, 128), [1.0, 2.0])
     """
 
     fs: float
@@ -68,29 +83,51 @@ class Multisine:
     amplitude: np.ndarray
     phase: np.ndarray
     hold: str = "unknown"
+    design: str = "orthogonal"
+    mixing: ArrayField = None
 
     def __post_init__(self) -> None:
         require_positive("fs", self.fs)
         require_choice("hold", self.hold, HOLDS)
+        require_choice("design", self.design, DESIGNS)
         require_integer("n_samples", self.n_samples, least=4)
-        n_lines = self.lines.excited.size
-        if 2 * self.lines.excited[-1] >= self.n_samples:
+        n_lines, last = self.lines.excited.size, self.lines.excited[-1]
+        if 2 * last >= self.n_samples:
+            raise ValueError(f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {last}")
+        phase = require_real_array("phase", self.phase, ndim=2 if self.is_single else 3)
+        amplitude = require_real_array("amplitude", self.amplitude, ndim=phase.ndim - 1)
+        if phase.size == 0 or phase.shape[-1] != n_lines or amplitude.shape != (*phase.shape[:-2], n_lines):
             raise ValueError(
-                f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {self.lines.excited[-1]}"
+                f"amplitude and phase must have shapes ({n_lines},) and (M, {n_lines}), of several inputs "
+                f"(n_u, {n_lines}) and (n_u, M, {n_lines}), got {amplitude.shape} and {phase.shape}"
             )
-        amplitude = require_real_array("amplitude", self.amplitude, ndim=1)
-        if amplitude.shape != (n_lines,):
-            raise ValueError(f"amplitude must have one value per excited line ({n_lines}), got {amplitude.size}")
-        if np.any(amplitude <= 0):
-            raise ValueError(f"amplitude must be positive on every excited line, got {amplitude.min():g}")
-        phase = require_real_array("phase", self.phase, ndim=2)
-        if phase.shape[1] != n_lines or phase.shape[0] < 1:
-            raise ValueError(f"phase must have shape (M, {n_lines}), got {phase.shape}")
+        if np.any(amplitude < 0) or not (amplitude.all() if self.is_single else amplitude.any(axis=1).all()):
+            raise ValueError(
+                "amplitude must be positive on every excited line, zero where it drives another input, "
+                f"got {amplitude.min():g}"
+            )
+        if self.mixing is not None:
+            check_mixing(require_real_array("mixing", self.mixing, ndim=2), self.n_inputs)
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is for one input, so that its arrays have no axis of inputs."""
+        return np.ndim(self.phase) == 2
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs n_u."""
+        return 1 if self.is_single else self.phase.shape[0]
+
+    @property
+    def n_experiments(self) -> int:
+        """Experiments M: realisations of one input; of several n_u times as many as sets of an orthogonal design."""
+        return self.phase.shape[-2]
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M."""
-        return self.phase.shape[0]
+        """Realisations M of one input; of several the sets R of experiments, each of which gives the whole matrix."""
+        return self.n_experiments // (self.n_inputs if self.design == "orthogonal" else 1)
 
     @property
     def f0(self) -> float:
@@ -103,71 +140,42 @@ class Multisine:
         return self.lines.excited * self.f0
 
     @property
-    def rms(self) -> float:
-        """Root mean square of one period (the same for every realisation)."""
-        return float(np.sqrt(np.sum(self.amplitude**2) / 2))
+    def rms(self) -> ArrayField:
+        """Root mean square of one period, the same for every realisation; of several inputs (n_u,), over a set."""
+        power = np.sum(self.amplitude**2, axis=-1) / 2
+        found = np.sqrt(power if self.mixing is None else self.mixing**2 @ power)
+        return float(found) if self.is_single else found
 
     @property
     def u(self) -> np.ndarray:
-        """(M, N) one period of each realisation."""
+        """(M, N) one period of each realisation, or (n_u, M, N) of each input in each experiment."""
         return self.sampled(self.n_samples)
 
     @property
     def crest_factor(self) -> np.ndarray:
-        """(M,) peak over rms of each realisation, on the samples."""
-        return np.abs(self.u).max(axis=1) / self.rms
+        """(M,) or (n_u, M) peak over rms, on the samples."""
+        return np.asarray(np.abs(self.u).max(axis=-1) / np.expand_dims(self.rms, -1))
+
+    @property
+    def spectrum(self) -> np.ndarray:
+        """(M, F) or (n_u, M, F) complex amplitudes, mixing included."""
+        logical = self.amplitude[..., np.newaxis, :] * np.exp(1j * self.phase)
+        return logical if self.mixing is None else np.tensordot(self.mixing, logical, 1)
 
     def sampled(self, n_samples: int) -> np.ndarray:
-        """Return (M, n_samples) the same period sampled more densely: the band-limited signal itself."""
-        spectrum = np.zeros((self.n_realizations, n_samples // 2 + 1), dtype=complex)
-        spectrum[:, self.lines.excited] = self.amplitude * np.exp(1j * self.phase) * (n_samples / 2)
-        return np.fft.irfft(spectrum, n_samples, axis=1)
+        """Return (M, n_samples) or (n_u, M, n_samples) the same period sampled more densely: the signal itself."""
+        spectrum = np.zeros((*self.phase.shape[:-1], n_samples // 2 + 1), dtype=complex)
+        spectrum[..., self.lines.excited] = self.spectrum * (n_samples / 2)
+        return np.fft.irfft(spectrum, n_samples, axis=-1)
 
 
-class SignalOptions(TypedDict, total=False):
-    """What `multisine` takes of a signal for any number of inputs, by the names of its arguments."""
-
-    amplitude: Amplitude | None
-    lines: LineGrid | np.ndarray | None
-    n_log: int | None
-    n_realizations: int
-    rng: Rng
-    hold: str
-
-
-class OrthogonalOptions(SignalOptions, total=False):
-    """The same for several inputs alone."""
-
-    design: str
-    mixing: ArrayLike | None
-    n_draws: int
-
-
-@overload
-def multisine(
-    kind: str = ...,
-    *,
-    fs: float,
-    n_samples: int,
-    f_min: float,
-    f_max: float,
-    rms: float = ...,
-    **options: Unpack[SignalOptions],
-) -> Multisine: ...
-
-
-@overload
-def multisine(
-    kind: str = ...,
-    *,
-    fs: float,
-    n_samples: int,
-    f_min: float,
-    f_max: float,
-    rms: float | Sequence[float] | np.ndarray = ...,
-    n_inputs: int,
-    **options: Unpack[OrthogonalOptions],
-) -> OrthogonalMultisine: ...
+def require_one_input(ms: object) -> Multisine:
+    """Return a multisine for one input, or a refusal of anything else."""
+    require_kind("ms", ms, Multisine)
+    assert isinstance(ms, Multisine)
+    if not ms.is_single:
+        raise ValueError(f"ms must be of one input, got one of {ms.n_inputs}")
+    return ms
 
 
 def multisine(
@@ -188,7 +196,7 @@ def multisine(
     n_draws: int = 1,
     rng: Rng = None,
     hold: str = "unknown",
-) -> Multisine | OrthogonalMultisine:
+) -> Multisine:
     """Design a random-phase multisine: phases independent and uniform on [0, 2 pi).
 
     Parameters
@@ -216,7 +224,7 @@ def multisine(
     n_realizations : int
         Realisations M, with independent phases on the same grid; of several inputs the sets R of experiments.
     n_inputs : int
-        Inputs n_u of the plant. With more than one the result is an `OrthogonalMultisine`.
+        Inputs n_u of the plant.
     design : str
         "orthogonal": n_u experiments make a set, every one of which excites all inputs on all lines. "zippered": one
         experiment, in which each line drives one input; on a random-odd grid.
@@ -233,7 +241,7 @@ def multisine(
 
     Returns
     -------
-    Multisine, or OrthogonalMultisine for several inputs
+    Multisine
 
     Raises
     ------
@@ -265,33 +273,34 @@ def multisine(
     if n_log is not None:
         grid = thin_grid(grid, require_integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
-    if n_inputs > 1:
-        return orthogonal_multisine(
-            fs,
-            n_samples,
-            kind=kind,
-            grid=grid,
-            amplitude=relative_amplitudes(amplitude, f, n_inputs),
-            rms=rms_per_input(rms, n_inputs),
-            n_realizations=n_realizations,
-            design=design,
-            mixing=mixing,
-            n_draws=require_integer("n_draws", n_draws, least=1),
-            hold=hold,
-            rng=rng,
-        )
-    if design != "orthogonal" or mixing is not None or n_draws != 1:
+    if n_inputs == 1 and (design != "orthogonal" or mixing is not None or n_draws != 1):
         raise ValueError("n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest), got 1")
-    rms, shape = require_positive("rms", rms), relative_amplitude(amplitude, f)
-    return Multisine(
-        fs=fs,
-        n_samples=n_samples,
-        kind=kind,
-        lines=grid,
-        amplitude=shape * (rms / np.sqrt(np.sum(shape**2) / 2)),
-        phase=rng.uniform(0, 2 * np.pi, size=(n_realizations, grid.excited.size)),
-        hold=hold,
-    )
+    shape = relative_amplitudes(amplitude, f, n_inputs)
+    require_choice("design", design, DESIGNS)
+    if design == "zippered":
+        if mixing is not None:
+            raise ValueError(f"mixing must be left out for a zippered design: a line drives one input, got {mixing}")
+        shape = shape * assign_lines(kind, grid, n_inputs=n_inputs, rng=rng)
+    scaled = shape * (rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2))[:, np.newaxis]
+    mixed = None if mixing is None else require_real_array("mixing", mixing, ndim=2)
+
+    def draw() -> Multisine:
+        """Return one draw of all phases."""
+        return Multisine(
+            fs=fs,
+            n_samples=n_samples,
+            kind=kind,
+            lines=grid,
+            amplitude=scaled[0] if n_inputs == 1 else scaled,
+            phase=draw_phases(scaled.shape, n_realizations, design=design, rng=rng),
+            hold=hold,
+            design=design,
+            mixing=mixed,
+        )
+
+    if require_integer("n_draws", n_draws, least=1) == 1:
+        return draw()
+    return min((draw() for _ in range(n_draws)), key=lambda ms: float(ms.crest_factor.max()))
 
 
 def grid_in_band(
@@ -344,13 +353,9 @@ def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tupl
     return first, last
 
 
-def relative_amplitude(amplitude: Amplitude | None, f: np.ndarray) -> np.ndarray:
-    """Return the (F,) relative amplitudes at the frequencies f."""
-    if amplitude is None:
-        return np.ones(f.size)
-    if callable(amplitude):
-        amplitude = amplitude(f)
-    shape = np.asarray(amplitude)
+def relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarray:
+    """Return the (F,) relative amplitudes of one input at the frequencies f."""
+    shape = np.ones(f.size) if amplitude is None else np.asarray(amplitude)
     if shape.dtype.kind not in "fiu":
         raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {short_form(amplitude)}")
     shape = shape.astype(float)

@@ -4,11 +4,8 @@ from .controller_gains import DriveReading as DriveReading
 from .controller_gains import gains as gains
 from .cures import FrictionCure as FrictionCure
 from .cures import friction_cures as friction_cures
-from .feedforward_gains import FeedforwardError as FeedforwardError
 from .feedforward_gains import FeedforwardGains as FeedforwardGains
-from .feedforward_gains import compensated as compensated
 from .feedforward_gains import feedforward as feedforward
-from .feedforward_gains import feedforward_error as feedforward_error
 from .gains_file import load_gains as load_gains
 from .p_pi import cascade as cascade
 from .plc import structured_text as structured_text

@@ -1,4 +1,4 @@
-"""Feedforward of an axis without a spring: mass, friction and jerk as gains of a drive, and what they leave.
+"""Feedforward of an axis without a spring: mass, friction and jerk as gains of a drive, and the force they leave.
 
     m a + c v + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v = F,   T dF/dt + F = F*
 
@@ -18,17 +18,16 @@ from typing import TypeAlias
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_kind, require_nonnegative, require_positive, require_real, short_form
+from nlfrf._base.arguments import require_kind, require_nonnegative, require_real, short_form
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
-from robust.friction.classes import AnyFriction, any_bounded
+from robust.drive.controller_gains import solve_relative
 from robust.friction.plant import FrictionPlant
 from robust.friction.reading.levels import SIGMAS, FrictionClass
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.synthesis.two_dof import feedforward_errors, on_time_base, reference_loop
 
 #: Largest error of 1/(m s^2 + c s) relative to a plant that is taken for one.
 MISFIT = 1e-6
@@ -99,7 +98,10 @@ class FeedforwardGains:
 
     @property
     def relative_error(self) -> float:
-        """q: largest error of the dry friction over the largest stiction; 0 without friction."""
+        """q: largest error of the dry friction over the largest stiction; 0 without friction.
+
+        While the axis slides in the direction of its set point the friction that is left is `any_bounded(q * Fs)`.
+        """
         return self.friction_error / self.stiction[1] if self.stiction[1] else 0.0
 
     @property
@@ -129,34 +131,6 @@ class FeedforwardGains:
                 f"{100 * self.relative_error:.3g} % of stiction (at standstill and at a reversal all of it)",
             ]
         )
-
-
-@value
-class FeedforwardError:
-    """How far a loop with feedforward is from its reference model, over frequency and over the set.
-
-    Fields
-    ------
-    omega : (W,) ndarray
-        Frequencies [rad/s].
-    error, error_worst, error_without : (W,) ndarray
-        |T_ref - y/r| of the nominal loop, the largest over the set, and that without feedforward; inf where the set is
-        not robustly stable.
-
-    References
-    ----------
-    SP 5.4 (limits of feedforward by uncertainty).
-
-    Examples
-    --------
-    >>> sorted(field for field in FeedforwardError.__dataclass_fields__)
-    ['error', 'error_without', 'error_worst', 'omega']
-    """
-
-    omega: np.ndarray
-    error: np.ndarray
-    error_worst: np.ndarray
-    error_without: np.ndarray
 
 
 def feedforward(
@@ -241,108 +215,6 @@ def feedforward(
     return FeedforwardGains(**found, lead=lead, settings=settings)
 
 
-def feedforward_error(
-    gains: FeedforwardGains,
-    model: UncertaintyModel,
-    K: control.StateSpace,
-    reference: LinearSystem,
-    *,
-    delay: float = 0.0,
-) -> FeedforwardError:
-    """Return how far a loop with this feedforward is from a reference model, nominally and over the whole set.
-
-    The dry friction is not in it: it is no system over frequency. `FeedforwardGains.error` bounds what it leaves.
-
-    Parameters
-    ----------
-    gains : FeedforwardGains
-        From `feedforward`.
-    model : UncertaintyModel
-        From force [N] or [Nm] to position [m] or [rad].
-    K : control.StateSpace
-        Controller of the same plant, such as `cascade`; it sees T_ref r - y.
-    reference : control.StateSpace, TransferFunction
-        T_ref, from a step to the set point that is planned; its derivatives up to the jerk are known.
-    delay : float
-        Computation delay [s] of a continuous nominal.
-
-    Returns
-    -------
-    FeedforwardError
-
-    Raises
-    ------
-    ValueError
-        A loop or a reference that is not stable, a model of several channels.
-
-    References
-    ----------
-    SP 5.4 (limits of feedforward by uncertainty).
-
-    Examples
-    --------
-    A mass known to 10 %: the error with feedforward is a tenth of that without.
-
-    >>> from robust import UncertaintyModel
-    >>> G, w = control.tf([1], [12, 20, 0]), control.tf([0.1], [1])
-    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
-    >>> K = control.tf([600, 12000], [1e-3, 1])
-    >>> found = feedforward_error(feedforward(G), model, K, control.tf([1], [1e-6, 3e-4, 3e-2, 1]))
-    >>> at = int(np.argmin(abs(found.omega - 10.0)))
-    >>> bool(found.error[at] < 1e-9), round(float(found.error_worst[at] / found.error_without[at]), 2)
-    (True, 0.1)
-    """
-    require_kind("gains", gains, FeedforwardGains)
-    require_kind("model", model, UncertaintyModel)
-    loop = reference_loop(model, K, require_nonnegative("delay", delay))
-    omega = loop.grid(model.omega)
-    wanted = response(on_time_base(reference, loop.dt), omega)
-    m, c, s = gains.mass.mean(), gains.viscous.mean(), 1j * omega
-    f = wanted * ((m + c * gains.lead) * s**2 + c * s + m * gains.lead * s**3)
-    error, worst = feedforward_errors(loop, f, wanted=wanted, omega=omega)
-    without = feedforward_errors(loop, np.zeros_like(wanted), wanted=wanted, omega=omega)[1]
-    return FeedforwardError(omega=omega, error=error, error_worst=worst, error_without=without)
-
-
-def compensated(Fs: float, q: float) -> AnyFriction:
-    """Return the class of friction that a compensation with a relative error leaves for a verdict.
-
-    It is that of an axis which slides in the direction of its set point. At standstill, and at a reversal until the
-    axis follows, the compensation is none, and the whole friction counts. A class of Maxwell slip stays what it is: a
-    compensation of the set point is a disturbance that ends, which no proof of coming to rest minds.
-
-    Parameters
-    ----------
-    Fs : float
-        Largest friction force [N] or [Nm].
-    q : float
-        Relative error of the compensation, from 0 to 1: `FeedforwardGains.relative_error`.
-
-    Returns
-    -------
-    AnyFriction
-        `any_bounded(q * Fs)`: for `prove_friction`, which says how far off such a friction holds the axis.
-
-    Raises
-    ------
-    ValueError
-        A force that is not positive; a relative error that is not between 0 and 1, zero excluded.
-
-    References
-    ----------
-    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994.
-
-    Examples
-    --------
-    >>> compensated(20.0, 0.15).Fs
-    3.0
-    """
-    Fs, q = require_positive("Fs", Fs), require_positive("q", q)
-    if q > 1:
-        raise ValueError(f"q must be at most 1, where nothing is compensated, got {q:g}")
-    return any_bounded(q * Fs)
-
-
 def friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velocity: float) -> np.ndarray:
     """Size of the dry friction at a speed v >= 0: from stiction to Coulomb friction (Stribeck)."""
     if np.isnan(stribeck_velocity):
@@ -379,11 +251,7 @@ def rigid_body(
         columns = np.stack([-(omega**2), 1j * omega]) * G  # m s^2 + c s = 1/G
     if not np.isfinite(columns).all():
         raise ValueError("plant must be 1/(m s^2 + c s), got one with a response that is not finite")
-    size = np.linalg.norm(columns, axis=1)
-    size = np.where(size > 0, size, 1.0)
-    rows = np.concatenate([(columns / size[:, None]).real, (columns / size[:, None]).imag], axis=1)
-    ones = np.concatenate([np.ones(omega.size), np.zeros(omega.size)])
-    m, c = np.linalg.lstsq(rows.T, ones, rcond=None)[0] / size
+    m, c = solve_relative(columns, np.ones(omega.size))
     misfit = float(np.max(np.abs(m * columns[0] + c * columns[1] - 1)))
     if not (misfit <= MISFIT and m > 0):
         raise ValueError(

@@ -21,7 +21,8 @@ from robust.drive.p_pi import cascade
 from robust.drive.simulation import SimulatedRest
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states
-from robust.friction.proof.prove import FrictionProof, prove_friction
+from robust.friction.proof.certify import FrictionProof
+from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
 from robust.friction.reading.identification import FrictionFit, identify_friction

@@ -1,14 +1,13 @@
-"""Loops with friction: the plant, classes of friction, proofs for a class, saturation, describing function.
+"""Loops with friction: the plant, classes of friction, proofs for a class, saturation.
 
-classes              classes of friction laws, without their parameters
-describing_function  the entry point: amplitude, initial velocity and outcome of a loop around given friction
-exact                verification of friction proofs in exact arithmetic
-nominal              machines of a nominal model, damped and undamped
-passivity            every passive friction: what damping a loop leaves at its port
-plant                a machine with friction and its sampled loop; bounded motion
-proof                proofs that a loop comes to rest, for every friction of a class
-reading              machine and friction, read from what was measured
-units                units of an axis that moves or turns
+classes    classes of friction laws, without their parameters
+exact      verification of friction proofs in exact arithmetic
+nominal    machines of a nominal model, damped and undamped
+passivity  every passive friction: what damping a loop leaves at its port
+plant      a machine with friction and its sampled loop; bounded motion
+proof      proofs that a loop comes to rest, for every friction of a class
+reading    machine and friction, read from what was measured
+units      units of an axis that moves or turns
 """
 
 import lazy_loader

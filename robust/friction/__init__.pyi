@@ -2,12 +2,10 @@ from .classes import any_bounded as any_bounded
 from .classes import any_bristle as any_bristle
 from .classes import any_maxwell_slip as any_maxwell_slip
 from .classes import any_passive as any_passive
-from .describing_function import QuasiLinear as QuasiLinear
-from .describing_function import quasi_linear as quasi_linear
 from .plant import two_mass_plant as two_mass_plant
+from .proof.certify import FrictionProof as FrictionProof
 from .proof.linear_uncertainty import FrequencyTest as FrequencyTest
 from .proof.linear_uncertainty import friction_frequency_test as friction_frequency_test
-from .proof.prove import FrictionProof as FrictionProof
 from .reading.friction_class import friction_class as friction_class
 from .reading.identification import FrictionFit as FrictionFit
 from .reading.identification import Gap as Gap

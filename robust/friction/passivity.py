@@ -7,15 +7,12 @@ the rationals, so that no resonance is too sharp to be seen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, short_form
+from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
-from robust._base.channels import is_single
 from robust._base.states import FrictionVerdict
 from robust.friction.plant import FrictionLoop, FrictionPlant
 from robust.lti.lti import timebase
@@ -189,100 +186,3 @@ def frequency_of(y: float, T: float) -> str:
     """Return the frequency [rad/s] of a point on the axis, for the report."""
     omega = 2 / T * np.arctan(np.sqrt(y)) if T else np.sqrt(y)
     return f"at {format_hertz(float(omega))}" if np.isfinite(omega) else "towards high frequencies"
-
-
-# ---- Friction as a spring and a damper at the levels that were measured: what is left once the machine is taken off.
-#
-# At an amplitude a and a frequency w the first harmonic of the friction is (k_eq + j w c_eq) times that of the motion.
-# Friction is the force without its viscous part, which belongs to the machine.
-
-FIT_BAND = (0.3, 2.0)  # of the resonance: the lines that are fitted
-MIN_LINES = 8
-
-
-@value
-class MeasuredImpedances:
-    """Spring and damper of the friction at the amplitudes that were measured, smallest first.
-
-    Fields
-    ------
-    amplitude : (L,) ndarray
-        sqrt(2) times the rms displacement at the port [m].
-    stiffness, damping : (L,) ndarray
-        k_eq [N/m] and c_eq [Ns/m].
-    stiffness_std : float
-        Standard deviation of k_eq [N/m] at the highest level, by what the fit leaves.
-    """
-
-    amplitude: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-    stiffness_std: float
-
-    def at(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """k_eq and c_eq at other amplitudes: straight over log a, constant below, falling as 1/a beyond the top."""
-        beyond = np.minimum(1.0, self.amplitude[-1] / amplitudes)
-        where = np.log(amplitudes), np.log(self.amplitude)
-        return np.interp(*where, self.stiffness) * beyond, np.interp(*where, self.damping) * beyond
-
-
-def refuse_unknown_amplitude(name: str, bla: Bla) -> None:
-    """Refuse a BLA whose amplitudes nobody noted: friction depends on how far it moved."""
-    if not np.isfinite(bla.levels.excited).all():
-        raise ValueError(
-            f"{name} must know the amplitude of the output, which an FRF from elsewhere (nlfrf.bla_from_frf) does not: "
-            "take BLAs that nlfrf.identify made of records"
-        )
-
-
-def measured_impedances(blas: Sequence[Bla], machine: FrictionPlant) -> MeasuredImpedances:
-    """Return spring and damper of the friction at each measured level, the machine taken off.
-
-    With the friction N at its port the FRF is G_l = G_ym - G_yp N G_xm / (1 + N G_xp), m the force and p the friction
-    port: solved for N on each line, fitted by k_eq + j w c_eq around the resonance, weighted by what it does to G_l.
-    """
-    rows = []
-    for bla in blas:
-        if not is_single(bla):
-            raise ValueError(f"friction must be a law or BLAs from nlfrf.identify, got {short_form(bla)}")
-        refuse_unknown_amplitude("friction", bla)
-        peak = bla.omega[int(np.argmax(np.abs(bla.G)))]
-        chosen = (bla.omega > FIT_BAND[0] * peak) & (bla.omega < FIT_BAND[1] * peak)
-        if np.count_nonzero(chosen) < MIN_LINES:
-            raise ValueError(
-                f"friction must be BLAs with at least {MIN_LINES} lines around the resonance, got "
-                f"{np.count_nonzero(chosen)}"
-            )
-        omega, measured = bla.omega[chosen], bla.G[chosen]
-        ym, yp, xm, xp = port_responses(machine, omega)
-        away = ym - measured
-        N = away / (yp * xm - away * xp)
-        weight = np.sqrt(np.abs(yp * xm / (1 + N * xp) ** 2))
-        table = np.column_stack([weight, 1j * omega * weight])
-        table, wanted = np.vstack([table.real, table.imag]), N * weight
-        wanted = np.concatenate([wanted.real, wanted.imag])
-        (k, c), *_ = np.linalg.lstsq(table, wanted, rcond=None)
-        left = np.linalg.norm(wanted - table @ [k, c]) / np.sqrt(wanted.size - 2)
-        swing = np.sqrt((np.abs(bla.levels.excited) ** 2).sum(axis=1).mean())
-        std = left / np.linalg.norm(table[:, 0])
-        rows.append((float(swing * port_ratio(xm, ym, peak=peak, omega=omega)), float(k), float(c), float(std)))
-    if not rows:
-        raise ValueError("friction must be a law or at least one BLA, got none")
-    amplitude, k, c, std = np.array(sorted(rows)).T
-    return MeasuredImpedances(amplitude=amplitude, stiffness=k, damping=c, stiffness_std=float(std[-1]))
-
-
-def port_ratio(port: np.ndarray, measured: np.ndarray, *, peak: float, omega: np.ndarray) -> float:
-    """Return the displacement at the port over the measured one, at the peak of the response."""
-    i = int(np.argmin(np.abs(omega - peak)))
-    return float(np.abs(port[i] / measured[i]))
-
-
-def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(W,) each: measured over force, measured over port force, port displacement over force, over port force."""
-    n = machine.A.shape[0]
-    pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A
-    push = np.broadcast_to(np.column_stack([machine.B_force, machine.B_port]).astype(complex), (omega.size, n, 2))
-    moved = np.linalg.solve(pencil, push)
-    matrices = np.vstack([machine.C_measured, machine.C_port]) @ moved
-    return matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]

@@ -31,9 +31,9 @@ from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
 from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant, friction_plant
-from robust.friction.proof.certify import plant_matrices
+from robust.friction.proof.certify import FrictionProof, plant_matrices
 from robust.friction.proof.linear_uncertainty import friction_frequency_test
-from robust.friction.proof.prove import FrictionProof, prove_friction
+from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.friction_class import friction_class
 from robust.friction.reading.levels import FrictionClass, require_si
 from robust.friction.units import position_unit_of

@@ -10,7 +10,7 @@
 Import them from here: `from robust.plot import plot_check`.
 """
 
-from robust.plot.friction import RestCase, plot_friction_fit, plot_friction_force, plot_quasi_linear, plot_rest
+from robust.plot.friction import RestCase, plot_friction_fit, plot_friction_force, plot_rest
 from robust.plot.loops import (
     plot_check,
     plot_family,
@@ -44,7 +44,6 @@ __all__ = [
     "plot_nominal",
     "plot_nyquist",
     "plot_orders",
-    "plot_quasi_linear",
     "plot_rest",
     "plot_set",
     "plot_step",

@@ -1,4 +1,4 @@
-"""Pictures of what friction does to a loop, amplitude by amplitude."""
+"""Pictures of friction: what was read of it, and where it lets an axis rest."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from nlfrf._base.arguments import require_kind, short_form
 from nlfrf._base.axes import AxesLike, axes_or_new, bode_axes, finish_axes
 from robust._base.states import FrictionVerdict
-from robust.friction.describing_function import QuasiLinear
 from robust.friction.reading.force import FrictionForce
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length
@@ -24,54 +23,6 @@ if TYPE_CHECKING:
 LEVEL_COLORS = (COLOR["misfit"], COLOR["loop"], COLOR["level"], COLOR["limit"])
 #: Widths of presliding, break-away force over stiffness, that a picture of the friction force shows on either side.
 SLIP_LENGTHS = 4.0
-#: Below this part of the largest friction the axes run straight through zero, above it they are logarithmic.
-LINEAR_SHARE = 1e-2
-
-
-def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax: Axes | None = None) -> Axes:
-    """k_eq + j w c_eq of the friction, from sticking to sliding, against -1/P, where the loop would swing for ever.
-
-    Amplitudes from which the motion grows are drawn in the colour of a limit; some are marked with their amplitude and
-    velocity. Both axes are straight around zero and logarithmic beyond.
-
-    Parameters
-    ----------
-    prediction : QuasiLinear
-    kick_sure : float
-        The proved kick of a sure run-away [m/s], `FrictionProof.kick_sure`, told beside the predicted one.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
-    """
-    require_kind("prediction", prediction, QuasiLinear)
-    ax = axes_or_new(ax)
-    q = prediction
-    N = (q.stiffnesses + 1j * q.frequencies * q.dampings) / 1e3
-    grows = q.growths > 0
-    top = np.abs(N).max()
-    near = np.abs(q.boundary) < 3e3 * top
-    ax.plot(*complex_parts(q.boundary / 1e3, near), color=COLOR["radius"], lw=1.4, label="-1/P of the loop")
-    for chosen, color, words in (
-        (~grows, COLOR["loop"], "friction: the motion falls"),
-        (grows, COLOR["limit"], "friction: the motion grows"),
-    ):
-        if chosen.any():
-            ax.plot(*complex_parts(N, chosen), "-", color=color, lw=2.2, label=words)
-    for a in 10.0 ** np.arange(np.ceil(np.log10(q.amplitudes[0])), np.log10(q.amplitudes[-1]) + 0.01):
-        i = int(np.argmin(np.abs(np.log(q.amplitudes / a))))
-        if 0.1 * LINEAR_SHARE * top < np.abs(N[i]) and (i == 0 or np.abs(np.log(np.abs(N[i] / N[0]))) > 0.02):
-            ax.plot(N[i].real, N[i].imag, ".", color="0.25")
-            ax.annotate(
-                f"{format_amplitude(a)}, {q.frequencies[i] * a:.2g} m/s",
-                (N[i].real, N[i].imag),
-                xytext=(7, -7),
-                textcoords="offset points",
-                fontsize="x-small",
-            )
-    ax.set_xscale("symlog", linthresh=LINEAR_SHARE * top)
-    ax.set_yscale("symlog", linthresh=LINEAR_SHARE * top)
-    ax.set(xlim=(-3 * top, 12 * top), ylim=(-3 * top, 3 * top))
-    ax.set(xlabel="k_eq [kN/m]", ylabel="w c_eq [kN/m]", title=quasi_linear_title(q, kick_sure))
-    return finish_axes(ax)
 
 
 def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[Axes, Axes]:
@@ -220,23 +171,3 @@ def plot_rest(
     ax.set(xscale="log", xlim=(low, high), xlabel=f"largest distance from the set point in the end [µ{unit}]")
     ax.set_title("What rests where")
     return finish_axes(ax)
-
-
-def complex_parts(z: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return real and imaginary parts of those that are chosen; nan in between."""
-    return np.where(chosen, z.real, np.nan), np.where(chosen, z.imag, np.nan)
-
-
-def format_amplitude(a: float) -> str:
-    """Return an amplitude in its usual unit."""
-    for unit, size in (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3)):
-        if a < 999 * size:
-            return f"{a / size:.3g} {unit}"
-    return f"{a:.3g} m"
-
-
-def quasi_linear_title(q: QuasiLinear, kick_sure: float) -> str:
-    """Return the heading."""
-    fates = {0.0: "not to come to rest", np.inf: "to come to rest"}
-    text = "Predicted " + fates.get(q.amplitude, f"to grow from a kick of {q.kick:.3g} m/s")
-    return f"{text},\nsurely to run away from {kick_sure:.3g} m/s" if np.isfinite(kick_sure) else text

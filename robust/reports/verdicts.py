@@ -11,7 +11,7 @@ from robust._base.states import FrictionVerdict
 from robust._base.types import Weight
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
-from robust.friction.proof.prove import FrictionProof
+from robust.friction.proof.certify import FrictionProof
 from robust.lti.lti import response_by_channel
 from robust.lti.realisation import multivariable
 from robust.models.sets.model import UncertaintyModel

@@ -69,7 +69,7 @@ HEAVY = {
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
     "cvxpy": "robust.proofs.search robust.synthesis.fixed.cone_program "
     "robust.models.fit.spectral robust.models.sets.block_weights "
-    "robust.friction.proof.multipliers robust.friction.proof.linear_uncertainty robust.friction.proof.settling",
+    "robust.friction.proof.multipliers robust.friction.proof.settling",
     "clarabel": "robust.synthesis.tuning.minimax",
     "jinja2": "robust.reports.page",
     "jsonschema": "nlfrf._base.files",

@@ -49,7 +49,6 @@ REVIEWED = {
     "nlfrf.records.excited_lines:excited_lines_on_grid": "the name of a grid",
     "robust.synthesis.fixed.structures:structure_of": "the name of a structure that a user gave",
     "robust.friction.exact.verify:verify_friction": "the parts of a claim, by name",
-    "robust.friction.exact.verify:verify_settling": "the parts of a claim, by name",
     "robust.reports.data:cross_check_section": "the label of a row that gets another one",
     "robust.reports.data:nominal_section": "the label of a row that gets another one",
     "robust.reports.verdicts:verdict_rows": "the label of a row that gets another one",

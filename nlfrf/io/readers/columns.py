@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
@@ -21,9 +19,8 @@ def contents(path: Path) -> Contents:
 
     # a file alone, as a set of files its columns would have to have different names
     table = parquet.ParquetFile(path).read() if path.suffix.lower() == ".parquet" else feather.read_table(path)
-    arrays: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    notes: dict[str, str] = {}
+    found: Contents = ({}, {}, {}, {})
+    arrays, units, _, notes = found
     for i, (column, about) in enumerate(zip(table.columns, table.schema, strict=True)):
         kind, name = column.type, about.name if about.name not in {*arrays, *notes} else f"{about.name}.{i + 1}"
         if kinds.is_timestamp(kind) or kinds.is_duration(kind):
@@ -41,4 +38,4 @@ def contents(path: Path) -> Contents:
         unit = next((metadata[key].decode() for key in (b"unit", b"units") if key in metadata), "")
         if unit:
             units[name] = unit
-    return arrays, units, {}, notes
+    return found

@@ -45,10 +45,8 @@ def contents(path: Path) -> Contents:
     """
     import h5py
 
-    arrays: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    clocks: dict[str, float | str] = {}
-    notes: dict[str, str] = {}
+    found: Contents = ({}, {}, {}, {})
+    arrays, units, clocks, notes = found
 
     def add(place: str, node: h5py.Dataset | h5py.Group) -> None:
         require_own_numbers(place, node)
@@ -78,7 +76,7 @@ def contents(path: Path) -> Contents:
     file = h5py.File(path, "r")
     add("", file)
     file.visititems(add)
-    return arrays, units, clocks, notes
+    return found
 
 
 def stated_clock(by_key: Attributes) -> tuple[float, float, str] | None:

@@ -23,10 +23,8 @@ def contents(path: Path) -> Contents:
 
     MDF4._extract_attachment = skip_attachment
 
-    arrays: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    clocks: dict[str, float | str] = {}
-    notes: dict[str, str] = {}
+    found: Contents = ({}, {}, {}, {})
+    arrays, units, clocks, notes = found
     with MDF(str(path), process_bus_logging=False) as file:
         masters = dict(file.masters_db)
         listed = [
@@ -49,7 +47,7 @@ def contents(path: Path) -> Contents:
             arrays[unique], clocks[unique] = samples, times
             if signal.unit:
                 units[unique] = str(signal.unit)
-    return arrays, units, clocks, notes
+    return found
 
 
 def skip_attachment(*_: object, **__: object) -> tuple[bytes, Path, bytes]:

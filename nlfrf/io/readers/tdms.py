@@ -22,10 +22,8 @@ def contents(path: Path) -> Contents:
     """
     from nptdms import TdmsFile
 
-    arrays: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    clocks: dict[str, float | str] = {}
-    notes: dict[str, str] = {}
+    found: Contents = ({}, {}, {}, {})
+    arrays, units, clocks, notes = found
     began: dict[str, np.datetime64] = {}
     logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it cannot read is refused here, not printed
     with path.open("rb") as stream:
@@ -51,4 +49,4 @@ def contents(path: Path) -> Contents:
                 began[f"{name}.moment"] = np.datetime64(channel.properties.get("wf_start_time", EPOCH), "us")
     last = max(began.values(), default=EPOCH)
     arrays |= {key: np.array((moment - last) / np.timedelta64(1, "s")) for key, moment in began.items()}
-    return arrays, units, clocks, notes
+    return found

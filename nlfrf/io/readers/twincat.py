@@ -33,10 +33,8 @@ def contents(path: Path) -> Contents:
     # pytcs takes neither blanks nor commas between cells
     scope = ScopeFile(StringIO(separate_by_tabs(text, delimiter) if delimiter in " ," else text))
     scope.load(backend="pandas")  # its other backend cannot read from memory
-    arrays: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    clocks: dict[str, float | str] = {}
-    notes: dict[str, str] = {}
+    found: Contents = ({}, {}, {}, {})
+    arrays, units, clocks, notes = found
     axes: dict[bytes, str] = {}
     for name, channel in scope.items():
         time, samples = np.asarray(channel.time, dtype=float), np.asarray(channel.values, dtype=float)
@@ -50,7 +48,7 @@ def contents(path: Path) -> Contents:
         arrays[name], clocks[name] = samples, axes[key]
         if channel.units:
             units[name] = str(channel.units)
-    return arrays, units, clocks, notes
+    return found
 
 
 def separate_by_tabs(text: str, delimiter: str) -> str:

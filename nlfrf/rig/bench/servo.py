@@ -43,7 +43,7 @@ from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.rig.laws.laws import Friction, VaryingSliders, pack_law
 from nlfrf.signals.axis_experiment import PORTS, stepped_profile
-from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.multisine import Multisine, require_one_input
 
 MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
@@ -367,7 +367,7 @@ def simulate_servo(
     ((1, 1, 4000), ('N',), ('m',), 'zoh')
     """
     require_kind("axis", axis, ServoAxis)
-    require_kind("ms", ms, Multisine)
+    require_one_input(ms)
     experiment = ServoExperiment(
         axis=axis,
         ms=ms,

@@ -40,7 +40,6 @@ from nlfrf.rig.bench.rig import (
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
 from nlfrf.signals.multisine import Multisine
-from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 if TYPE_CHECKING:
     from hashlib import _Hash as Hash
@@ -219,7 +218,7 @@ class Experiment:
     """One realisation of a multisine on a rig, and how it is integrated: the argument of a worker."""
 
     rig: Rig
-    ms: Multisine | OrthogonalMultisine
+    ms: Multisine
     n_periods: int
     n_discard: int
     oversampling: int
@@ -228,7 +227,7 @@ class Experiment:
 
 def simulate(
     rig: Rig,
-    ms: Multisine | OrthogonalMultisine,
+    ms: Multisine,
     *,
     n_periods: int = 1,
     n_discard: int = 2,
@@ -244,7 +243,7 @@ def simulate(
     ----------
     rig : Rig
         The machine.
-    ms : Multisine, or OrthogonalMultisine for a rig of several inputs
+    ms : Multisine
         The forces [N], M realisations or experiments of N samples.
     n_periods : int
         Periods P kept.
@@ -293,7 +292,7 @@ def simulate(
     True
     """
     require_kind("rig", rig, Rig)
-    require_kind("ms", ms, Multisine, OrthogonalMultisine)
+    require_kind("ms", ms, Multisine)
     experiment = Experiment(
         rig=rig,
         ms=ms,
@@ -302,7 +301,8 @@ def simulate(
         oversampling=require_integer("oversampling", oversampling, least=1),
         hold=require_choice("hold", hold, ("band-limited", "zoh")),
     )
-    require_matching_inputs(rig, ms)
+    if rig.n_inputs != ms.n_inputs:
+        raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
     n_runs = ms.phase.shape[-2]
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
     require_stable_step(rig.stable_step, ms.fs, oversampling)
@@ -359,22 +359,10 @@ def sensor_positions(experiment: Experiment, x: np.ndarray) -> np.ndarray:
     if not experiment.rig.several:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
-    return y if isinstance(experiment.ms, OrthogonalMultisine) else y[0]
+    return y[0] if experiment.ms.is_single and len(y) == 1 else y
 
 
-def require_matching_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
-    """Refuse a multisine whose number of inputs is not that of the rig."""
-    if isinstance(ms, OrthogonalMultisine):
-        if not rig.several or rig.n_inputs != ms.n_inputs:
-            raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
-    elif (rig.n_inputs, rig.n_outputs) != (1, 1):
-        raise ValueError(
-            f"ms must be made with n_inputs={rig.n_inputs} for a rig of {rig.n_inputs} inputs and {rig.n_outputs} "
-            "outputs, got one of a single input"
-        )
-
-
-def make_record(rig: Rig, ms: Multisine | OrthogonalMultisine, *, y: np.ndarray, hold: str) -> Record:
+def make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record:
     """Return the record of input and measured positions, with the names and units of the rig."""
     u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
     return Record(
@@ -390,7 +378,7 @@ def make_record(rig: Rig, ms: Multisine | OrthogonalMultisine, *, y: np.ndarray,
     )
 
 
-def force_over_period(ms: Multisine | OrthogonalMultisine, oversampling: int, hold: str) -> np.ndarray:
+def force_over_period(ms: Multisine, oversampling: int, hold: str) -> np.ndarray:
     """Return the (n, 3) or (n, 3, n_u) force at begin, middle and end of every integration step of one period."""
     if hold == "zoh":
         u = np.repeat(ms.u[..., 0, :].T, oversampling, axis=0)

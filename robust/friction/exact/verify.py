@@ -14,7 +14,7 @@ from itertools import pairwise
 from flint import fmpq, fmpq_mat
 
 from nlfrf._base.values import value
-from robust.friction.exact.claim import FrictionClaim
+from robust.friction.exact.claim import FrictionClaim, Settling
 from robust.friction.exact.loops import (
     ExactBlock,
     ExactLoop,
@@ -83,18 +83,19 @@ def check_weights(claim: FrictionClaim) -> str:
 
 def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """Return the inequality of the class for this loop."""
+    if claim.settling is not None:
+        return settling_supply(claim, loop, claim.settling)
     form = maxwell_slip_supply(claim, loop) if claim.kind == "Maxwell slip" else bristle_supply(claim, loop)
     return form if claim.actuator is None else with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
 
 
-def settling_supply(claim: FrictionClaim, loop: ExactLoop, decay: fmpq) -> ExactSupply:
+def settling_supply(claim: FrictionClaim, loop: ExactLoop, own: Settling) -> ExactSupply:
     """Return the supply of friction without stiction and a rest: states (y, e_j), inputs d = g - gh_1 and r; T7.
 
     The decay is in the flow, A + decay I, and in the losses of the filters; stored: a form in (y, e_j, d). With several
     ports all d come before all r, and each r is the rest there over the largest of all.
     """
-    own, ports, zero = claim.settling, claim.ports, to_rational(0.0)
-    assert own is not None
+    ports, zero, decay = claim.ports, to_rational(0.0), to_rational(own.decay)
     filters = [[to_rational(x) for x in port.rates] for port in ports]
     rests = largest_rests(claim)
     most = max(rests)
@@ -302,10 +303,8 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
 
     Not verified is a result, not an error: each part with its reason.
     """
-    if claim.settling is not None:
-        return verify_settling(claim, time_cap=time_cap)
-    deadline = time.monotonic() + time_cap
-    wrong = check_weights(claim)
+    deadline, own = time.monotonic() + time_cap, claim.settling
+    wrong = check_weights(claim) or check_decay(claim)
     failed = {PARTS[0]: wrong} if wrong else {}
     try:
         loop = exact_loop(claim)
@@ -313,46 +312,27 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
         form = in_coordinates(exact_supply(claim, loop), claim)
         energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
         failed |= check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
-        if not all(positive_definite(full_storage(form.stored, P)) for P in (energy[0][0], energy[-1][-1])):
-            failed[PARTS[3]] = "it is not"
-        elif claim.actuator is not None:
-            beyond = check_reach(claim, loop, energy=energy, stored=full_storage(form.stored, energy[-1][-1]))
-            failed |= {ACTUATOR_CLAIM: beyond} if beyond else {}
-    except (ValueError, ZeroDivisionError) as error:
-        failed |= {"the claim": str(error)}
-    parts = PARTS if claim.actuator is None else (*PARTS, ACTUATOR_CLAIM)
-    proved = tuple(part for part in parts if part not in failed) if "the claim" not in failed else ()
-    return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
-
-
-def verify_settling(claim: FrictionClaim, *, time_cap: float = math.inf) -> Verification:
-    """Prove the bound of a claim again, from its numbers as rationals."""
-    deadline = time.monotonic() + time_cap
-    own = claim.settling
-    assert own is not None
-    wrong = check_weights(claim) or check_decay(claim)
-    failed = {PARTS[0]: wrong} if wrong else {}
-    try:
-        loop, decay = exact_loop(claim), to_rational(own.decay)
-        form = in_coordinates(settling_supply(claim, loop, decay), claim)
-        energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
-        failed |= check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
-        whole = [full_storage(form.stored, P) for interval in energy for P in interval]
+        looked_at = [energy[0][0], energy[-1][-1]] if own is None else [P for interval in energy for P in interval]
+        whole = [full_storage(form.stored, P) for P in looked_at]
         if not all(map(positive_definite, whole)):
             failed[PARTS[3]] = "it is not"
-        elif not settles_within(claim, loop, whole):
+        elif claim.actuator is not None:
+            beyond = check_reach(claim, loop, energy=energy, stored=whole[-1])
+            failed |= {ACTUATOR_CLAIM: beyond} if beyond else {}
+        elif own is not None and not settles_within(claim, loop, whole):
             failed[SETTLING_CLAIM] = "the energy allows more"
     except (ValueError, ZeroDivisionError) as error:
         failed |= {"the claim": str(error)}
-    parts = (*PARTS, SETTLING_CLAIM)
-    proved = tuple(part for part in parts if part not in failed) if "the claim" not in failed else ()
+    more = [SETTLING_CLAIM] * (own is not None) + [ACTUATOR_CLAIM] * (claim.actuator is not None)
+    proved = tuple(part for part in (*PARTS, *more) if part not in failed) if "the claim" not in failed else ()
     return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
 
 
 def check_decay(claim: FrictionClaim) -> str:
-    """Return an empty string if rate of decay and class are those of T7, else what is wrong with them."""
+    """Return an empty string if rate of decay and class are those of T7, or no bound is claimed, else what is wrong."""
     own = claim.settling
-    assert own is not None
+    if own is None:
+        return ""
     if claim.kind != "Maxwell slip" or any(port.bristle_time or port.free for port in claim.ports):
         return "only for Maxwell slip without a damper, and without a weight of the friction itself"
     if not (own.decay > 0 and min(largest_forces(claim)) > 0):

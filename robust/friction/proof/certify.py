@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import field, replace
-from typing import Protocol
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -26,16 +26,14 @@ from robust.friction.proof.multipliers import (
     bristle_multipliers,
     bristle_terms,
     filter_rates,
-    largest_share,
-    maxwell_slip_multipliers,
-    multiplier_terms,
 )
 from robust.friction.proof.ports import (
     coupling_of_rests,
     weights_of_ports,
 )
-from robust.friction.proof.settling import largest_rest, settling_numbers
+from robust.friction.proof.settling import SettlingNumbers, largest_rest, settling_numbers
 from robust.friction.proof.storage import METHOD, JudgedStorage, certified_dissipation
+from robust.friction.units import MechanicalUnits, format_length
 from robust.lti.lti import timebase
 from robust.proofs.exact.claim import Matrices, to_matrices
 from robust.proofs.search.certificate import Certificate, failed_certificate
@@ -44,12 +42,6 @@ from robust.proofs.search.certificate import Certificate, failed_certificate
 
 SUBJECT = "the stored energy falls"
 N_POINTS = 300  # of the frequencies of a cone program
-COUPLINGS = (
-    0.9,
-    0.99,
-)  # of the forces at two ports, of what a definite matrix allows: slack for what the sampler folds
-MIN_SHARE = 1e-9  # share of a row that has to be left
-ONE_SIDED = 1e-9  # of the largest displacement at rest: what is smaller is none
 
 BISECTION_RATIO = 1.02  # ratio of the two ends where a bisection stops
 MAX_RATIO = 64.0  # times what was asked
@@ -76,44 +68,15 @@ class Multipliers:
     bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-class Storage(Protocol):
-    """A stored energy: its coordinates, its Bernstein coefficients, the intervals of each span."""
+class FrictionCertificate(NamedTuple):
+    """Why the energy of a loop falls, or, in `reason`, what failed last.
 
-    @property
-    def V(self) -> np.ndarray:
-        """(n, n) coordinates."""
-
-    @property
-    def P(self) -> np.ndarray:
-        """(I, 4, n, n) coefficients."""
-
-    @property
-    def counts(self) -> np.ndarray:
-        """(S,) intervals."""
-
-
-@value
-class FrictionCertificate:
-    """What was proved, with the weights it was proved with.
-
-    Fields
-    ------
-    certificate : Certificate
-    multipliers : (2, J) ndarray
-        Rates a_j [rad/s] (zero for the weight of f v) and weights mu_j.
-    omega, form : (W,) ndarray
-        The integrand with these weights over frequency [rad/s], over its largest part.
-    numbers : tuple of Multipliers
-        Where it holds, one a port: all that a `FrictionClaim` needs besides loop, class and energy.
-    energy : Energy or None
+    numbers : weights of the filters, one a port: all that a `FrictionClaim` needs besides loop, class and energy.
     """
 
-    certificate: Certificate
-    multipliers: np.ndarray
-    omega: np.ndarray
-    form: np.ndarray
-    numbers: tuple[Multipliers, ...]
-    energy: JudgedStorage | None
+    reason: str
+    numbers: tuple[Multipliers, ...] = ()
+    energy: JudgedStorage | None = None
 
 
 def certify_friction(
@@ -151,48 +114,28 @@ def certify_maxwell_slip(
 
     K0, rho : of several ports one each. Quick: with the first set of filters only, and without the finest intervals.
     """
-    several, stiffest, ratios = loop.B.ndim > 1, np.atleast_1d(K0), np.atleast_1d(rho)
-    omega = loop_frequencies(loop, N_POINTS if several else 900)
-    response = mobility(loop, omega)
-    balanced = False
-    if several:
-        wrong, balanced = coupling_of_rests(loop)
-        if wrong:
-            return friction_certificate(wrong, np.zeros((2, 0)), omega=omega, form=np.full(omega.size, np.nan))
+    n_ports = loop.columns.shape[1]
+    omega = loop_frequencies(loop, N_POINTS if n_ports > 1 else 900)
+    response = mobility(loop, omega).reshape(omega.size, n_ports, n_ports)
+    wrong, balanced = coupling_of_rests(loop) if n_ports > 1 else ("", False)
+    if wrong:
+        return FrictionCertificate(wrong)
     reason = "no weights of the filters make every frequency dissipate"
     fastest = 1 / bristle_time if bristle_time else np.inf
-    found = np.zeros((2, 0))
-    form = np.full(omega.size, np.nan)
     for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
-        weights = (
-            weights_of_ports(response, omega, rates=rates, K0=stiffest, rho=ratios, balanced=balanced)
-            if several
-            else weights_of_port(response, omega, rates=rates, K0=stiffest[0], rho=ratios[0])
+        mu = weights_of_ports(
+            response, omega, rates=rates, K0=np.atleast_1d(K0), rho=np.atleast_1d(rho), balanced=balanced
         )
-        if weights is None:
+        if mu is None:
             continue
-        mu, form = weights
-        found = np.vstack([np.tile(np.append(0.0, rates), mu.shape[0]), mu.ravel()])[:, mu.ravel() > 0]
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho), quick)
         if not reason:
             numbers = []
             for own in mu:
                 used = np.append(True, own[2:] > 0)
                 numbers.append(Multipliers(rates=rates[used], weights=own[1:][used], free=float(own[0])))
-            return friction_certificate("", found, omega=omega, form=form, numbers=tuple(numbers), energy=energy)
-    return friction_certificate(reason, found, omega=omega, form=form)
-
-
-def weights_of_port(
-    response: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return (1, 1 + J) weights of the filters at one port and (W,) the dissipation with them; None of none."""
-    table = multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho)
-    mu, share = maxwell_slip_multipliers(table)
-    if not share > 0 or not (mu[1:] > 0).any():
-        return None
-    mu[mu < 1e-9 * mu.max()] = 0
-    return mu[np.newaxis], table @ mu / np.abs(table * mu).max(axis=1)
+            return FrictionCertificate("", tuple(numbers), energy)
+    return FrictionCertificate(reason)
 
 
 def certify_bristle(
@@ -201,15 +144,13 @@ def certify_bristle(
     """Search the multipliers of creeping bristles (stiffness K0, stiction rho), and certify what they prove."""
     omega = loop_frequencies(loop, N_POINTS)
     response = mobility(loop, omega)
-    reason, found, form = "no weights make every frequency dissipate", np.zeros((2, 0)), np.full(omega.size, np.nan)
+    reason = "no weights make every frequency dissipate"
     for rates in filter_rates(reference, np.inf)[: 1 if quick else 2]:
-        table = bristle_terms(response, omega, rates=rates, K0=K0, microdamping=microdamping)
-        weights = bristle_multipliers(table, rho)
+        weights = bristle_multipliers(
+            bristle_terms(response, omega, rates=rates, K0=K0, microdamping=microdamping), rho
+        )
         if weights is None:
             continue
-        chosen = np.concatenate([[weights.mu], weights.nu])
-        found = np.vstack([np.append(0.0, rates), chosen])[:, chosen > 0]
-        form = largest_share(table, weights)
         reason, energy = certified_dissipation(
             bristle_dissipation(loop, rates, weights=weights, K0=K0, microdamping=microdamping), quick
         )
@@ -218,32 +159,8 @@ def certify_bristle(
             numbers = Multipliers(
                 rates=rates[used], weights=weights.nu[used], free=weights.mu, block=weights.block, bounds=weights.bounds
             )
-            return friction_certificate("", found, omega=omega, form=form, numbers=(numbers,), energy=energy)
-    return friction_certificate(reason, found, omega=omega, form=form)
-
-
-def friction_certificate(
-    reason: str,
-    rates_and_weights: np.ndarray,
-    *,
-    omega: np.ndarray,
-    form: np.ndarray,
-    numbers: tuple[Multipliers, ...] = (),
-    energy: JudgedStorage | None = None,
-) -> FrictionCertificate:
-    """Return the certificate of a proof, where the reason why not is empty, else of that reason.
-
-    `rates_and_weights` (2, n) are the filters and weights found, `form` (W,) the dissipation at omega, `numbers` and
-    `energy` the exact multipliers and storage of a proof.
-    """
-    intervals = np.array([[0.0, np.inf]])
-    proof = Certificate(
-        subject=SUBJECT, outcome=Outcome.HOLDS, level=0.0, method=METHOD, intervals=intervals, reason=""
-    )
-    certificate = failed_certificate(SUBJECT, 0.0, reason) if reason else proof
-    return FrictionCertificate(
-        certificate=certificate, multipliers=rates_and_weights, omega=omega, form=form, numbers=numbers, energy=energy
-    )
+            return FrictionCertificate("", (numbers,), energy)
+    return FrictionCertificate(reason)
 
 
 def proved_limits(loop: FrictionLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:
@@ -253,7 +170,7 @@ def proved_limits(loop: FrictionLoop, friction: AnyFriction, reference: float) -
         other = replace(friction, **changed)  # type: ignore[arg-type]
         if destabilizing_stiffness(loop, other.K0, other.damper) is not None:
             return False
-        return certify_friction(loop, other, reference, quick=True).certificate.holds
+        return not certify_friction(loop, other, reference, quick=True).reason
 
     return (
         friction.K0 * largest_ratio(lambda ratio: proved(K0=ratio * friction.K0)),
@@ -286,71 +203,158 @@ NOT_IN_CLASS = {
 }
 
 
-@value(copy=False)
-class Finding:
-    """What was found of a loop and a class, by the names of the fields of `FrictionProof`."""
+@value
+class FrictionProof:
+    """What is proved of a loop around a machine with friction, for a whole class of friction laws.
+
+    Fields
+    ------
+    verdict : FrictionVerdict
+        "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
+        to rest, with integral action where it should. "refuted", said of the class and not of the machine: a named
+        member makes the loop unstable; yours may be another: the loop may hunt. "settles": not decided, but with every
+        friction of the class, of at most Fs, it stays within `settling_error` in the end. "not decided": none of them.
+    claim, not_claimed, reason : str
+        What is proved, in one sentence; what is not; why the verdict is what it is.
+    machine : FrictionPlant
+        The linear part.
+    friction : AnyFriction or FrictionAtPorts
+        The class.
+    counterexample : tuple of (float, complex) or None
+        A spring, what never slips of a friction, in [N/m] (of several ports a tuple, one each), and the pole it puts
+        outside the stable region.
+    K0_max, stiction_max : float
+        Largest presliding stiffness [N/m] and largest ratio of a slider for which the proof was found too, one at a
+        time; nan unless asked for.
+    error_bound : float
+        How far from rest the position (of several ports each displacement there) stays in the end with any friction of
+        at most Fs [m]; nan where no Fs was given, the sliding loop is not stable, or its fastest mode is too fast for
+        its clock or its slowest one to follow.
+    settling_error : float
+        How far from rest the position stays in the end with every friction of the class of at most Fs [m]: the smaller
+        of a bound of the class, which `certificate.verify()` proves over the rationals, and `error_bound`, which is in
+        floating point. nan where no Fs was given, the loop comes to rest, or there is none.
+    kick_sure : float
+        Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
+        given, the sliding loop is stable, or none was found.
+    certificate : Certificate or None
+        What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
+    saturation : float
+        Largest force of the actuator [N]; infinite where none was given.
+    kick : float
+        Velocity at the friction port [m/s] of a kick on the machine at rest and relaxed, up to which it comes to rest
+        though its actuator saturates; infinite where it does from every state, zero where no kick is proved, nan where
+        nothing saturates. With it `verdict` is "proved", from every state, or "proved up to a kick", beyond which
+        nothing is said.
+    kick_linear : float
+        The part of it up to which the actuator never saturates at all [m/s].
+    share : float
+        What of the force that is asked for, less what holds the friction, the actuator may miss on the way; one where
+        it may miss all of it, zero where it never saturates.
+
+    References
+    ----------
+    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust Nonlinear Control 11, 2001;
+    A. Bisoffi, M. Da Lio, A. Teel, L. Zaccarian, IEEE Trans. Automatic Control 63, 2018 (PID and Coulomb friction).
+
+    Examples
+    --------
+    >>> import control
+    >>> from robust.friction import any_maxwell_slip
+    >>> from robust import prove_friction, friction_plant
+    >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
+    >>> proof = prove_friction(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3))
+    >>> proof.verdict, proof.counterexample
+    ('proved', None)
+    >>> from nlfrf.axis import Drive
+    >>> from robust.drive import cascade
+    >>> K = cascade(Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04), output_unit="N")
+    >>> proof = prove_friction(friction_plant(1.0, 0.0), K, any_maxwell_slip(1e5, 2.0), Fs=1.0)
+    >>> proof.verdict, bool(proof.settling_error < 0.8 * proof.error_bound)
+    ('settles', True)
+    """
 
     verdict: FrictionVerdict
+    claim: str
+    not_claimed: str
     reason: str
+    machine: FrictionPlant
+    friction: AnyFriction | FrictionAtPorts
+    counterexample: tuple[float | tuple[float, ...], complex] | None = None
     K0_max: float = np.nan
     stiction_max: float = np.nan
+    error_bound: float = np.nan
     settling_error: float = np.nan
+    kick_sure: float = np.nan
     certificate: Certificate | None = None
-    multipliers: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
-    omega: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    form: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    saturation: float = np.inf
+    kick: float = np.nan
+    kick_linear: float = np.nan
+    share: float = np.nan
+
+    def __str__(self) -> str:
+        lines = [f"{self.verdict}: {self.claim or self.reason}"]
+        if self.claim and self.reason:
+            settles = self.verdict is FrictionVerdict.SETTLES
+            lines.append(f"Whether it comes to rest is not decided: {self.reason}." if settles else self.reason)
+        if np.isfinite(self.K0_max) and isinstance(self.friction, AnyFriction):
+            times = self.K0_max / self.friction.K0
+            lines.append(
+                f"Proved up to {times:.3g} times this presliding stiffness, or stiction {self.stiction_max:.3g}."
+            )
+        if np.isfinite(self.error_bound):
+            lines.append(
+                "Whatever the friction, if never above the given force: in the end, at rest or hunting, at most "
+                f"{format_length(self.error_bound, self.units.position)} off, in proportion to the force."
+            )
+        if np.isfinite(self.kick_sure):
+            lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} {self.units.velocity}.")
+        return "\n".join([*lines, self.not_claimed])
+
+    @property
+    def units(self) -> MechanicalUnits:
+        """Units of its numbers."""
+        return self.machine.units
 
 
 def certified_verdict(
-    machine: FrictionPlant,
-    K: control.StateSpace,
-    *,
-    delay: float,
-    loop: FrictionLoop,
-    friction: AnyFriction | FrictionAtPorts,
-    limits: bool,
-) -> Finding:
-    """Return the verdict on a loop that no spring of the class makes unstable."""
+    undecided: FrictionProof, K: control.StateSpace, *, delay: float, loop: FrictionLoop, limits: bool
+) -> FrictionProof:
+    """Return the proof of a loop that no spring of the class makes unstable, where there is one."""
+    machine, friction = undecided.machine, undecided.friction
     reference = reference_rate(machine, loop)
     try:
-        proof = certify_friction(loop, friction, reference)
+        found = certify_friction(loop, friction, reference)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
-        return Finding(verdict=FrictionVerdict.NOT_DECIDED, reason=f"numerical failure: {error}")
-    holds = proof.certificate.holds
-    verdict = FrictionVerdict.PROVED if holds else FrictionVerdict.NOT_DECIDED
-    certificate, K0_max, stiction_max = proof.certificate, np.nan, np.nan
-    if proof.energy is not None:
-        exact = build_claim(machine, K, delay=delay, friction=friction, numbers=proof.numbers, stored=proof.energy)
-        certificate = replace(proof.certificate, claim=exact, again=verify_friction)
-    if holds and limits and isinstance(friction, AnyFriction):
-        K0_max, stiction_max = proved_limits(loop, friction, reference)
-    return Finding(
-        verdict=verdict,
-        reason=proof.certificate.reason,
-        K0_max=K0_max,
-        stiction_max=stiction_max,
-        certificate=certificate,
-        multipliers=proof.multipliers,
-        omega=proof.omega,
-        form=proof.form,
+        return replace(undecided, reason=f"numerical failure: {error}")
+    if found.energy is None:
+        certificate = failed_certificate(SUBJECT, 0.0, found.reason)
+        return replace(undecided, reason=found.reason, certificate=certificate)
+    certificate = Certificate(
+        subject=SUBJECT,
+        outcome=Outcome.HOLDS,
+        level=0.0,
+        method=METHOD,
+        intervals=np.array([[0.0, np.inf]]),
+        reason="",
+        claim=build_claim(machine, K, delay=delay, friction=friction, numbers=found.numbers, stored=found.energy),
+        again=verify_friction,
     )
+    proof = replace(undecided, verdict=FrictionVerdict.PROVED, certificate=certificate)
+    if limits and isinstance(friction, AnyFriction):
+        K0_max, stiction_max = proved_limits(loop, friction, reference)
+        proof = replace(proof, K0_max=K0_max, stiction_max=stiction_max)
+    return proof
 
 
 def settling_verdict(
-    machine: FrictionPlant,
-    K: control.StateSpace,
-    *,
-    delay: float,
-    loop: FrictionLoop,
-    friction: AnyFriction | FrictionAtPorts,
-    forces: np.ndarray,
-    error_bound: float,
-    undecided: Finding,
-) -> Finding:
-    """Return the finding where the position has a bound: over the rationals, else that of any friction up to `forces`.
+    undecided: FrictionProof, K: control.StateSpace, *, delay: float, loop: FrictionLoop, forces: np.ndarray
+) -> FrictionProof:
+    """Return the proof that the position has a bound: over the rationals, else that of any friction up to `forces`.
 
     forces : (P,) the largest friction force at each port.
     """
+    machine, friction, error_bound = undecided.machine, undecided.friction, undecided.error_bound
     any_friction = undecided
     if np.isfinite(error_bound):
         any_friction = replace(undecided, verdict=FrictionVerdict.SETTLES, settling_error=error_bound)
@@ -400,7 +404,7 @@ def build_claim(
     delay: float,
     friction: AnyFriction | FrictionAtPorts,
     numbers: tuple[Multipliers, ...],
-    stored: Storage,
+    stored: JudgedStorage | SettlingNumbers,
 ) -> FrictionClaim:
     """Return the claim of the certificate, with every number as given; `numbers` are one a port."""
     classes = friction.ports if isinstance(friction, FrictionAtPorts) else (friction,)

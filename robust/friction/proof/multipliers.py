@@ -10,13 +10,13 @@ that is negative at every frequency contradicts any motion that goes on. Nothing
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.optimize import linprog, minimize_scalar
 
 from nlfrf._base.values import value
-from robust.friction.plant import FrictionLoop, loop_frequencies, mobility
 from robust.proofs.search.certificate import solve_program
 
 if TYPE_CHECKING:
@@ -62,34 +62,50 @@ def port_terms(
 
     mobility : (W, P, P); K0, rho : (P,) of the class at each port. All multipliers of the first port come first.
     """
-    n_ports = mobility.shape[-1]
+    forces = np.broadcast_to(np.eye(rho.size, dtype=complex), (omega.size, rho.size, rho.size))
     table = []
-    for port, unit in enumerate(np.eye(n_ports, dtype=complex)):
-        factors, lost = filter_terms(omega, rates, K0=K0[port], rho=rho[port])
-        force = np.broadcast_to(unit, (omega.size, n_ports))
-        own = hermitian_product(force, force)
-        table += [
-            hermitian_product(force, factors[:, [j]] * mobility[:, port]) - lost[:, j, None, None] * own
-            for j in range(1 + rates.size)
-        ]
+    for port in range(rho.size):
+        table += friction_forms(
+            forces[:, port], mobility[:, port], omega=omega, rates=rates, K0=K0[port], rho=rho[port]
+        )
     return np.stack(table, axis=1)
 
 
+def friction_forms(
+    f: np.ndarray, v: np.ndarray, *, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float
+) -> list[np.ndarray]:
+    """Return (W, P, P), the hermitian form of each multiplier of a friction f at velocity v, linear forms (W, P)."""
+    factors, lost = filter_terms(omega, rates, K0=K0, rho=rho)
+    own = hermitian_product(f, f)
+    return [hermitian_product(f, factors[:, [j]] * v) - lost[:, j, None, None] * own for j in range(1 + rates.size)]
+
+
 MAX_ROUNDS = 60
-NEGLIGIBLE_WEIGHT = 1e-12  # of the largest weight: what is left out
+NEGLIGIBLE_WEIGHT = 1e-9  # of the largest weight: what is left out
 NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this share of the diagonal is not taken for negative
 
 
 def negative_multipliers(
-    table: np.ndarray, *, coupling: float, least: float, balanced: np.ndarray | None = None
+    table: np.ndarray, *, couplings: Sequence[float], least: float, balanced: np.ndarray | None = None
 ) -> np.ndarray | None:
     """Return (C,) few multipliers >= 0 that make every hermitian matrix negative definite; None where none were found.
+
+    couplings : the terms off the diagonal are enlarged by 1/coupling, the first of these with which any are found.
+    The others as of `coupled_multipliers`.
+    """
+    tried = (coupled_multipliers(table, coupling, least=least, balanced=balanced) for coupling in couplings)
+    return next((theta for theta in tried if theta is not None), None)
+
+
+def coupled_multipliers(
+    table: np.ndarray, coupling: float, *, least: float, balanced: np.ndarray | None
+) -> np.ndarray | None:
+    """Return (C,) multipliers for one enlargement of the terms off the diagonal, or None.
 
     A matrix is negative where its form is, for every vector: a linear program over the vectors that were worst so far,
     again and again until none is worse.
 
     table : (W, C, P, P), the matrices of each multiplier at each frequency.
-    coupling : the terms off the diagonal are enlarged by 1/coupling.
     least : share of every row that has to be left.
     balanced : (C, B) combinations of the multipliers that have to be zero.
     """
@@ -139,23 +155,6 @@ def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = No
         return np.zeros(n), -np.inf
     mu = np.clip(result.x[:-1], 0, None)
     return mu / columns, float(-(A[:, :-1] @ mu).max())
-
-
-def largest_stiffness(loop: FrictionLoop, rates: np.ndarray, *, rho: float, top: float = 1e8) -> float:
-    """Largest K0 [N/m] at which weights exist at every frequency of a grid, by bisection; 0 where none."""
-    omega = loop_frequencies(loop)
-    response = mobility(loop, omega)
-
-    def exist(K0: float) -> bool:
-        return maxwell_slip_multipliers(multiplier_terms(response, omega, rates=rates, K0=K0, rho=rho))[1] > 1e-9
-
-    low, high = 1.0, top
-    if not exist(low):
-        return 0.0
-    while high / low > 1.0005:
-        middle = np.sqrt(low * high)
-        low, high = (middle, high) if exist(middle) else (low, middle)
-    return float(low)
 
 
 # ---- Weights for the friction of bristles that creep, by one cone program over the frequencies.
@@ -280,14 +279,6 @@ def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
     if theta.value is None or share.value is None or not share.value > MIN_SHARE:
         return None
     return np.asarray(theta.value)
-
-
-def largest_share(table: np.ndarray, weights: BristleMultipliers) -> np.ndarray:
-    """Return (W,) the largest eigenvalue over frequency with these weights, of the largest entry there."""
-    unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
-    found = np.concatenate([[weights.mu], weights.nu, [weights.block[i, j] for i, j in BLOCK_ENTRIES]])
-    parts = table * unit[:, None, :, None] * unit[:, None, None, :] * found[:, None, None]
-    return np.asarray(np.linalg.eigvalsh(parts.sum(axis=1))[:, -1] / np.abs(parts).max(axis=(1, 2, 3)))
 
 
 #: Entries (v, v), (v, q), (q, q) of a form: numbers, or expressions of a convex program.

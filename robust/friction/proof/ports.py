@@ -69,9 +69,10 @@ def coupling_of_rests(loop: FrictionLoop) -> tuple[str, bool]:
 
 def weights_of_ports(
     response: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: np.ndarray, rho: np.ndarray, balanced: bool
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return (P, 1 + J) weights of the filters at several ports and (W,) the dissipation; None of none.
+) -> np.ndarray | None:
+    """Return (P, 1 + J) weights of the filters at each port; None of none.
 
+    response : (W, P, P) velocity at each port over the friction at each.
     balanced : whether s = mu_0 + (1 - 1/rho) sum_j mu_j has to be the same at all ports.
     """
     table = port_terms(response, omega, rates=rates, K0=K0, rho=rho)
@@ -82,11 +83,8 @@ def weights_of_ports(
         equal = np.zeros((n_ports * n, n_ports - 1))
         for port in range(1, n_ports):
             equal[:n, port - 1], equal[port * n : (port + 1) * n, port - 1] = shares[0], -shares[port]
-    for coupling in COUPLINGS:
-        theta = negative_multipliers(table, coupling=coupling, least=MIN_SHARE, balanced=equal)
-        if theta is not None:
-            break
-    else:
+    theta = negative_multipliers(table, couplings=COUPLINGS, least=MIN_SHARE, balanced=equal)
+    if theta is None:
         return None
     mu = theta.reshape(n_ports, n)
     if not (mu[:, 1:] > 0).any(axis=1).all():
@@ -94,9 +92,7 @@ def weights_of_ports(
     if balanced:  # to rounding, and not to the tolerance of the program
         held = (shares * mu).sum(axis=1)
         mu[:, 0] += held.max() - held
-    both = np.einsum("wcij,c->wij", table, mu.ravel())
-    largest = np.abs(table * mu.ravel()[:, None, None]).max(axis=(1, 2, 3))
-    return mu, np.linalg.eigvalsh(both)[:, -1] / largest
+    return mu
 
 
 def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float = 0.0) -> float:

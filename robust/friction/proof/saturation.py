@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust._base.types import Controller
 from robust.friction.classes import AnyFriction, FrictionAtPorts
-from robust.friction.exact.claim import Actuator, FrictionClaim
+from robust.friction.exact.claim import Actuator
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import (
     FrictionLoop,
@@ -24,7 +25,7 @@ from robust.friction.plant import (
 )
 from robust.friction.proof.certify import (
     NOT_IN_CLASS,
-    Finding,
+    FrictionProof,
     Multipliers,
     build_claim,
     certify_friction,
@@ -32,8 +33,9 @@ from robust.friction.proof.certify import (
     reference_rate,
 )
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
-from robust.friction.proof.multipliers import filter_rates, hermitian_product, negative_multipliers
+from robust.friction.proof.multipliers import filter_rates, friction_forms, hermitian_product, negative_multipliers
 from robust.friction.proof.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
+from robust.friction.units import MechanicalUnits
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import Certificate
 
@@ -48,18 +50,17 @@ if TYPE_CHECKING:
 ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
 
 
-def velocity_within_reach(energy: JudgedStorage, command_row: np.ndarray, *, hit: np.ndarray, reach: float) -> float:
-    """Return the initial velocity [m/s] up to which |c'y| stays below a reach [N]; hit .
-
-    (n,) the state change of 1 m/s.
+def velocity_within_reach(machine: FrictionPlant, cut: LureLoop, *, energy: JudgedStorage, reach: float) -> float:
+    """Return the initial velocity [m/s] up to which a storage keeps the commanded force within reach [N].
 
     Infinite where nothing is asked for, whatever the state.
     """
-    if not command_row.any():
+    if not cut.command_row.any():
         return np.inf
-    size = energy.V.shape[0]
-    read = np.zeros(energy.stored.shape[0])
-    read[:size] = energy.V.T @ command_row
+    size, n, m = energy.V.shape[0], machine.A.shape[0], cut.command_row.size
+    hit, read = np.zeros(size), np.zeros(energy.stored.shape[0])
+    hit[:n] = machine.B_port / (machine.velocity @ machine.B_port)  # the state change of 1 m/s
+    read[:size] = energy.V[:m].T @ cut.command_row
     whole = energy.stored.copy()
     whole[:size, :size] += energy.P[-1, -1]  # just before a sample, where the force is asked for
     unit = 1 / np.sqrt(np.diag(whole))
@@ -107,7 +108,11 @@ class LureLoop:
 
     def open_growth(self) -> float:
         """How the loop grows with its actuator cut off, nothing of what is asked for given; negative where it dies."""
-        return with_zero_input(self).growth()
+        missing = np.outer(self.input_column, self.command_row)
+        if not self.loop.T:
+            return replace(self.loop, F=self.loop.F - missing).growth()
+        first, *others = self.loop.jumps
+        return replace(self.loop, jumps=np.array([first - missing, *others])).growth()
 
 
 def open_at_actuator(
@@ -133,10 +138,9 @@ def open_at_actuator(
     else:
         input_column[:n] = machine.B_force
     input_column[m:] = forgets
-    F, jumps = (
-        embed_matrix(loop.F, size),
-        np.array([embed_matrix(J, size, 1.0) for J in loop.jumps]).reshape(-1, size, size),
-    )
+    own = np.eye(forgets.size)
+    F = block_diag(loop.F, 0 * own)
+    jumps = np.array([block_diag(J, own) for J in loop.jumps]).reshape(-1, size, size)
     rows = np.outer(forgets, command_row)  # of u = asked - w
     rows[:, m:] -= np.diag(forgets)
     if loop.T:
@@ -146,22 +150,6 @@ def open_at_actuator(
     parts = {name: np.pad(getattr(loop, name), (0, size - m)) for name in ("B", "x", "v", "measured")}
     wider = FrictionLoop(F=F, T=loop.T, spans=loop.spans, jumps=jumps, **parts)
     return LureLoop(loop=wider, command_row=command_row, input_column=input_column, forgets=forgets)
-
-
-def with_zero_input(cut: LureLoop) -> FrictionLoop:
-    """Return the loop with u = 0."""
-    loop, missing = cut.loop, np.outer(cut.input_column, cut.command_row)
-    if not loop.T:
-        return replace(loop, F=loop.F - missing)
-    return replace(loop, jumps=np.concatenate([loop.jumps[:1] - missing, loop.jumps[1:]]))
-
-
-def embed_matrix(M: np.ndarray, size: int, diagonal: float = 0.0) -> np.ndarray:
-    """Return a square matrix as the leading part of a larger one, with the rest on the diagonal."""
-    n = M.shape[0]
-    larger = np.diag(np.concatenate([np.zeros(n), np.full(size - n, diagonal)]))
-    larger[:n, :n] = M
-    return larger
 
 
 # ---- The dissipation inequality of a friction of a class and an actuator that saturates, in states that come to rest.
@@ -212,25 +200,6 @@ MIN_SHARE = 1e-9  # share of a row that has to be left
 COUPLINGS = (0.7, 0.9, 0.97, 0.99)  # of f and w, of what a definite matrix allows: slack for what the sampler folds
 
 
-@value
-class SaturationMultipliers:
-    """Weights of friction and actuator.
-
-    Fields
-    ------
-    mu : (1 + R,) ndarray
-        Of the friction itself, and of its filters.
-    sector : float
-        Of w (share (asked - h) - w).
-    given : (J,) ndarray
-        Of the filters of the actuator.
-    """
-
-    mu: np.ndarray
-    sector: float
-    given: np.ndarray
-
-
 def saturation_terms(
     cut: LureLoop, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
 ) -> np.ndarray:
@@ -249,28 +218,12 @@ def saturation_terms(
     v, command_row = np.stack([by_f, by_w], axis=1) @ loop.v, np.stack([before_f, before_w], axis=1) @ cut.command_row
     f, w = np.broadcast_to([1.0, 0.0], v.shape), np.broadcast_to([0.0, 1.0], v.shape)
     rest = float(cut.command_row @ loop.rest()[0]) * (rates[0] / (rates[0] + s))[:, None] * f
-    columns = [hermitian_product(f, v)]
-    for a in rates:
-        stiction_row = (1 - a / (rho * (a - s)))[:, None] * v
-        columns.append(
-            hermitian_product(f, stiction_row)
-            - (a * omega**2 / (rho * K0 * (a**2 + omega**2)))[:, None, None] * hermitian_product(f, f)
-        )
+    columns = friction_forms(f, v, omega=omega, rates=rates, K0=K0, rho=rho)
     each = 1 / loop.T if loop.T else 1.0  # samples a second
     columns.append(each * hermitian_product(w, share * (command_row - rest) - w))
     step = np.exp(s * loop.T) - 1 if loop.T else s
     columns += [each * hermitian_product(w, (step / (step + phi))[:, None] * (command_row - w)) for phi in forgets]
     return np.stack(columns, axis=1)
-
-
-def saturation_multipliers(table: np.ndarray, n_rates: int) -> SaturationMultipliers | None:
-    """Return few multipliers that make every matrix negative; None where none were found."""
-    for coupling in COUPLINGS:
-        found = negative_multipliers(table, coupling=coupling, least=MIN_SHARE)
-        if found is not None:
-            mu, sector, given = found[: n_rates + 1], float(found[n_rates + 1]), found[n_rates + 2 :]
-            return SaturationMultipliers(mu=mu, sector=sector, given=given)
-    return None
 
 
 # ---- How far a machine is proved with an actuator that saturates: shares it may miss, tried one after another.
@@ -290,40 +243,34 @@ class RegionOfAttraction:
 
     Fields
     ------
-    kick, share : float
-    sector : float
-    forgets, weights : (J,) ndarray
-        Filters of the actuator.
+    actuator : Actuator
     numbers : Multipliers
         Weights of the friction.
     energy : JudgedStorage
     """
 
-    kick: float
-    share: float
-    sector: float
-    forgets: np.ndarray
-    weights: np.ndarray
+    actuator: Actuator
     numbers: Multipliers
     energy: JudgedStorage
 
 
 def largest_region(
-    machine: FrictionPlant, K: control.StateSpace, *, friction: AnyFriction, delay: float, left: float
+    machine: FrictionPlant, K: control.StateSpace, *, friction: AnyFriction, delay: float, known: Actuator, left: float
 ) -> RegionOfAttraction | None:
     """Return the largest region of attraction that was found. left : limit less friction [N]."""
     cut = open_at_actuator(machine, K, delay)
-    if cut.open_growth() < 0:
-        everywhere = region_for_sector(machine, K, friction=friction, delay=delay, cut=cut, share=1.0, reach=np.inf)
-        if everywhere is not None:
-            return everywhere
+
+    def region(share: float) -> RegionOfAttraction | None:
+        own = replace(known, share=share)
+        return region_for_sector(machine, K, friction=friction, delay=delay, cut=cut, known=own, left=left)
+
+    if cut.open_growth() < 0 and (everywhere := region(1.0)) is not None:
+        return everywhere
     best, missed = None, 0
     for share in SECTOR_GAINS:
-        found = region_for_sector(
-            machine, K, friction=friction, delay=delay, cut=cut, share=share, reach=left / (1 - share)
-        )
+        found = region(share)
         missed = missed + 1 if found is None else 0
-        if found is not None and (best is None or found.kick > best.kick):
+        if found is not None and (best is None or found.actuator.kick > best.actuator.kick):
             best = found
         if missed == MAX_FAILURES and share > SECTOR_GAINS[MAX_FAILURES]:
             break
@@ -337,53 +284,36 @@ def region_for_sector(
     friction: AnyFriction,
     delay: float,
     cut: LureLoop,
-    share: float,
-    reach: float,
+    known: Actuator,
+    left: float,
 ) -> RegionOfAttraction | None:
-    """Return the region that is proved with one sector gain, or None."""
+    """Return the region that is proved with the sector gain `known.share`, or None."""
     omega, reference = loop_frequencies(cut.loop, N_POINTS), reference_rate(machine, cut.loop)
     fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
     forgets = FILTER_SHARES if cut.loop.T else FILTER_RATES * reference
     for rates in filter_rates(reference, fastest)[:N_SETS]:
         table = saturation_terms(
-            cut, omega, rates=rates, K0=friction.K0, rho=friction.stiction, forgets=forgets, share=share
+            cut, omega, rates=rates, K0=friction.K0, rho=friction.stiction, forgets=forgets, share=known.share
         )
-        weights = saturation_multipliers(table, rates.size)
-        if weights is None or not weights.mu[1:].any():
+        theta = negative_multipliers(table, couplings=COUPLINGS, least=MIN_SHARE)
+        if theta is None or not theta[1 : rates.size + 1].any():
             continue
-        own = weights.given > 0
+        mu, sector, given = theta[: rates.size + 1], float(theta[rates.size + 1]), theta[rates.size + 2 :]
+        used, own = np.append(True, mu[2:] > 0), given > 0
         wider = open_at_actuator(machine, K, delay, forgets[own])
-        form = maxwell_slip_dissipation(wider.loop, rates, mu=weights.mu, K0=friction.K0, rho=friction.stiction)
-        form = with_saturation(form, wider, share=share, sector=weights.sector, given=weights.given[own])
+        form = maxwell_slip_dissipation(wider.loop, rates, mu=mu, K0=friction.K0, rho=friction.stiction)
+        form = with_saturation(form, wider, share=known.share, sector=sector, given=given[own])
         failed, energy = certified_dissipation(form)
         if energy is not None and not failed:
-            kick = largest_velocity(machine, wider, energy=energy, reach=reach) if np.isfinite(reach) else np.inf
+            kick = 0.0  # of no meaning where it is proved from every state
+            if known.share < 1:
+                kick = velocity_within_reach(machine, wider, energy=energy, reach=left / (1 - known.share))
             return RegionOfAttraction(
-                kick=kick,
-                share=share,
-                sector=weights.sector,
-                forgets=forgets[own],
-                weights=weights.given[own],
-                numbers=used_multipliers(rates, weights),
+                actuator=replace(known, kick=kick, sector=sector, forgets=forgets[own], weights=given[own]),
+                numbers=Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0])),
                 energy=energy,
             )
     return None
-
-
-def used_multipliers(rates: np.ndarray, weights: SaturationMultipliers) -> Multipliers:
-    """Return what a claim keeps of the multipliers."""
-    used = np.append(True, weights.mu[2:] > 0)
-    return Multipliers(rates=rates[used], weights=weights.mu[1:][used], free=float(weights.mu[0]))
-
-
-def largest_velocity(machine: FrictionPlant, cut: LureLoop, *, energy: JudgedStorage, reach: float) -> float:
-    """Return the initial velocity [m/s] up to which a storage keeps the commanded force within reach [N]."""
-    size = energy.V.shape[0]
-    hit = np.zeros(size)
-    hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
-    return velocity_within_reach(
-        energy, np.pad(cut.command_row, (0, size - cut.command_row.size)), hit=hit, reach=reach
-    )
 
 
 SUBJECT = "the stored energy falls, the actuator saturated or not"
@@ -394,38 +324,29 @@ NOT_CLAIMED = (
 NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
 
 
-class ForceLimits(NamedTuple):
-    """The class of friction, its largest force and that of the actuator."""
-
-    friction: AnyFriction
-    Fs: float
-    limit: float
-
-
 def limits_of_force(
     machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts, forces: np.ndarray, saturation: float
-) -> ForceLimits:
-    """Return what friction and actuator have, or refuse what no proof is made for."""
+) -> Actuator:
+    """Return the actuator of a claim before anything of it is known, or refuse what no proof is made for."""
     require_one_port(machine)
-    if not isinstance(friction, AnyFriction) or friction.kind not in ("Maxwell slip", "bristle"):
+    if friction.kind not in ("Maxwell slip", "bristle"):
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.description}")
     limit, Fs, unit = require_positive("saturation", saturation), float(forces[0]), friction.units.force
     if not limit > Fs:  # nan: not given
         raise ValueError(
             f"saturation must be above Fs, the largest friction force, got {limit:g} {unit} and Fs = {Fs:g} {unit}"
         )
-    return ForceLimits(friction=friction, Fs=Fs, limit=limit)
+    return Actuator(limit=limit, Fs=Fs, kick=0.0, share=0.0, sector=0.0, forgets=np.zeros(0), weights=np.zeros(0))
 
 
-def with_actuator(
-    machine: FrictionPlant, K: control.StateSpace, *, delay: float, plain: Finding, known: ForceLimits
-) -> dict[str, Any]:
-    """Return what is found with the actuator, from what is without, by the fields of a proof."""
-    friction = known.friction
+def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, known: Actuator) -> FrictionProof:
+    """Return what is found with the actuator, from what is without."""
+    machine, friction = plain.machine, plain.friction
+    assert isinstance(friction, AnyFriction)
 
-    def nothing(verdict: FrictionVerdict, reason: str) -> dict[str, Any]:
-        parts = {"verdict": verdict, "reason": reason, "claim": "", "certificate": None, "saturation": known.limit}
-        return parts | {"not_claimed": NO_ACTUATOR_CLAIM, "kick": 0.0, "kick_linear": 0.0, "share": 0.0}
+    def nothing(verdict: FrictionVerdict, reason: str) -> FrictionProof:
+        none = replace(plain, kick=0.0, kick_linear=0.0, share=0.0, saturation=known.limit)
+        return replace(none, verdict=verdict, reason=reason, claim="", certificate=None, not_claimed=NO_ACTUATOR_CLAIM)
 
     if plain.verdict is not FrictionVerdict.PROVED:
         return nothing(plain.verdict, f"without saturation: {plain.reason}")
@@ -436,66 +357,49 @@ def with_actuator(
         return nothing(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit")
     if not machine.velocity @ machine.B_port > 0:
         return nothing(FrictionVerdict.NOT_DECIDED, "a kick at the friction port moves no velocity at once")
+    kick, share, certificate, reach = 0.0, 0.0, plain.certificate, None
     try:
         linear = certify_friction(cut.loop, friction, reference_rate(machine, cut.loop)).energy
-        kick_linear = 0.0 if linear is None else largest_velocity(machine, cut, energy=linear, reach=left)
-        reach = (
-            largest_region(machine, K, friction=friction, delay=delay, left=left)
-            if friction.kind == "Maxwell slip"
-            else None
-        )
+        if linear is not None:
+            kick = velocity_within_reach(machine, cut, energy=linear, reach=left)
+        if friction.kind == "Maxwell slip":
+            reach = largest_region(machine, K, friction=friction, delay=delay, known=known, left=left)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return nothing(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}")
-    everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
-    certificate, kick, share = plain.certificate, kick_linear, 0.0
-    if reach is not None and reach.kick > kick_linear:
+    kick_linear = kick
+    if reach is not None and np.isfinite(kick) and (reach.actuator.share == 1 or reach.actuator.kick > kick):
+        share = reach.actuator.share
+        kick = np.inf if share == 1 else reach.actuator.kick
         exact = build_claim(machine, K, delay=delay, friction=friction, numbers=(reach.numbers,), stored=reach.energy)
-        certificate, kick, share = saturation_certificate(exact, reach, known), reach.kick, reach.share
-    scope = describe_scope(machine, friction, K=K, delay=delay)
+        certificate = Certificate(
+            subject=SUBJECT,
+            outcome=Outcome.HOLDS,
+            level=0.0,
+            method=METHOD,
+            intervals=np.array([[0.0, np.inf]]),
+            reason="",
+            claim=replace(exact, actuator=reach.actuator),
+            again=verify_friction,
+        )
+    everywhere, scope = bool(np.isinf(kick)), describe_scope(machine, friction, K=K, delay=delay)
     other, unit = NOT_IN_CLASS[friction.kind], friction.units.force
-    return {
-        "verdict": FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        "claim": describe_claim(np.inf if everywhere else kick, scope, known),
-        "reason": "" if everywhere else describe_why_local(cut, friction),
-        "not_claimed": NOT_CLAIMED.format(other=other, Fs=known.Fs, limit=known.limit, unit=unit),
-        "certificate": certificate,
-        "saturation": known.limit,
-        "kick": kick,
-        "kick_linear": kick_linear,
-        "share": share,
-    }
-
-
-def saturation_certificate(claim: FrictionClaim, reach: RegionOfAttraction, known: ForceLimits) -> Certificate:
-    """Return the certificate of what was decided, with the actuator in it."""
-    kick = reach.kick if np.isfinite(reach.kick) else 0.0
-    actuator = Actuator(
-        limit=known.limit,
-        Fs=known.Fs,
+    return replace(
+        plain,
+        verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
+        claim=describe_claim(kick, scope, known, friction.units),
+        reason="" if everywhere else describe_why_local(cut, friction),
+        not_claimed=NOT_CLAIMED.format(other=other, Fs=known.Fs, limit=known.limit, unit=unit),
+        certificate=certificate,
+        saturation=known.limit,
         kick=kick,
-        share=reach.share,
-        sector=reach.sector,
-        forgets=reach.forgets,
-        weights=reach.weights,
-    )
-    return Certificate(
-        subject=SUBJECT,
-        outcome=Outcome.HOLDS,
-        level=0.0,
-        method=METHOD,
-        intervals=np.array([[0.0, np.inf]]),
-        reason="",
-        claim=replace(claim, actuator=actuator),
-        again=verify_friction,
+        kick_linear=kick_linear,
+        share=share,
     )
 
 
-def describe_claim(kick: float, scope: str, known: ForceLimits) -> str:
-    """State what is proved in one sentence: from every state where the velocity is infinite.
-
-    Else up to that velocity.
-    """
-    rest, units = "Comes to rest from every state", known.friction.units
+def describe_claim(kick: float, scope: str, known: Actuator, units: MechanicalUnits) -> str:
+    """State what is proved in one sentence, from every state where the velocity of the kick is infinite."""
+    rest = "Comes to rest from every state"
     if np.isfinite(kick):
         hit = f"a kick of at most {1e3 * kick:.3g} m{units.velocity} at the friction port"
         rest = f"At rest and relaxed, comes to rest again after {hit}"

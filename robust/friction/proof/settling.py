@@ -8,7 +8,7 @@ most (1 - 1/rho) Fs/2. Their own friction g makes the loop contract: with the st
 so that V <= (rest)^2/(2 lambda) in the end, and the position is within the ellipsoid of that. P(t), the weights and the
 bound come from one semidefinite program for each rate lambda; the derivation is T7 of the page on the theory. With
 friction at several ports r^2 becomes sum_p w_p (r_p/R_p)^2 with sum_p w_p = 1 and R_p the largest rest at port p.
-The solver only proposes: `verify_settling` judges what it found over the rationals.
+The solver only proposes: `verify_friction` judges what it found over the rationals.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from scipy.linalg import expm, ordqz, schur, solve_continuous_lyapunov, solve_discrete_lyapunov
@@ -167,35 +168,26 @@ def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
     """Return (n, n) P just after the jump that begins a period, P itself where nothing is sampled; None if none."""
     if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
         return None
-    with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
-        return stabilising_solution(form, slack)
-
-
-def stabilising_solution(form: Dissipation, slack: float) -> np.ndarray | None:
-    """Return the stabilising P of an equation that has a solution."""
     n = form.A.shape[0]
     A, G, Q = supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     try:
-        if not form.spans.size:
-            _, Z, count = schur(hamiltonian, sort="lhp")
-            return solution_from_subspace(Z, n) if count == n else None
-        period: Stretch | None = None
-        total = form.spans.sum()
-        turn = [*range(1, form.spans.size), 0]  # begin after the first jump
-        for i, after in enumerate(turn):
-            flow = flow_stretch(hamiltonian, form.spans[i])
-            stretch = join_stretches(flow, jump_stretch(form, after, slack * total))
-            period = stretch if period is None else join_stretches(period, stretch)
-        assert period is not None
-        Ac, Gc, Hc = period
-        left = np.block([[Ac, np.zeros((n, n))], [-Hc, np.eye(n)]])
-        right = np.block([[np.eye(n), -Gc], [np.zeros((n, n)), Ac.T]])
-        *_, alpha, beta, _, Z = ordqz(left, right, sort="iuc")
-        if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
-            return None
-        P = solution_from_subspace(Z, n)
-        return P if form.block is None else refine_by_newton(period, P)
+        with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
+            if not form.spans.size:
+                _, Z, count = schur(hamiltonian, sort="lhp")
+                return solution_from_subspace(Z, n) if count == n else None
+            stretches = []
+            for i, span in enumerate(form.spans):  # begin after the first jump
+                jump = jump_stretch(form, (i + 1) % form.spans.size, slack * form.spans.sum())
+                stretches.append(join_stretches(flow_stretch(hamiltonian, span), jump))
+            Ac, Gc, Hc = period = reduce(join_stretches, stretches)
+            left = np.block([[Ac, np.zeros((n, n))], [-Hc, np.eye(n)]])
+            right = np.block([[np.eye(n), -Gc], [np.zeros((n, n)), Ac.T]])
+            *_, alpha, beta, _, Z = ordqz(left, right, sort="iuc")
+            if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
+                return None
+            P = solution_from_subspace(Z, n)
+            return P if form.block is None else refine_by_newton(period, P)
     except (np.linalg.LinAlgError, ValueError):
         return None
 
@@ -335,6 +327,8 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
 
 def build_storage(form: Dissipation, P: np.ndarray, *, slack: float, n_intervals: int) -> StorageFunction:
     """Cubics through the solution of the Riccati equation that begins with P, with its slopes."""
+    if not form.spans.size:  # nothing tells one instant from another: P stays as it is
+        return StorageFunction(coefficients=np.array([[P] * 4]), lengths=np.ones(1), first=np.zeros(1, dtype=int))
     A, G, Q = supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     n, spans = A.shape[0], form.spans
@@ -413,7 +407,8 @@ def judge_storage(judged: BoundedForm, storage: StorageFunction) -> tuple[str, f
     slope, size = raise_degree(steps), raise_degree(sizes)
     worst = largest_scaled_eigenvalue(*flow_inequality(judged, b, slope=slope, slope_size=size))
     if not worst < 0:
-        return f"the inequality does not hold between samples: its largest scaled eigenvalue is {worst:.2g}", worst
+        between = " between samples" if len(judged.form.jumps) else ""
+        return f"the inequality does not hold{between}: its largest scaled eigenvalue is {worst:.2g}", worst
     begins = b[storage.first, 0]
     ends = b[np.concatenate([storage.first[1:], [b.shape[0]]]) - 1, 3]
     for i in range(len(judged.form.jumps)):
@@ -447,15 +442,6 @@ def raise_degree(parabola: np.ndarray) -> np.ndarray:
     """Return the (I, 4, ...) Bernstein coefficients of a parabola as those of a cubic."""
     first, second, third = parabola[:, 0], parabola[:, 1], parabola[:, 2]
     return np.stack([first, (first + 2 * second) / 3, (2 * second + third) / 3, third], axis=1)
-
-
-def judge_constant_storage(judged: BoundedForm, P: np.ndarray) -> str:
-    """Return why one P for all time is no storage of a loop without jumps; an empty string where it is one."""
-    still = np.zeros_like(P)
-    worst = largest_scaled_eigenvalue(*flow_inequality(judged, P, slope=still, slope_size=still))
-    if not worst < 0:
-        return f"the inequality does not hold: its largest scaled eigenvalue is {worst:.2g}"
-    return check_positive(judged, P[None])
 
 
 def check_positive(judged: BoundedForm, P: np.ndarray) -> str:
@@ -507,13 +493,7 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
         P = proposed_storage(judged.form, slack)
         if P is None:
             continue
-        if not form.spans.size:
-            failure = judge_constant_storage(judged, P)
-            if not failure:
-                counts = np.zeros(0, dtype=int)
-                return "", JudgedStorage(V=judged.V, P=P[None, None], counts=counts, stored=judged.form.stored)
-            continue
-        for n_intervals in INTERVAL_COUNTS:
+        for n_intervals in INTERVAL_COUNTS if form.spans.size else INTERVAL_COUNTS[:1]:
             storage = build_storage(judged.form, P, slack=slack, n_intervals=n_intervals)
             failure, worst = judge_storage(judged, storage)
             if not failure:
@@ -522,7 +502,7 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
-    if worst < NEAR_MISS and not quick:
+    if worst < NEAR_MISS and not quick and form.spans.size:
         storage = build_storage(judged.form, P, slack=slack, n_intervals=MAX_INTERVALS)
         failure = judge_storage(judged, storage)[0]
         if not failure:
@@ -535,4 +515,6 @@ def keep_storage(judged: BoundedForm, storage: StorageFunction) -> JudgedStorage
     P = storage.coefficients
     counts = np.diff(np.append(storage.first, P.shape[0]))
     P = (P + np.swapaxes(P, -1, -2)) / 2
+    if not len(judged.form.jumps):
+        P, counts = P[:, :1], counts[:0]
     return JudgedStorage(V=judged.V, P=P, counts=counts, stored=judged.form.stored)

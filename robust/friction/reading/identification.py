@@ -63,7 +63,7 @@ from robust.friction.reading.levels import (
     require_si,
 )
 from robust.friction.reading.load import start_with_load
-from robust.friction.reading.two_masses import class_with_load
+from robust.friction.reading.two_masses import read_two_masses
 from robust.friction.units import format_length, position_unit_of
 
 #: (steps per sample, shrinkage by noise) of fits that ought to give the same. What they differ by is in every interval:
@@ -275,26 +275,6 @@ class FrictionFit:
         return getattr(self, name) - half, getattr(self, name) + half
 
     @property
-    def sliders(self) -> nlfrf.friction.VaryingSliders:
-        """The friction at the motor as a law, for simulations and feedforward."""
-        stiction = (self.Fs - self.load_Fs) / (self.coulomb - self.load_coulomb)
-        return nlfrf.friction.VaryingSliders(
-            stiffness=self.element_stiffness, strength=self.element_strength, stiction=stiction, vs=self.vs
-        )
-
-    def virgin_curve(self, z: Any) -> np.ndarray:
-        """Force [N] over displacement [m] of the motor from rest, slowly: a load is moved through its coupling."""
-        displacement = np.asarray(z, dtype=float)
-        stretched = np.multiply.outer(displacement, self.element_stiffness)
-        force = np.asarray(np.minimum(stretched, self.element_strength).sum(axis=-1))
-        if self.load_sliders is None:
-            return force
-        k, strength = self.load_sliders.stiffness, self.load_sliders.strength
-        corners = np.append(0.0, np.sort(strength / k))  # of the load: the curve is straight between them
-        held = np.minimum(np.multiply.outer(corners, k), strength).sum(axis=-1)
-        return np.asarray(force + np.interp(displacement, corners + held / self.coupling, held))
-
-    @property
     def reason(self) -> str:
         """Why the levels show no class of friction, the first reason; empty where they do."""
         for question in self.questions:
@@ -322,20 +302,15 @@ class FrictionFit:
             raise ValueError(f"fit must leave neither machine nor K0 open, got: {self.reason}")
         if require_real("margin", margin) < 1:
             raise ValueError(f"margin must be at least 1, got {margin:g}")
-        if self.load_mass:
-            return class_with_load(self, stiction=stiction, margin=margin)
-        low = max(0.0, self.interval("stiffness")[0])
-        stiction = max(stiction, self.interval("stiction")[1]) if np.isfinite(self.stds["stiction"]) else stiction
-        position_unit = position_unit_of(self.units[1])
-        K0 = margin * self.interval("K0")[1] + self.stiffness - low
-        friction = any_maxwell_slip(K0, stiction, position_unit=position_unit)
-        plant = friction_plant(self.mass, low, position_unit=position_unit)
-        machine = replace(plant, delay=max(0.0, self.delay))
-        n = len(self.levels)
+        n, low = len(self.levels), max(0.0, self.interval("stiffness")[0])
+        known = {"stiction": stiction, "margin": margin}
+        machine, friction, evidence = (
+            read_two_masses(self, low, **known) if self.load_mass else read_one_mass(self, low, **known)
+        )
         return FrictionClass(
             machine=machine,
             friction=friction,
-            evidence=describe_assumption(self, machine, friction, margin=margin),
+            evidence=evidence,
             mass=np.full(n, self.mass),
             stiffness=np.array([level.stiffness for level in self.levels]) + self.stiffness,
             damping=np.array([level.damping for level in self.levels]) + self.damping,
@@ -358,8 +333,19 @@ class FrictionFit:
         return "\n".join([*format_numbers(self), last, *(f"Open: {question}" for question in self.questions)])
 
 
-def describe_assumption(fit: FrictionFit, machine: FrictionPlant, friction: AnyFriction, *, margin: float) -> str:
-    """Say what was identified and how surely, what is assumed, and what the levels cannot show."""
+def read_one_mass(
+    fit: FrictionFit, low: float, *, stiction: float, margin: float
+) -> tuple[FrictionPlant, AnyFriction, str]:
+    """Return machine and class of a fit of one mass, and what was identified and how surely, assumed, and not shown.
+
+    low : stiffness of the machine [N/m]. stiction, margin : as of `FrictionFit.assumed_class`.
+    """
+    stiction = max(stiction, fit.interval("stiction")[1]) if np.isfinite(fit.stds["stiction"]) else stiction
+    position_unit = position_unit_of(fit.units[1])
+    friction = any_maxwell_slip(
+        margin * fit.interval("K0")[1] + fit.stiffness - low, stiction, position_unit=position_unit
+    )
+    machine = replace(friction_plant(fit.mass, low, position_unit=position_unit), delay=max(0.0, fit.delay))
     units, highest, lowest = friction.units, fit.levels[0], fit.levels[-1]
     half = {name: HALF_WIDTH * fit.stds[name] for name in ("mass", "stiffness", "delay", "stiction")}
     spring = f"k = {fit.interval('stiffness')[0] / 1e3:.4g} {units.stiffness} (lower end)"
@@ -375,7 +361,7 @@ def describe_assumption(fit: FrictionFit, machine: FrictionPlant, friction: AnyF
     seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
     if fit.stds["stiffness"]:
         seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
-    return (
+    evidence = (
         f"Assumed, identified from {len(fit.levels)} records of {lowest.force:.3g} to {highest.force:.3g} "
         f"{fit.units[0]} rms, by the balance of forces along the measured motion, in intervals of 95 % each: m = "
         f"{fit.mass:.4g} +- {half['mass']:.1g} {units.mass}; {spring}; {1e3 * machine.delay:.3g} +- "
@@ -384,6 +370,7 @@ def describe_assumption(fit: FrictionFit, machine: FrictionPlant, friction: AnyF
         f"{seen}; {ratio}; at most "
         f"{100 * max(level.unexplained for level in fit.levels):.2g} % of the force unexplained. {ASSUMPTION_NOTE}"
     )
+    return machine, friction, evidence
 
 
 #: Highest line, over the antiresonance of the load, of those on which two masses look like one.

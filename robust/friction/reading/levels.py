@@ -13,7 +13,6 @@ from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import ArrayField, value
 from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.nominal import error_of_nominal, machines_of_nominal
-from robust.friction.passivity import port_responses, refuse_unknown_amplitude
 from robust.friction.plant import FrictionPlant, friction_plant, require_one_port, with_port_impedance
 from robust.friction.units import MechanicalUnits, mechanical_units, position_unit_of
 from robust.lti.sampling import hold_correction
@@ -164,6 +163,16 @@ def nominal_reaction(bla: Bla, machine: FrictionPlant, nominal_error: np.ndarray
     return Reaction(omega=omega, H=H, std=std, delayed=delayed, dof=bla.dof)
 
 
+def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(W,) each: measured over force, measured over port force, port displacement over force, over port force."""
+    n = machine.A.shape[0]
+    pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A
+    push = np.broadcast_to(np.column_stack([machine.B_force, machine.B_port]).astype(complex), (omega.size, n, 2))
+    moved = np.linalg.solve(pencil, push)
+    matrices = np.vstack([machine.C_measured, machine.C_port]) @ moved
+    return matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]
+
+
 def relative_std(bla: Bla) -> np.ndarray:
     """Return (W,) standard deviation of G relative to |G|, with the error that a linear model may have."""
     return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + MODEL_ERROR**2))
@@ -275,17 +284,12 @@ def misfit_limit(dof: np.ndarray, free: int) -> float:
 
 def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
     """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
-    omega, tau, base = reaction.omega, 0.0, regressors(reaction.omega, best.rate)
+    tau = 0.0
     for _ in range(DELAY_STEPS):
         H, slope = reaction.delayed(tau)
-        solution = least_squares(np.column_stack([base, -slope]), H, std=reaction.std, rate=best.rate)
-        tau += float(solution.found[-1])
-    misfit = solution.chi / (2 * omega.size - 6)
-    variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
-    # the model error may be alike on all lines, and is then no less for their number
-    precision = np.abs(reaction.H / reaction.std) ** 2
-    variance += MODEL_ERROR**2 * float(precision.sum() / (precision @ omega**2))
-    return tau, float(np.sqrt(variance)), misfit
+        step, std, misfit = fit_one_more(replace(reaction, H=H), best, -slope, size=reaction.H * reaction.omega)
+        tau += step
+    return tau, std, misfit
 
 
 def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
@@ -294,14 +298,23 @@ def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
     One term is tested with far more power than the misfit as a whole, which a mode at twice the highest line does not
     raise by 1 % where that line has a few per cent of noise.
     """
-    omega, H, std = reaction.omega, reaction.H, reaction.std
-    columns = np.column_stack([regressors(omega, best.rate), -(omega**4)])
-    solution = least_squares(columns, H, std=std, rate=best.rate)
-    misfit = solution.chi / (2 * omega.size - columns.shape[1] - 1)
+    return fit_one_more(reaction, best, -(reaction.omega**4), size=reaction.omega**4)[:2]
+
+
+def fit_one_more(
+    reaction: Reaction, best: Solution, column: np.ndarray, *, size: np.ndarray
+) -> tuple[float, float, float]:
+    """Return amount, standard deviation and misfit of one more term with this column (W,); size : of the term.
+
+    The model error may be alike on all lines, and is then no less for their number.
+    """
+    columns = np.column_stack([regressors(reaction.omega, best.rate), column])
+    solution = least_squares(columns, reaction.H, std=reaction.std, rate=best.rate)
+    misfit = solution.chi / (2 * reaction.omega.size - columns.shape[1] - 1)
     variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
-    precision = (omega**4 / std) ** 2  # of the lines for this term, and the model error that they may share
-    variance += MODEL_ERROR**2 * float((precision @ np.abs(H / omega**4) ** 2) / precision.sum())
-    return float(solution.found[-1]), float(np.sqrt(variance))
+    precision = np.abs(size / reaction.std) ** 2
+    variance += MODEL_ERROR**2 * float((precision @ np.abs(reaction.H / size) ** 2) / precision.sum())
+    return float(solution.found[-1]), float(np.sqrt(variance)), misfit
 
 
 #: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
@@ -428,7 +441,11 @@ def class_from_blas(
     """Read machine and presliding stiffness from the BLAs of three levels or more; see `friction_class`."""
     for bla in blas:
         require_si("blas", bla.unit)
-        refuse_unknown_amplitude("blas", bla)
+        if not np.isfinite(bla.levels.excited).all():
+            raise ValueError(
+                "blas must know the amplitude of the output, which an FRF from elsewhere (nlfrf.bla_from_frf) does "
+                "not: take BLAs that nlfrf.identify made of records"
+            )
     if len(blas) < 3:
         raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
     if (fewest := min(bla.f.size for bla in blas)) < FEWEST_LINES:

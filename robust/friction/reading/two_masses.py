@@ -10,7 +10,7 @@ import numpy as np
 from robust.friction.classes import FrictionAtPorts, any_maxwell_slip
 from robust.friction.plant import FrictionPlant, two_mass_plant
 from robust.friction.reading.balance import HALF_WIDTH
-from robust.friction.reading.levels import ASSUMPTION_NOTE, FrictionClass
+from robust.friction.reading.levels import ASSUMPTION_NOTE
 from robust.friction.units import format_length, format_plain, position_unit_of
 
 FrictionFit: TypeAlias = Any  # of robust.friction.reading.identification, which takes the class from here
@@ -67,42 +67,26 @@ def machines_with_load(fit: FrictionFit) -> list[FrictionPlant]:
     return [machine(), *ends]
 
 
-def class_with_load(fit: FrictionFit, *, stiction: float, margin: float) -> FrictionClass:
-    """Return motor and load for `prove_friction`, and a class of friction at either.
+def read_two_masses(
+    fit: FrictionFit, low: float, *, stiction: float, margin: float
+) -> tuple[FrictionPlant, FrictionAtPorts, str]:
+    """Return motor and load, a class of friction at either, and what was identified, is assumed, and is not shown.
 
-    stiction : largest over smallest force of a slider; the upper end of what was identified at a port where that is
-    more. margin : times the upper end of K0 of each port.
+    low : spring from the motor to ground [N/m]. stiction : largest over smallest force of a slider; the upper end of
+    what was identified at a port where that is more. margin : times the upper end of K0 of each port.
     """
     machine, *_ = machines_with_load(fit)
-    low = max(0.0, fit.interval("stiffness")[0])
     classes = []
     for port in PORTS:
         largest, least = interval_at_port(fit, "Fs", port)[1], interval_at_port(fit, "coulomb", port)[0]
         ratio = max(stiction, largest / least) if least > 0 and np.isfinite(largest) else stiction
         K0 = margin * interval_at_port(fit, "K0", port)[1] + (fit.stiffness - low if port == "motor" else 0.0)
         classes.append(any_maxwell_slip(K0, ratio, position_unit=machine.position_unit))
-    friction, n = FrictionAtPorts(ports=tuple(classes), names=machine.port_names), len(fit.levels)
-    return FrictionClass(
-        machine=machine,
-        friction=friction,
-        evidence=describe_load_class(fit, machine, friction, margin=margin),
-        mass=np.full(n, fit.mass),
-        stiffness=np.array([level.stiffness for level in fit.levels]) + fit.stiffness,
-        damping=np.array([level.damping for level in fit.levels]) + fit.damping,
-        mass_std=fit.stds["mass"],
-        stiffness_std=fit.stds["stiffness"],
-        machines=(machine,),
-        stiffness_low=low,
-        misfit=np.array([level.unexplained for level in fit.levels]),
-    )
-
-
-def describe_load_class(fit: FrictionFit, machine: FrictionPlant, friction: FrictionAtPorts, *, margin: float) -> str:
-    """Say what was identified, what is assumed, and what the levels cannot show."""
+    friction = FrictionAtPorts(ports=tuple(classes), names=machine.port_names)
     highest, lowest = fit.levels[0], fit.levels[-1]
     ratios = " and ".join(f"{one.stiction:.3g}" for one in friction.ports)
     stiffest = " and ".join(format_plain(one.K0 / 1e3) for one in friction.ports)
-    return (
+    evidence = (
         f"Assumed, identified from {len(fit.levels)} records of {lowest.force:.3g} to {highest.force:.3g} "
         f"{fit.units[0]} rms, by the balance of forces along the measured motion: {machine.description}, "
         f"{1e3 * machine.delay:.3g} ms of delay (its lag taken for delay); c = 0; K0 at motor and load "
@@ -111,3 +95,4 @@ def describe_load_class(fit: FrictionFit, machine: FrictionPlant, friction: Fric
         f"{ratios}; at most {100 * max(level.unexplained for level in fit.levels):.2g} % of the force unexplained. "
         f"{ASSUMPTION_NOTE}"
     )
+    return machine, friction, evidence

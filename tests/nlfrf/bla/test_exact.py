@@ -140,7 +140,7 @@ def test_one_phase_for_all_inputs_reads_the_cross_term_three_times_too_high():
     ms = nlfrf.multisine("odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1)
     psi = np.random.default_rng(0).uniform(0, 2 * np.pi, (1, 80, ms.f.size))
     T = np.angle(dft_matrix(2))
-    copied = nlfrf.signals.OrthogonalMultisine(
+    copied = nlfrf.Multisine(
         fs=512,
         n_samples=512,
         kind="odd",

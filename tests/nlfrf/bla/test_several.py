@@ -184,7 +184,7 @@ def test_experiments_with_the_same_phases_are_counted_once():
     ms = nlfrf.multisine(**BAND, n_inputs=2, rng=9)
     phi = np.random.default_rng(1).uniform(0, 2 * np.pi, (2, 1, ms.f.size))
     signs = np.array([[0, 0], [0, np.pi]])[:, :, None]
-    plain = nlfrf.signals.OrthogonalMultisine(
+    plain = nlfrf.Multisine(
         fs=512,
         n_samples=512,
         kind=ms.kind,

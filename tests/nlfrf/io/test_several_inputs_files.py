@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 from nlfrf._base.files import MULTIRECORD_KINDS, stated_kind, write_arrays
 from nlfrf.io import channels
-from nlfrf.io.designs import load_design, load_multisine
+from nlfrf.io.designs import load_design
 from tests.support.measurement_files import damaged
 
 NAMES = {"inputs": ("Kraft, x [N]", "µ/2"), "outputs": ("x", 'a "b"', "z")}
@@ -126,11 +126,9 @@ def test_a_design_comes_back_as_it_was(suffix, mixing, tmp_path):
     path = tmp_path / f"ms{suffix}"
     nlfrf.save(ms, path)
     back = nlfrf.load(path)
-    assert isinstance(back, nlfrf.signals.OrthogonalMultisine)
+    assert back.n_inputs == ms.n_inputs
     np.testing.assert_array_equal(back.u, ms.u)
     assert (back.design, back.hold, back.kind, back.fs) == ("orthogonal", "zoh", "random-odd", 256.0)
-    with pytest.raises(ValueError, match="path must be a design of one input, got one of 2"):
-        load_multisine(path)
 
 
 def test_what_a_generator_plays(tmp_path):
@@ -205,7 +203,7 @@ def test_a_design_that_was_not_played_is_refused():
         nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, rng=9))
     with pytest.raises(ValueError, match="design must have the inputs of the record, 2, got 3"):
         nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, n_inputs=3))
-    with pytest.raises(ValueError, match="design must be of type OrthogonalMultisine or Multisine, got 3"):
+    with pytest.raises(ValueError, match="design must be of type Multisine, got 3"):
         nlfrf.record_from_samples(u, y, fs=256, design=3)
     with pytest.raises(ValueError, match="design must have the inputs of the record, 1, got 2"):
         nlfrf.record_from_samples(u[0][0], y[0][0], fs=256, design=ms)

@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 import robust
 from nlfrf.axis import Drive
-from robust.drive import cascade, compensated, feedforward, feedforward_error
+from robust.drive import cascade, feedforward
 from tests.support.linear_axis import frictionless, settings_of
 
 DRIVE = Drive(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8, lag=0.3e-3)
@@ -71,7 +71,7 @@ def test_what_friction_leaves_for_a_verdict():
     plant, K = robust.friction_plant(10.0, 0.0), cascade(DRIVE, output_unit="N")
     whole, left = (
         robust.prove_friction(plant, K, friction, delay=DRIVE.delay)
-        for friction in (robust.friction.any_bounded(22.0), compensated(22.0, found.relative_error))
+        for friction in map(robust.friction.any_bounded, (22.0, found.relative_error * 22.0))
     )
     assert left.error_bound == pytest.approx(whole.error_bound / 11)
 
@@ -93,39 +93,6 @@ def test_the_simulated_axis_follows():
         for force in (np.zeros_like(r), mass_only.force(v, a), gains.force(v, a, j))
     ]
     assert errors[0] > 4 * errors[1] > 20 * errors[2]
-
-
-@pytest.mark.parametrize("fraction", [0.0, 0.1])
-def test_the_error_over_the_set_holds_every_plant_and_is_reached(fraction):
-    lag = control.tf([1], [0.3e-3, 1])
-    model = robust.UncertaintyModel(
-        control.ss(PLANT * lag),
-        control.tf([max(fraction, 1e-6)], [1]),
-        "multiplicative",
-        np.array([10.0]),
-        np.array([max(fraction, 1e-6)]),
-        perturbation="LTI",
-    )
-    K = cascade(DRIVE, output_unit="N")
-    reference = control.tf([1], [1e-6, 3e-4, 3e-2, 1])
-    gains = feedforward(PLANT, settings=DRIVE)
-    found = feedforward_error(gains, model, K, reference, delay=DRIVE.delay)
-    slow = (found.omega > 5) & (found.omega < 60)
-    omega = found.omega[slow]
-    z = np.exp(1j * omega * K.dt)
-    s = 1j * omega
-    T_ref = robust.lti.discretize(reference, K.dt)(z)
-    m, c, T = 12.0, 20.0, gains.lead
-    f = T_ref * ((m + c * T) * s**2 + c * s + m * T * s**3)
-    for scale in (1 - fraction, 1 + fraction):
-        G = scale * robust.sampled(control.ss(PLANT * lag), K.dt, DRIVE.delay)(z)
-        missed = np.abs(T_ref - G * (K(z) * T_ref + f) / (1 + G * K(z)))
-        assert np.all(missed <= found.error_worst[slow] * (1 + 1e-6) + 1e-12)
-    if fraction:
-        assert np.all(found.error_worst[slow] < 0.2 * found.error_without[slow])
-    else:
-        assert found.error[slow].max() < 1e-3  # second order in the lead
-        assert missed == pytest.approx(found.error[slow], rel=1e-3, abs=1e-6)
 
 
 def test_a_plant_is_read():
@@ -160,7 +127,7 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
     K, reference = control.tf([600, 12000], [1e-3, 1]), control.tf([1], [1e-6, 3e-4, 3e-2, 1])
     with pytest.raises(ValueError, match=r"model must have a stable nominal.*robust\.drive\.feedforward"):
         robust.synthesis.feedforward_filter(model, K, reference)
-    assert feedforward_error(feedforward(model), model, K, reference).error.max() < 1e-6
+    assert feedforward(model).mass == pytest.approx(12.0)
 
 
 @pytest.mark.parametrize(
@@ -187,10 +154,3 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
 def test_refusals(given, message):
     with pytest.raises(ValueError, match=message):
         feedforward(**given)
-
-
-def test_refusals_of_what_is_left():
-    with pytest.raises(ValueError, match="q must be at most 1"):
-        compensated(20.0, 1.5)
-    with pytest.raises(ValueError, match="q must be positive, got 0"):
-        compensated(20.0, 0.0)

@@ -132,23 +132,6 @@ def test_family_orders_fit_nominal_bounds(ax):
         plt.close(axes.figure)
 
 
-def test_friction_crosses_the_boundary_where_the_motion_begins_to_grow(ax):
-    """An integrator alone on the rig grows from a kick that the proof is sure of, and the picture names both."""
-    from nlfrf.friction import Coulomb
-    from robust import friction_plant
-    from robust.friction import quasi_linear
-
-    K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)
-    machine = friction_plant(1.0, 80e3, 0.4)
-    q = quasi_linear(Coulomb(Fc=1.0), machine, K, amplitudes=np.geomspace(1e-5, 1e-1, 21))
-    pictures.plot_quasi_linear(q, kick_sure=0.288, ax=ax)
-    falls, grows = curve(ax, "friction: the motion falls"), curve(ax, "friction: the motion grows")
-    assert np.nanmin(falls[1]) > np.nanmax(grows[1]) > 0  # less damping, further out
-    assert np.count_nonzero(np.isfinite(falls[1])) == np.sum(q.amplitudes < q.amplitude)
-    assert f"a kick of {q.kick:.3g} m/s" in ax.get_title()
-    assert "0.288 m/s" in ax.get_title()
-
-
 def test_what_rests_where_has_a_bar_a_case_from_the_set_point_on(ax):
     cases = [
         pictures.RestCase("as it is", FrictionVerdict.SETTLES, 2e-5),

@@ -11,7 +11,7 @@ from nlfrf import multisine, paper_rig, simulate
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, OwnFriction, VaryingSliders
 from nlfrf.hysteresis import Exponential, Table, Tanh
 from nlfrf.rig import Rig, run, two_axis_stage
-from tests.support.chords import chord_elements
+from tests.support.virgin_curves import chord_elements
 
 FS = 1024.0
 LUGRE = LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
@@ -248,7 +248,7 @@ def test_the_one_channel_of_an_axis_has_one_name():
 
 def test_multisines_that_do_not_fit_the_rig_are_refused():
     options = {"fs": FS, "n_samples": 512, "f_min": 4, "f_max": 100, "rng": 1}
-    with pytest.raises(ValueError, match="ms must be made with n_inputs=2 for a rig of 2 inputs and 2 outputs"):
+    with pytest.raises(ValueError, match="ms must drive 2 inputs, as the rig has, got 1"):
         simulate(two_axis_stage(), multisine(**options))
     with pytest.raises(ValueError, match="ms must drive 2 inputs, as the rig has, got 3"):
         simulate(two_axis_stage(), multisine(n_inputs=3, **options))

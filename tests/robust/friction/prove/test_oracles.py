@@ -7,8 +7,15 @@ import pytest
 from nlfrf.friction import Leuven, LuGre
 from robust import friction_plant, prove_friction
 from robust.friction import any_bounded, any_bristle, any_maxwell_slip, any_passive
-from robust.friction.plant import destabilizing_stiffness, divergence_velocity, friction_loop, steady_error_bound
-from robust.friction.proof.multipliers import filter_rates, largest_stiffness, multiplier_terms
+from robust.friction.plant import (
+    destabilizing_stiffness,
+    divergence_velocity,
+    friction_loop,
+    loop_frequencies,
+    mobility,
+    steady_error_bound,
+)
+from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
 from tests.support.friction_loops import ORACLES, RIG, T, oracle_loop, pid
 
 
@@ -59,8 +66,12 @@ def test_largest_presliding_stiffness_of_the_weights(name):
     loop = oracle_loop(name)
     _, expected, spring = ORACLES[name]
     rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    omega = loop_frequencies(loop)
+    response = mobility(loop, omega)
     for rho, K0 in zip((1.05, 1 / 0.7, 2.0), expected, strict=True):
-        assert largest_stiffness(loop, rates, rho=rho) == pytest.approx(K0, rel=0.025)
+        for stiffness, exist in ((0.975 * K0, True), (1.025 * K0, False)):
+            table = multiplier_terms(response, omega, rates=rates, K0=stiffness, rho=rho)
+            assert (maxwell_slip_multipliers(table)[1] > 1e-9) is exist
     assert destabilizing_stiffness(loop, 0.995 * spring) is None
     assert destabilizing_stiffness(loop, 1.005 * spring) is not None
 

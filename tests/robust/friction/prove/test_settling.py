@@ -13,7 +13,7 @@ from robust.friction import any_maxwell_slip
 from robust.friction.exact.claim import Settling
 from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import friction_loop, steady_error_bound
-from robust.friction.proof.certify import Finding, settling_verdict
+from robust.friction.proof.certify import FrictionProof, settling_verdict
 from robust.friction.proof.settling import largest_rest
 from robust.io import verify_certificate
 
@@ -117,17 +117,15 @@ def test_without_integral_action_the_rest_is_in_the_bound():
     """K = 20 kN/m holds the mass up to Fs (1 + 1/rho)/2 over K away; a spring of the class keeps it still."""
     K = control.ss(control.tf([100.0, 2e4], [1e-4, 1]))
     loop = friction_loop(MACHINE, K)
-    open_still = Finding(verdict=FrictionVerdict.NOT_DECIDED, reason="")
-    found = settling_verdict(
-        MACHINE,
-        K,
-        delay=0.0,
-        loop=loop,
+    open_still = FrictionProof(
+        verdict=FrictionVerdict.NOT_DECIDED,
+        claim="",
+        not_claimed="",
+        reason="",
+        machine=MACHINE,
         friction=any_maxwell_slip(1e5, 2.0),
-        forces=np.array([FS]),
-        error_bound=np.nan,
-        undecided=open_still,
     )
+    found = settling_verdict(open_still, K, delay=0.0, loop=loop, forces=np.array([FS]))
     assert found.settling_error > FS * 0.75 / 2e4
     assert found.certificate.verify().verified
 
