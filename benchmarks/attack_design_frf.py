@@ -75,7 +75,7 @@ def judged(rng: np.random.Generator) -> str:
     delay = dt * rng.choice([0, 0.5, 1, 1.3])
     lines = speed * np.geomspace(1e-2, 1e2, int(rng.choice([60, 200, 600])))
     given = control.FrequencyResponseData(G(1j * lines), lines) if from_lines else G
-    options = {"dt": dt, "delay": delay, "n_unstable": n_unstable if from_lines else 0, "time_cap": 5.0}
+    options = {"dt": dt, "delay": delay, "n_unstable": n_unstable if from_lines else 0}
     structure = STRUCTURES[rng.integers(len(STRUCTURES))]
     try:
         design = robust.design_frf(given, structure, stable=bool(rng.random() < 0.7), **options, **asked)

@@ -18,7 +18,7 @@ import numpy as np
 import nlfrf
 import robust
 from nlfrf.plot import plot_bla, plot_levels
-from robust.plot import plot_check, plot_loop, plot_nominal, plot_weight
+from robust.plot import plot_check, plot_loop, plot_set, plot_weight
 
 parser = argparse.ArgumentParser()
 parser.add_argument("file", nargs="?", help="measured record; the built-in rig is simulated when not given")
@@ -79,7 +79,7 @@ print(report.summary)
 
 pictures = {
     "bla.png": ((plot_bla, bla), (plot_levels, bla)),
-    "model.png": ((plot_nominal, model), (plot_weight, model)),
+    "model.png": ((plot_set, model), (plot_weight, model)),
     "check.png": ((plot_loop, report), (plot_check, report)),
 }
 for name, panels in pictures.items():

@@ -15,7 +15,7 @@ import numpy as np
 
 import nlfrf
 import robust
-from robust.plot import plot_budget, plot_fit, plot_nominal, plot_weight
+from robust.plot import plot_budget, plot_fit, plot_set, plot_weight
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/05"), help="folder for the pictures")
@@ -68,10 +68,7 @@ for name, model in models.items():
 
 figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 plot_fit(fits["all three"], ax=axes[0, 0])
-plot_nominal(models["all three"], ax=axes[0, 1])
-for level, bla, style in zip(study.rms, study.blas, (":", "--", "-."), strict=True):
-    axes[0, 1].plot(bla.f, 20 * np.log10(np.abs(bla.G)), style, lw=1.2, label=f"{level:g} N rms")
-axes[0, 1].legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=5, frameon=False)
+plot_set(models["all three"], study.blas, ax=axes[0, 1])
 plot_weight(models["all three"], ax=axes[1, 0])
 plot_budget(models["all three"], ax=axes[1, 1])
 figure.savefig(out / "family.png", dpi=90)

@@ -61,8 +61,7 @@ def structure_grid(N: control.StateSpace) -> np.ndarray:
     """Frequencies [rad/s] for mu: zero, around every pole, dense where damping is light; up to Nyquist."""
     dt = timebase(N)
     p = N.poles().astype(complex) if N.nstates else np.ones(1, complex)
-    with np.errstate(all="ignore"):
-        s = np.log(np.where(p == 0, 1e-300, p)) / dt if dt else p
+    s = to_s_plane(p, dt)
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
     size = np.abs(s) if s.size else np.ones(1)
     size = size[(size > 1e-9 * np.median(size)) & (size < MAX_MODE_RATIO * np.median(size))]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 import control
@@ -80,6 +80,14 @@ def sampling_times_differ(one: control.StateSpace, other: control.StateSpace) ->
     steps = timebase(one), timebase(other)
     differ = abs(steps[0] - steps[1]) > SAMPLING_TOLERANCE * max(steps)
     return differ and not is_clockless(one) and not is_clockless(other)
+
+
+def one_sampling_time(steps: Iterable[float | None]) -> float:
+    """Return the sampling time [s] that some of them state, 0 where none does, or a refusal where two differ."""
+    stated = sorted({float(step) for step in steps if step})
+    if stated and stated[-1] - stated[0] > SAMPLING_TOLERANCE * stated[-1]:
+        raise ValueError(f"dt must be one sampling time for all, got {' and '.join(f'{step:g} s' for step in stated)}")
+    return stated[0] if stated else 0.0
 
 
 def common_sampling_time(*systems: AnySystem) -> float | None:

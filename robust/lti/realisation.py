@@ -12,6 +12,7 @@ from nlfrf._base.arguments import short_form
 from robust._base.types import AnySystem, Weight
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import (
+    Matrices,
     common_sampling_time,
     is_constant,
     poles,
@@ -115,13 +116,18 @@ def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]
 
 
 def reachable_entry(K: control.StateSpace, j: int, i: int) -> control.StateSpace:
-    """Entry (j, i) with the states that its input reaches and its output sees, by the zeros of A, B and C alone."""
-    links = K.A != 0
-    reached, observed = K.B[:, i] != 0, K.C[j] != 0
-    for _ in range(K.nstates):
-        reached, observed = reached | links @ reached, observed | observed @ links
-    kept = np.flatnonzero(reached & observed)
-    return control.StateSpace(K.A[np.ix_(kept, kept)], K.B[kept][:, [i]], K.C[[j]][:, kept], K.D[[j]][:, [i]], K.dt)
+    """Entry (j, i) with the states that its input reaches and its output sees."""
+    return structurally_minimal((K.A, K.B[:, [i]], K.C[[j]], K.D[[j]][:, [i]]), K.dt)
+
+
+def structurally_minimal(matrices: Matrices, dt: float | None) -> control.StateSpace:
+    """Return the states that the inputs reach and the outputs see, by the zeros of A, B and C alone."""
+    A, B, C, D = matrices
+    links, reached, seen = A != 0, (B != 0).any(axis=1), (C != 0).any(axis=0)
+    for _ in range(len(A)):
+        reached, seen = reached | links @ reached, seen | seen @ links
+    kept = np.flatnonzero(reached & seen)
+    return control.StateSpace(A[np.ix_(kept, kept)], B[kept], C[:, kept], D, dt, remove_useless_states=False)
 
 
 def require_complete(name: str, system: control.StateSpace) -> control.StateSpace:

@@ -2,7 +2,7 @@
 
     models   pictures of models: nominal, set, weight, radius, fit, order scan
     loops    pictures of loops: gains, check, Nyquist with discs, family, step
-    shaping  |L| between its bounds, redrawn as the controller changes
+    shaping  |L| between its bounds
     friction pictures of friction, and of what it does to a loop
     tuning   limits of a tuned design over frequency, before and after
     style    colours, units, and the measured band in white
@@ -21,16 +21,14 @@ from robust.plot.loops import (
 from robust.plot.models import (
     plot_budget,
     plot_fit,
-    plot_nominal,
     plot_orders,
     plot_set,
     plot_weight,
 )
-from robust.plot.shaping import LoopPicture, plot_loop_bounds
+from robust.plot.shaping import plot_loop_bounds
 from robust.plot.tuning import plot_limits
 
 __all__ = [
-    "LoopPicture",
     "RestCase",
     "plot_budget",
     "plot_check",
@@ -41,7 +39,6 @@ __all__ = [
     "plot_limits",
     "plot_loop",
     "plot_loop_bounds",
-    "plot_nominal",
     "plot_nyquist",
     "plot_orders",
     "plot_rest",

@@ -89,24 +89,6 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
     return finish_axes(ax)
 
 
-def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
-    """Return the nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
-    require_one_channel(model, "plot_set shows every entry", "for this picture", parametric=False)
-    ax = axes_or_new(ax)
-    omega = model.omega if model.measured_only else widened_band(model)
-    G = model.at(omega)
-    w, scale = np.abs(response(model.weight, omega)), np.abs(response(model.shaping, omega))
-    size = np.abs(G)
-    low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
-    f, label = to_hertz(omega), "gains of the set"
-    gain_band(ax, f, size, low, high, color=COLOR["weight"], alpha=0.25, label=label, over=OVER_NOTE)
-    ax.plot(to_hertz(omega), to_decibel(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
-    mark_band(ax, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
-    label = f"|G| [dB, {model.origin.unit or 'unit of y / u'}]"
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=magnitude_limits(size))
-    return finish_axes(ax)
-
-
 def plot_set(
     model: UncertaintyModel, bla: Bla | Sequence[Bla] | None = None, *, ax: Axes | None = None
 ) -> tuple[Axes, Axes] | np.ndarray:

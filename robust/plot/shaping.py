@@ -1,4 +1,4 @@
-"""A picture to shape a loop in: |L| between its bounds, redrawn as the controller changes."""
+"""A picture to shape a loop with: |L| between its bounds, and what the check says of it."""
 
 from __future__ import annotations
 
@@ -18,97 +18,49 @@ from robust.plot.style import COLOR, mark_band, to_hertz
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import FillBetweenPolyCollection
+
+LEAST_VIEW, VIEW_MARGIN = 120.0, 10.0  # dB: the view ends there at the latest, or so far from curve and bounds
 
 
-class LoopPicture:
-    """|L| of the controller at hand between the bounds of `loop_bounds`, and what the check says of it.
+def plot_loop_bounds(
+    model: UncertaintyModel, w_P: Weight, K: Controller = 1.0, *, delay: float = 0.0, ax: Axes | None = None
+) -> Axes:
+    """Plot |L| between its bounds, to shape it by hand: change the controller, draw again.
 
-    Made by `plot_loop_bounds`. `update` takes the next controller, in a script or in a notebook, where a cell that ends
-    in it shows the picture again.
+    The title says what the check says, without proofs. To shape live there is the page of `robust.shaping.shape`.
 
-    Fields
-    ------
-    ax : matplotlib Axes
-        What it is drawn on.
-    low, high : (W,) ndarray
-        Bounds on |L|, on the lines of the model.
-    report : RobustnessReport or None
-        Of the last controller, without proofs.
-    violations : (W,) ndarray of bool
-        Lines on which the last |L| is beyond a bound.
+    Parameters
+    ----------
+    model, w_P
+        As in `loop_bounds`.
+    K : control.StateSpace, TransferFunction or float
+        Controller, continuous or sampled, negative feedback.
+    delay : float
+        Computation delay [s].
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
     """
-
-    def __init__(self, model: UncertaintyModel, w_P: Weight, delay: float, ax: Axes) -> None:
-        self.model, self.w_P, self.delay, self.ax = model, w_P, delay, ax
-        self.low, self.high = loop_bounds(model, w_P)
-        self.report: RobustnessReport | None = None
-        self.violations = np.zeros(model.omega.size, dtype=bool)
-        f = to_hertz(model.omega)
-        ax.axhline(0, color="0.5", lw=0.8)
-        self.forbidden: list[FillBetweenPolyCollection] = []
-        (self.before,) = ax.plot([], [], "-", lw=1.0, color=COLOR["noise"], label="|L| before")
-        (self.line,) = ax.plot([], [], "-", lw=1.8, color=COLOR["radius"], label="|L|")
-        (self.dots,) = ax.plot([], [], "o", ms=4, color=COLOR["limit"], label="beyond a bound")
-        ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|L| [dB]")
-        mark_band(ax, (f[0], f[-1]))
-        self.fit_view(np.ones(f.size))
-        self.before.set_visible(False)
-
-    def update(self, K: Controller) -> LoopPicture:
-        """Draw |L| with another controller, the last one in grey; the title says what the check says.
-
-        Parameters
-        ----------
-        K : control.StateSpace, TransferFunction or float
-            Controller, continuous or sampled, negative feedback.
-
-        Returns
-        -------
-        LoopPicture
-            Itself.
-        """
-        omega = self.model.omega
-        report = check(self.model, K, w_P=self.w_P, delay=self.delay, certify=False)
-        known = np.log(np.abs(report.curves.L))
-        L = np.exp(np.interp(np.log(omega), np.log(report.curves.omega), known, right=np.nan))  # nan above Nyquist
-        self.violations = (self.low > L) | (self.high < L)
-        self.before.set_data(*self.line.get_data())
-        self.before.set_visible(self.report is not None)
-        self.line.set_data(
-            to_hertz(report.curves.omega), to_decibel(np.abs(report.curves.L))
-        )  # on both sides of the band too
-        self.dots.set_data(to_hertz(omega[self.violations]), to_decibel(L[self.violations]))
-        self.report = report
-        self.fit_view(L)
-        self.ax.set_title(describe_check(report), fontsize="medium")
-        for line, label in ((self.before, "|L| before"), (self.dots, "beyond a bound")):
-            line.set_label(label if line.get_visible() and np.size(line.get_xdata()) else None)
-        finish_axes(self.ax)
-        self.ax.figure.canvas.draw_idle()
-        return self
-
-    def fit_view(self, L: np.ndarray) -> None:
-        """The view around |L| and the bounds, and the forbidden regions up to its edges."""
-        shown = np.concatenate([L, self.low[(self.low > 0) & (self.low < np.inf)], self.high[self.high < np.inf]])
-        shown = shown[(shown > 0) & np.isfinite(shown)]
-        floor, ceiling = (
-            max(float(to_decibel(shown.min())) - 10, -120.0),
-            min(float(to_decibel(shown.max())) + 10, 120.0),
-        )
-        low = np.where(self.low > 0, np.clip(to_decibel(np.where(self.low > 0, self.low, 1.0)), floor, ceiling), floor)
-        high = np.where(self.high < np.inf, to_decibel(np.where(self.high > 0, self.high, 1e-300)), ceiling)
-        f = to_hertz(self.model.omega)
-        for patch in self.forbidden:
-            patch.remove()
-        self.forbidden = [
-            self.ax.fill_between(f, bottom, top, color=COLOR[color], alpha=0.3, lw=0, label=label)
-            for bottom, top, color, label in (
-                (floor, low, "loop", "too low for performance"),
-                (np.clip(high, floor, ceiling), ceiling, "limit", "too high for the uncertainty"),
-            )
-        ]
-        self.ax.set_ylim(floor, ceiling)
+    ax, omega = axes_or_new(ax), model.omega
+    low, high = loop_bounds(model, w_P)
+    report = check(model, K, w_P=w_P, delay=delay, certify=False)
+    known = np.log(np.abs(report.curves.L))
+    L = np.exp(np.interp(np.log(omega), np.log(report.curves.omega), known, right=np.nan))  # nan above Nyquist
+    shown = to_decibel(np.concatenate([one[(one > 0) & np.isfinite(one)] for one in (L, low, high)]))
+    floor, ceiling = max(shown.min() - VIEW_MARGIN, -LEAST_VIEW), min(shown.max() + VIEW_MARGIN, LEAST_VIEW)
+    bottom, top = (np.clip(to_decibel(np.clip(one, 1e-300, 1e300)), floor, ceiling) for one in (low, high))
+    f, outside = to_hertz(omega), (low > L) | (high < L)
+    ax.axhline(0, color="0.5", lw=0.8)
+    ax.fill_between(f, floor, bottom, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance")
+    ax.fill_between(f, top, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty")
+    curve = to_hertz(report.curves.omega), to_decibel(np.abs(report.curves.L))  # on both sides of the band too
+    ax.plot(*curve, "-", lw=1.8, color=COLOR["radius"], label="|L|")
+    if outside.any():
+        label = "beyond a bound"
+        ax.plot(f[outside], to_decibel(L[outside]), "o", ms=4, color=COLOR["limit"], label=label)
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|L| [dB]", ylim=(floor, ceiling))
+    ax.set_title(describe_check(report), fontsize="medium")
+    mark_band(ax, (f[0], f[-1]))
+    return finish_axes(ax)
 
 
 def describe_check(report: RobustnessReport) -> str:
@@ -118,27 +70,3 @@ def describe_check(report: RobustnessReport) -> str:
     over = np.flatnonzero(np.abs(report.curves.L) > 1)
     crossover = f", crossover {format_hertz(report.curves.omega[over[-1]])}" if over.size else ", no crossover"
     return f"nominally stable; max rs {np.max(report.curves.rs):.2f}, max rp {np.max(report.curves.rp):.2f}{crossover}"
-
-
-def plot_loop_bounds(
-    model: UncertaintyModel, w_P: Weight, K: Controller | None = None, *, delay: float = 0.0, ax: Axes | None = None
-) -> LoopPicture:
-    """Plot |L| between its bounds, to shape it by hand: change the controller, `update`, look.
-
-    Parameters
-    ----------
-    model, w_P
-        As in `loop_bounds`.
-    K : control.StateSpace, TransferFunction or float, optional
-        Controller to begin with; 1 when not given.
-    delay : float
-        Computation delay [s].
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    LoopPicture
-        With `update(K)`, `ax`, `report` and `violations`.
-    """
-    return LoopPicture(model, w_P, delay, axes_or_new(ax)).update(1.0 if K is None else K)

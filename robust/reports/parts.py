@@ -13,7 +13,7 @@ from nlfrf._base.arguments import format_hertz
 from nlfrf._base.axes import height_below
 from nlfrf._base.values import value
 from robust._base.types import Weight
-from robust.lti.lti import response, timebase
+from robust.lti.lti import response, timebase, to_s_plane
 from robust.lti.realisation import state_space
 
 
@@ -95,8 +95,7 @@ def describe_roots(roots: np.ndarray, dt: float) -> str:
     """Return poles or zeros as frequency and damping, those at the origin of s counted apart."""
     if not roots.size:
         return "none"
-    with np.errstate(divide="ignore"):
-        s = np.log(roots.astype(complex)) / dt if dt else roots
+    s = to_s_plane(roots, dt)
     text = []
     for root in sorted(s[s.imag >= -1e-9 * np.abs(s)], key=abs):
         size = abs(root)

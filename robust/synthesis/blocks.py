@@ -152,19 +152,14 @@ class TunableBlock(ABC):
         """Return the names of the numbers that this block has: a part that is left out has none."""
         return list(self.NUMBERS)
 
-    def free_mask(self, name: str) -> np.ndarray:
-        """Return which entries of a number or matrix are free."""
-        return np.full(np.shape(getattr(self, name)), name not in self.fixed)
-
     def parameters(self, dt: float) -> list[Parameter]:
         """Return free numbers in the order of the fields, with their bounds under a clock dt [s] (0: continuous)."""
-        found = []
-        for name in self.present():
-            array, free = np.asarray(getattr(self, name), dtype=float), self.free_mask(name)
-            for index in np.ndindex(array.shape):
-                if free[index]:
-                    found.append(self.parameter(name, index, float(array[index]), dt))
-        return found
+        numbers = {name: array for name, array in parameter_values(self).items() if name not in self.fixed}
+        return [
+            self.parameter(name, index, float(start), dt)
+            for name, array in numbers.items()
+            for index, start in np.ndenumerate(array)
+        ]
 
     def parameter(self, name: str, index: tuple[int, ...], start: float, dt: float) -> Parameter:
         """One free number with its bounds, or a refusal of a start outside them."""
@@ -274,8 +269,6 @@ class Gain(TunableBlock):
         Start: drives = K reads. Entries may change sign.
     reads, drives : str or list of str
         Signals.
-    free : (n_u, n_y) ndarray of bool, optional
-        Which entries are tuned; all when not given.
     fixed : tuple of str
         ("K",) where nothing is tuned.
     lower, upper : float or dict, optional
@@ -297,7 +290,6 @@ class Gain(TunableBlock):
     """
 
     K: Any
-    free: Any = None
 
     NUMBERS = ("K",)
     matrix_block = True
@@ -310,15 +302,7 @@ class Gain(TunableBlock):
                 f"K must be {len(self.drives)} by {len(self.reads)}, one row a signal it drives, got "
                 f"{K.shape[0]} by {K.shape[1]}"
             )
-        free = np.ones(K.shape, bool) if self.free is None else np.atleast_2d(np.asarray(self.free))
-        if free.shape != K.shape or free.dtype != bool:
-            raise ValueError(f"free must be a matrix of true and false like K, got {short_form(self.free)}")
         object.__setattr__(self, "K", read_only(K))
-        object.__setattr__(self, "free", read_only(free.copy()))
-
-    def free_mask(self, name: str) -> np.ndarray:
-        """Return which entries are free."""
-        return self.free & (name not in self.fixed)
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return no states."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_integer, require_nonnegative
 from nlfrf._base.values import value
-from robust._base.channels import is_single
+from robust._base.channels import is_known_on_lines
 from robust._base.types import Controller, LinearSystem, Weight
 from robust.analysis.loop import assemble_loop
 from robust.analysis.report import RobustnessReport
@@ -179,7 +179,7 @@ def reduce_controller(
 
 def plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
     """Return a plant as the set of those within a billionth of it, anything else as it is."""
-    if is_measured(model) or isinstance(model, UncertaintyModel):
+    if is_known_on_lines(model) or isinstance(model, UncertaintyModel):
         return model
     G = multivariable("model", model)
     omega, one, small = np.ones(1), *(control.StateSpace([], [], [], [[size]], G.dt) for size in (1.0, LEAST_RADIUS))
@@ -214,7 +214,7 @@ def candidates(
     dt = timebase(K)
     image = continuous_image(K)
     ways = [lambda: balanced_candidates(image), lambda: coprime_factor_candidates(image)]
-    if not is_measured(model):
+    if not is_known_on_lines(model):
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
         if has_several_channels(model):
             closed_loops = [
@@ -234,13 +234,6 @@ def candidates(
                     yield method, n, control.StateSpace(*(to_discrete(*small) if dt else small), K.dt)
         except (np.linalg.LinAlgError, ValueError):
             continue
-
-
-def is_measured(model: FrfSource) -> bool:
-    """Return whether the plant is known on its lines only."""
-    return (
-        is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False)
-    )
 
 
 def rank_candidates(

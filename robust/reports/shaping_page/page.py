@@ -18,10 +18,10 @@ from nlfrf._base.types import JsonObject
 from robust._base.types import Controller, Weight
 from robust.analysis.bounds import loop_bounds
 from robust.analysis.loop import Loop, assemble_loop
-from robust.lti.lti import is_constant, scale_states, timebase
+from robust.lti.lti import is_constant, one_sampling_time, scale_states, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import poles_with_rounding
-from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
+from robust.models.sets.forms import FORMS
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.beginning import starting_state
@@ -122,25 +122,21 @@ def page_content(
 def loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
     """Return the sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
     dt = require_nonnegative("dt", dt)
-    known = {timebase(model.nominal) for model in models} | ({0.0} if is_constant(K) else {timebase(K)})
-    known = {step for step in known | {dt} if step}
-    if len(known) > 1:
-        raise ValueError(
-            f"dt must be one for models and controller, got {' and '.join(f'{s:g} s' for s in sorted(known))}"
-        )
-    if not is_constant(K) and known and not timebase(K):
-        raise ValueError(f"K must be sampled at {known.pop():g} s as the loop is, got a continuous one. Use discretize")
-    return known.pop() if known else 0.0
+    step = one_sampling_time([dt, *(model.nominal.dt for model in models), 0.0 if is_constant(K) else K.dt])
+    if not is_constant(K) and step and not timebase(K):
+        raise ValueError(f"K must be sampled at {step:g} s as the loop is, got a continuous one. Use discretize")
+    return step
 
 
 def encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
     """Encode one model: its responses, its bounds on |L|, its poles that may be unstable."""
     row = FORMS[model.form]
+    if row.depends_on_units:  # its conditions are no products of w, G and K
+        raise ValueError(f"model must be of a form that the page computes with, got {model.form}: use plot_loop_bounds")
     # without a demand the bounds are those of robust stability: a demand that asks nothing
     demand = control.StateSpace([], [], [], [[1e-9]]) if loop.w_P is None else loop.w_P
     low, high = loop_bounds(model, demand)
     omega = model.omega[model.omega < loop.omega_max]
-    require_known_form(model)
     return {
         "name": name,
         "G": encode_response(loop.undelayed_plant),
@@ -177,17 +173,6 @@ def encode_aliases(loop: Loop) -> JsonObject | None:
         "operator": aliases.operator,
         "G": encode_response(aliases.plant) if aliases.F_includes_plant else None,
     }
-
-
-def require_known_form(model: UncertaintyModel) -> None:
-    """Refuse a form that is not b = (factors it reads) S with a = 0, or a = those factors where it is inverse."""
-    row, rng = FORMS[model.form], np.random.default_rng(0)
-    w, G, K = rng.standard_normal((3, 4)) + 1j * rng.standard_normal((3, 4))
-    parts = {"w": w, "G": G, "K": K}
-    q = np.prod([parts[name] for name in row.rs_factors], axis=0)
-    S, a, b = perturbed_sensitivity_terms(model.form, w, G=G, K=K)
-    if not (np.allclose(b, q * S) and np.allclose(a, q * row.inverse)):
-        raise ValueError(f"model must be of a form that the page computes with, got {model.form}: use plot_loop_bounds")
 
 
 def shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[float]:

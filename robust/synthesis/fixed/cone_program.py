@@ -65,7 +65,7 @@ class Step:
     scale: np.ndarray
 
 
-def solve_step(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
+def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
     """eta, or None and what went wrong; whether it is any good is judged by whoever asked."""
     import cvxpy as cp
 
@@ -123,7 +123,7 @@ def solve_step(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
         constraints.append(step.scale @ eta == 1)
         goal = cp.Maximize(step.gain @ eta)
     problem = cp.Problem(goal, constraints)
-    failed = solve_program(problem, "CLARABEL", seconds)
+    failed = solve_program(problem, "CLARABEL")
     if failed:
         return None, failed
     if eta.value is None or not np.isfinite(eta.value).all():

@@ -6,7 +6,6 @@ a convex one that holds at P_c, and P keeps the winding number of P_c: a stable 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -213,13 +212,10 @@ def iterate(
     starts: list[np.ndarray],
     *,
     n_iterations: int,
-    deadline: float,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Return the best of what the iteration makes of each start: parameters, history and why it ended."""
-    found = [
-        improve_start(task, theta, n_iterations=n_iterations, deadline=deadline, progress=progress) for theta in starts
-    ]
+    found = [improve_start(task, theta, n_iterations=n_iterations, progress=progress) for theta in starts]
     return min(found, key=lambda result: task.merit(result[0]))
 
 
@@ -228,7 +224,6 @@ def improve_start(
     theta: np.ndarray,
     *,
     n_iterations: int,
-    deadline: float,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Convex steps from one start until nothing improves: parameters, history and why it ended."""
@@ -236,13 +231,9 @@ def improve_start(
     history: list[float] = []
     slow, why, first = 0, "converged", task.merit(theta)[1]
     for k in range(n_iterations):
-        left = deadline - time.perf_counter()
-        if left <= 0:
-            why = "stopped at the time limit"
-            break
         level = task.hard(theta) > 1 + TOLERANCE
         step, T = convex_step(task, theta, mask=mask, level=level)
-        eta, trouble = solve_step(step, left)
+        eta, trouble = solve_step(step)
         if eta is None:
             why = f"{trouble}; the last controller before is kept"
             break

@@ -43,7 +43,6 @@ def design_frf(
     n_unstable: int = 0,
     prove: Proved | None = None,
     n_iterations: int = 60,
-    time_cap: float = 20.0,
     progress: Callable[[int, float], object] | None = None,
 ) -> Design:
     """Design a controller of fixed structure straight from a measured FRF, no parametric model needed.
@@ -105,8 +104,8 @@ def design_frf(
     prove : FrictionClass or (FrictionPlant, AnyFriction), optional
         Whose friction, every one of the class, the loop must be proved to come to rest with: the gain is lowered until
         it is, and all else is judged again there.
-    n_iterations, time_cap : int, float
-        Caps on convex steps and on time [s].
+    n_iterations : int
+        Convex steps at most from each start, on each choice of lines.
     progress : callable, optional
         Called with (iteration, worst demand or gamma) after every step.
 
@@ -167,7 +166,6 @@ def design_frf(
         "n_unstable": n_unstable,
         "prove": prove,
         "n_iterations": n_iterations,
-        "time_cap": time_cap,
         "progress": progress,
     }
     if has_several_channels(plant) or is_matrix(plant):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -30,7 +29,7 @@ from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.levels import FrictionClass, machines_of
-from robust.lti.lti import is_clockless, is_constant, response, timebase
+from robust.lti.lti import is_clockless, is_constant, one_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
 from robust.models.sets.model import UncertaintyModel
@@ -90,7 +89,6 @@ class LoopOptions(TypedDict):
     n_unstable: int
     prove: Proved | None
     n_iterations: int
-    time_cap: float
     progress: Callable[[int, float], object] | None
 
 
@@ -108,12 +106,10 @@ def design_loop(
     **options: Unpack[LoopOptions],
 ) -> Design:
     """`design_frf` of a plant of one input and output."""
-    began = time.perf_counter()
     aim = require_choice("aim", options["aim"], ("auto", "gamma", "gain"))
     dt, delay = require_nonnegative("dt", options["dt"]), require_nonnegative("delay", options["delay"])
     n_unstable = require_integer("n_unstable", options["n_unstable"], least=0)
     n_iterations = require_integer("n_iterations", options["n_iterations"], least=0)
-    time_cap = require_positive("time_cap", options["time_cap"])
     integrators = require_integer("integrators", options["integrators"], least=0)
     shape = structure_of(structure, integrators, options["filter_time"])
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
@@ -159,10 +155,7 @@ def design_loop(
     start = options["start"]
     n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], PROVED_STARTS)
     starts = [check_start(task, start)] if start is not None else search_starts(task, n_starts)
-    deadline = began + time_cap
-    follow = partial(
-        iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, deadline=deadline, progress=options["progress"]
-    )
+    follow = partial(iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, progress=options["progress"])
     if options["prove"] is None:
         theta, history, why = follow(task, starts)
     else:  # the best controller may be one of which no gain is proved, and another one is
@@ -206,11 +199,7 @@ def best_filter(
     def merit(log_pole: float) -> float:
         """Return gamma, or minus the gain at low frequency; inf without a start or with a missed limit."""
         nonlocal refused
-        with_filter: LoopOptions = {
-            **options,
-            "time_cap": options["time_cap"] / (N_FILTER_TIMES + N_REFINED),
-            "filter_time": float(np.exp(-log_pole)),
-        }
+        with_filter: LoopOptions = {**options, "filter_time": float(np.exp(-log_pole))}
         try:
             design = design_loop(plant, structure, **with_filter)
         except ValueError as error:  # no start, with this filter
@@ -251,7 +240,6 @@ def iterate_on_loop_lines(
     *,
     closer: Callable[[list[control.StateSpace]], DesignTask],
     n_iterations: int,
-    deadline: float,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Parameters, history and why it ended, begun again where the lines of the loop found show it worse than it was.
@@ -261,7 +249,7 @@ def iterate_on_loop_lines(
     tried, found, history = [], [], tuple[float, ...]()
     begin = starts
     for _ in range(1 + LOOKS):
-        theta, more, why = iterate(task, begin, n_iterations=n_iterations, deadline=deadline, progress=progress)
+        theta, more, why = iterate(task, begin, n_iterations=n_iterations, progress=progress)
         history += more
         tried.append(task.basis.controller(theta))
         finer = closer(tried)
@@ -405,19 +393,12 @@ def per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list[
 
 def loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
     """Sampling time of the loop: that of the controller, or of plants that are sampled already."""
-    steps = set()
-    for p in plants:
-        source = p.nominal if isinstance(p, UncertaintyModel) else p
-        if not (is_single(source) or isinstance(source, DiscsOnLines)):
-            if not isinstance(source, control.FrequencyResponseData):
-                source = state_space("plant", source)
-                steps.add(timebase(source))
-            elif source.dt:
-                steps.add(float(source.dt))
-    steps -= {0.0}
-    if len(steps) > 1 or (dt and steps and abs(dt / min(steps) - 1) > 1e-9):
-        raise ValueError(f"dt must be one sampling time for all, got {sorted(steps | ({dt} if dt else set()))} s")
-    return steps.pop() if steps else dt
+    sources = [p.nominal if isinstance(p, UncertaintyModel) else p for p in plants]
+    stated = [one for one in sources if not (is_single(one) or isinstance(one, DiscsOnLines))]
+    frf = control.FrequencyResponseData
+    return one_sampling_time(
+        [dt, *(one.dt if isinstance(one, frf) else state_space("plant", one).dt for one in stated)]
+    )
 
 
 def structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller) -> Basis:

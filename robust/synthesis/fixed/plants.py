@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
-from robust._base.channels import is_single
+from robust._base.channels import is_known_on_lines
 from robust._base.types import AnySystem
 from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
@@ -146,12 +146,6 @@ class Lines(NamedTuple):
     lowest: float
     highest: float
     loop: Loop | None = None
-
-
-def is_known_on_lines(plant: object) -> bool:
-    """Return whether a plant is an FRF."""
-    measured = isinstance(plant, control.FrequencyResponseData) or getattr(plant, "measured_only", False)
-    return bool(is_single(plant) or measured)
 
 
 def measured_lines(plant: Any, dt: float, delay: float, K: Sequence[control.StateSpace]) -> Lines:

@@ -10,6 +10,8 @@ import numpy as np
 
 from nlfrf._base.arguments import format_hertz, format_small_count, join_names, require_integer
 from nlfrf._base.values import value
+from robust.lti.lti import with_names
+from robust.lti.realisation import structurally_minimal
 from robust.lti.wiring import join_by_name
 from robust.synthesis.blocks import TunableBlock, parameter_values, signal_names
 from robust.synthesis.tuning.friction import FrictionLimit
@@ -18,23 +20,6 @@ from robust.synthesis.tuning.plants import MeasuredPlant, Plants, see_plants
 
 #: Units of parameters that have one of their own.
 UNITS = {"omega": "rad/s", "filter_time": "s", "phase": "rad"}
-
-
-class Known(Enum):
-    """How the value of a limit is known: as a norm over all frequencies, or on lines.
-
-    References
-    ----------
-    Bruinsma & Steinbuch, *A fast algorithm to compute the H-infinity norm*, Systems & Control Letters 14 (1990).
-
-    Examples
-    --------
-    >>> Known.NORM.value
-    'norm'
-    """
-
-    NORM = "norm"
-    LINES = "lines"
 
 
 class Ended(Enum):
@@ -69,10 +54,8 @@ class LimitValue:
         Largest gain times weight over bound: met up to one.
     omega : float
         Where [rad/s]; inf at infinite frequency.
-    known : Known
-        NORM: no frequency has a larger ratio, by the Hamiltonian test to 1e-7. LINES: looked at on `n_lines`.
     n_lines : int
-        Frequencies looked at, where it is not a norm.
+        Frequencies looked at; 0 where it is a norm: no frequency has a larger ratio, by the Hamiltonian test to 1e-7.
     omegas, curve, before : (W,) ndarray
         Ratio over frequency [rad/s], and that with the blocks as they were given; nan where those leave it unstable.
 
@@ -82,7 +65,7 @@ class LimitValue:
 
     Examples
     --------
-    >>> found = LimitValue(limit=Limit("d", "y", 2.0), hard=True, plant=0, ratio=0.5, omega=3.0, known=Known.NORM)
+    >>> found = LimitValue(limit=Limit("d", "y", 2.0), hard=True, plant=0, ratio=0.5, omega=3.0)
     >>> found.met, str(found)
     (True, 'hard  d -> y on plant 0: 0.5 of its bound at 0.4775 Hz, norm')
     """
@@ -92,7 +75,6 @@ class LimitValue:
     plant: int
     ratio: float
     omega: float
-    known: Known
     n_lines: int = 0
     omegas: np.ndarray | None = None
     curve: np.ndarray | None = None
@@ -106,7 +88,7 @@ class LimitValue:
     def __str__(self) -> str:
         kind = "hard" if self.hard else "soft"
         where = format_hertz(self.omega)
-        how = "norm" if self.known is Known.NORM else f"on {self.n_lines} lines"
+        how = f"on {self.n_lines} lines" if self.n_lines else "norm"
         return f"{kind}  {self.limit} on plant {self.plant}: {self.ratio:.5g} of its bound at {where}, {how}"
 
 
@@ -135,8 +117,6 @@ class TunedDesign:
         Parameters at a bound: what limits the design may be the bound.
     not_asked : tuple of str
         What no limit asks for, and is given away.
-    stationarity : float
-        Norm of the combined slopes at the end, of logarithms; zero at a local optimum.
     n_evaluated : int
         Loops that were looked at.
     system : tuple of control.StateSpace
@@ -170,7 +150,6 @@ class TunedDesign:
     spread: tuple[float, ...]
     at_bounds: tuple[str, ...]
     not_asked: tuple[str, ...]
-    stationarity: float
     n_evaluated: int
     system: tuple[control.StateSpace, ...]
     plant: Plants
@@ -206,8 +185,8 @@ class TunedDesign:
         """
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         open_chain = self.joined((), inputs, outputs)
-        K = structurally_minimal(open_chain)
-        return control.StateSpace(K.A, K.B, -K.C, -K.D, self.dt, inputs=list(inputs), outputs=list(outputs))
+        K = structurally_minimal((open_chain.A, open_chain.B, -open_chain.C, -open_chain.D), self.dt)
+        return with_names(K, inputs, outputs)
 
     def loop(self, inputs: str | Sequence[str], outputs: str | Sequence[str], plant: int = 0) -> control.StateSpace:
         """Return the closed loop of one plant between two signals, with all its states."""
@@ -219,18 +198,15 @@ class TunedDesign:
         if isinstance(seen, MeasuredPlant):
             raise ValueError("plant must be a system or a model for its loop as one system, got an FRF")
         G = seen.system
-        names = {"inputs": list(self.plant.inputs), "outputs": list(self.plant.outputs)}
-        G = control.StateSpace(G.A, G.B, G.C, G.D, self.dt, remove_useless_states=False, **names)
-        return self.joined((G,), inputs, outputs)
+        G = control.StateSpace(G.A, G.B, G.C, G.D, self.dt, remove_useless_states=False)
+        return self.joined((with_names(G, self.plant.inputs, self.plant.outputs),), inputs, outputs)
 
     def joined(
         self, more: Sequence[control.StateSpace], inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> control.StateSpace:
         """Return fixed parts, blocks and whatever else joined by name."""
         parts = [*self.system, *(block.system(self.dt) for block in self.blocks.values()), *more]
-        system = join_by_name(parts, [], external=inputs, looked_at=outputs).system
-        names = {"inputs": list(inputs), "outputs": list(outputs)}
-        return control.StateSpace(system.A, system.B, system.C, system.D, self.dt, remove_useless_states=False, **names)
+        return with_names(join_by_name(parts, [], external=inputs, looked_at=outputs).system, inputs, outputs)
 
     def __str__(self) -> str:
         met = "met, on lines or as norms as said" if self.met else "NOT MET"
@@ -248,20 +224,3 @@ class TunedDesign:
         rows += [f"  nothing asks for {one}" for one in self.not_asked]
         rows.append("  this is a search, not a proof: check() says what holds for the whole set")
         return "\n".join(rows)
-
-
-def structurally_minimal(system: control.StateSpace) -> control.StateSpace:
-    """Return the states that the inputs reach and the outputs see, by the zeros of A, B and C alone."""
-    links = system.A != 0
-    reached, seen = (system.B != 0).any(axis=1), (system.C != 0).any(axis=0)
-    for _ in range(system.nstates):
-        reached, seen = reached | links @ reached, seen | seen @ links
-    kept = np.flatnonzero(reached & seen)
-    return control.StateSpace(
-        system.A[np.ix_(kept, kept)],
-        system.B[kept],
-        system.C[:, kept],
-        system.D,
-        system.dt,
-        remove_useless_states=False,
-    )

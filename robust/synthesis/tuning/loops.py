@@ -9,11 +9,11 @@ import control
 import numpy as np
 
 from nlfrf._base.values import value
+from robust.lti.connections import lower_lft
 from robust.lti.grids import cluster_at_modes
-from robust.lti.lti import evaluate_transfer
+from robust.lti.lti import evaluate_transfer, frequency_response_matrices
 from robust.lti.norms import continuous_matrices, crossings, discrete_matrices, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
-from robust.lti.wiring import is_well_posed
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
 from robust.synthesis.tuning.friction import FrictionChannel, Multipliers
 from robust.synthesis.tuning.limits import Channel
@@ -82,15 +82,12 @@ class CloseLook:
     ------
     ratio, omega : float
         Largest gain times weight over bound, and where in the plane of the bilinear map [rad/s].
-    is_norm : bool
-        Whether no frequency has a larger one.
     n_lines : int
-        Frequencies looked at where it is not.
+        Frequencies looked at; 0 where no frequency has a larger one.
     """
 
     ratio: float
     omega: float
-    is_norm: bool
     n_lines: int
 
 
@@ -302,7 +299,7 @@ class ModelledLoop:
         norms, looks = self.raise_norms(loop), {}
         for channel in self.channels:
             level, omega, certain = norms[channel.index]
-            norm = CloseLook(ratio=level, omega=omega, is_norm=True, n_lines=0)
+            norm = CloseLook(ratio=level, omega=omega, n_lines=0)
             looks[channel.index] = norm if certain else self.look_densely(loop, channel, level, omega)
         return looks
 
@@ -328,7 +325,7 @@ class ModelledLoop:
             if heights[0] > level:
                 level, where = float(heights[0]), float(tops[0])
                 self.keep(channel.index, where)
-        return CloseLook(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
+        return CloseLook(ratio=level, omega=where, n_lines=int(at.size))
 
     def highest_levels(self, loop: ClosedLoop, channel: AnyChannel, omega: np.ndarray) -> np.ndarray:
         """Return (W,) exact levels; with scalings only where they may be the highest, zero elsewhere.
@@ -606,31 +603,20 @@ class MeasuredLoop:
     def look_closely(self, M: np.ndarray) -> dict[int, CloseLook]:
         """Return every limit on the lines of its band."""
         return {
-            channel.index: CloseLook(ratio=level, omega=omega, is_norm=False, n_lines=int(self.band(channel).sum()))
+            channel.index: CloseLook(ratio=level, omega=omega, n_lines=int(self.band(channel).sum()))
             for channel, (level, omega, _) in zip(self.channels, self.raise_norms(M).values(), strict=True)
         }
 
     def seen_by_plant(self, M: np.ndarray) -> control.StateSpace | None:
         """Return the controller that fixed parts and blocks make of plant outputs to inputs; None: no solution."""
         (A, B, C, D), n_w, n_z = self.around
-        n_y, n_u = self.plant.G.shape[:2]
         n = self.n_states
-        Ak, Bk, Ck, Dk = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
-        y_p, u_b = np.s_[n_w : n_w + n_y], np.s_[n_w + n_y :]
-        u_p, y_b = np.s_[n_z : n_z + n_u], np.s_[n_z + n_u :]
-        around = np.eye(self.n_in) - D[y_b, u_b] @ Dk
-        if not is_well_posed(around):
-            return None
-        inner = np.linalg.inv(around)  # y = inner (C x + D_y y_p + D_yu Ck xk)
-        y_x, y_k, y_in = inner @ C[y_b], inner @ D[y_b, u_b] @ Ck, inner @ D[y_b, y_p]
-        u_x, u_k, u_in = Dk @ y_x, Ck + Dk @ y_k, Dk @ y_in
-        full_A = np.block([[A + B[:, u_b] @ u_x, B[:, u_b] @ u_k], [Bk @ y_x, Ak + Bk @ y_k]])
-        full_B = np.vstack([B[:, y_p] + B[:, u_b] @ u_in, Bk @ y_in])
-        full_C = np.hstack([C[u_p] + D[u_p, u_b] @ u_x, D[u_p, u_b] @ u_k])
-        full_D = D[u_p, y_p] + D[u_p, u_b] @ u_in
+        fixed = control.StateSpace(A, B[:, n_w:], C[n_z:], D[n_z:, n_w:], remove_useless_states=False)
+        blocks = control.StateSpace(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:], remove_useless_states=False)
         try:
-            matrices = discrete_matrices((full_A, full_B, full_C, full_D), self.dt)
-        except np.linalg.LinAlgError:
+            K = lower_lft(fixed, blocks)
+            matrices = discrete_matrices((K.A, K.B, K.C, K.D), self.dt)
+        except (ValueError, np.linalg.LinAlgError):
             return None
         return control.StateSpace(*matrices, self.dt, remove_useless_states=False)
 
@@ -644,16 +630,10 @@ class MeasuredLoop:
         if G.shape[:2] == (1, 1):
             turns, clear = winding_number(omega, G[0, 0], K=-K, dt=self.dt)
             return turns == wanted, clear
-        response = np.moveaxis(np.array(evaluate_on_lines(K, omega)), 0, 0)
-        F = np.linalg.det(np.eye(K.noutputs) - response @ np.moveaxis(G, 2, 0))
+        of_blocks = frequency_response_matrices((K.A, K.B, K.C, K.D), omega, self.dt)
+        F = np.linalg.det(np.eye(K.noutputs) - of_blocks @ np.moveaxis(G, 2, 0))
         n = integrator_poles(K, self.dt)
         if G.shape[0] == G.shape[1]:
             n += slope_at_start(omega, np.linalg.det(np.moveaxis(G, 2, 0)))
         found, clear_all = count_half_turns(F, n)
         return round(float(found)) == wanted, bool(clear_all)
-
-
-def evaluate_on_lines(K: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """Return (W, n_u, n_y) response."""
-    z = np.exp(1j * omega * K.dt) if K.dt else 1j * omega
-    return evaluate_transfer(K.A, K.B, K.C, K.D, z)

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from nlfrf._base.values import value
 from robust.synthesis.tuning.loops import Peak
 from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, TuningProblem
 
@@ -36,21 +35,6 @@ N_SCALINGS, SCALED_GAIN = 6, 1e-3
 #: Level (log) below that of the start from which on a limit counts as zero.
 MIN_LOG_GAIN = float(np.log(1e-10))
 WOLFE = 1e-4, 0.5
-
-
-@value(copy=False)
-class SearchResult:
-    """Hold the result of a search.
-
-    Fields
-    ------
-    evaluation : Evaluation
-    stationarity : float
-        Norm of the combination of slopes that the last program found: zero at a local optimum.
-    """
-
-    evaluation: Evaluation
-    stationarity: float
 
 
 # ---- Stability.
@@ -123,21 +107,21 @@ def bfgs(function: Any, x: np.ndarray, n_steps: int, *, enough: float = -np.inf)
 # ---- The smallest worst level.
 
 
-def minimise_from(problem: TuningProblem, start: Evaluation) -> SearchResult:
+def minimise_from(problem: TuningProblem, start: Evaluation) -> Evaluation:
     """Minimise the merit from a stable design, until no step improves it."""
     start = evaluate_with_scalings(problem, start)
-    current, stationarity = minimise(problem, start, start)
+    current = minimise(problem, start, start)
     for _ in range(N_SCALINGS if problem.has_scalings else 0):
         before = current.merit(PENALTIES[-1])
-        current, stationarity = minimise(problem, evaluate_with_scalings(problem, current), start)
+        current = minimise(problem, evaluate_with_scalings(problem, current), start)
         if not current.merit(PENALTIES[-1]) < before - SCALED_GAIN:
             break
     for _ in range(N_LOOKS):
         closer = evaluate_closely(problem, current)
         if closer is current:
             break
-        current, stationarity = minimise(problem, closer, start)
-    return SearchResult(evaluation=current, stationarity=stationarity)
+        current = minimise(problem, closer, start)
+    return current
 
 
 def evaluate_with_scalings(problem: TuningProblem, current: Evaluation) -> Evaluation:
@@ -167,18 +151,15 @@ def highest_levels(evaluation: Evaluation) -> dict[tuple[int, int], float]:
     return known
 
 
-def minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) -> tuple[Evaluation, float]:
-    """Minimise by rounds of programs and BFGS with growing penalties; return the stationarity at the end too."""
-    stationarity = np.inf
+def minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) -> Evaluation:
+    """Minimise by rounds of programs and BFGS with growing penalties."""
     for rho in PENALTIES:
         for _ in range(N_ROUNDS):
             before = current.merit(rho)
-            current, stationarity = sequential_programs(problem, current, rho)
-            current = evaluate_at_exact_peaks(problem, current)
+            current = evaluate_at_exact_peaks(problem, sequential_programs(problem, current, rho))
             if is_done(current, start):
                 break
-            current = descend_on_penalty(problem, current, rho)
-            current = evaluate_at_exact_peaks(problem, current)
+            current = evaluate_at_exact_peaks(problem, descend_on_penalty(problem, current, rho))
             problem.report(current, rho)
             if is_done(current, start):
                 break
@@ -188,7 +169,7 @@ def minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) -> 
                     break
         if current.hard < 2 * HARD_LIMIT_MARGIN or is_done(current, start):
             break
-    return current, stationarity
+    return current
 
 
 def is_done(current: Evaluation, start: Evaluation) -> bool:
@@ -263,15 +244,12 @@ def sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Ev
     return current
 
 
-def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> tuple[Evaluation, float]:
-    """Step by quadratic programs on the peaks, as long as they improve the merit; rho weighs the hard limits in it.
-
-    Returns the last evaluation, and how far from stationary it is: |H d| of the last program.
-    """
+def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
+    """Step by quadratic programs on the peaks, as long as they improve the merit; rho weighs the hard limits in it."""
     n = current.x.size
     if not current.poles:
         current = problem.evaluate(current.x)
-    H, box, stationarity = 0.1 * np.eye(n), 1.0, np.inf
+    H, box = 0.1 * np.eye(n), 1.0
     fresh = True
     for _ in range(N_SQP):
         cuts: list[tuple[Peak, np.ndarray]] = []
@@ -281,8 +259,6 @@ def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float)
             if solved is None:
                 break
             d, predicted, multipliers = solved
-            pull = H @ d
-            stationarity = float(np.linalg.norm(pull))
             if predicted < 1e-7 * max(1.0, abs(current.merit(rho)) * 1e-3) or float(np.abs(d).max()) < 1e-10:
                 break
             tried = problem.evaluate(np.clip(current.x + d, problem.controller.lower, problem.controller.upper))
@@ -310,7 +286,7 @@ def sequential_programs(problem: TuningProblem, current: Evaluation, rho: float)
             break
         if is_done(current, current) and not any(not peak.hard for peak in current.peaks):
             break
-    return current, stationarity
+    return current
 
 
 def lengthen_step(

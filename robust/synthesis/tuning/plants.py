@@ -11,12 +11,12 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_integer, short_form
 from nlfrf._base.values import value
-from robust._base.channels import is_matrix, is_single
+from robust._base.channels import is_known_on_lines, is_matrix, is_single
 from robust.analysis.loop import DELAY_ORDER, Loop, assemble_loop
 from robust.analysis.sampled_set import sampled_set
 from robust.friction.plant import FrictionPlant
 from robust.lti.connections import block_diagonal
-from robust.lti.lti import response, response_by_channel, timebase
+from robust.lti.lti import one_sampling_time, response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.models.fit.nominal import frd
@@ -152,10 +152,9 @@ def see_plant(
     name: str, model: Any, *, plants: Plants, dt: float, delay: float, worst: bool
 ) -> ModelledPlant | MeasuredPlant:
     """One plant behind hold and delay."""
-    known_on_lines = isinstance(model, Bla | control.FrequencyResponseData) or getattr(model, "measured_only", False)
     if worst:
         require_set(name, model)
-    if known_on_lines:
+    if is_known_on_lines(model):
         return see_measured(name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst)
     if is_single_set(model):
         return see_single_set(name, model, dt=dt, delay=delay, worst=worst)
@@ -322,12 +321,6 @@ def see_measured(name: str, model: Any, *, n_unstable: int, dt: float, delay: fl
 
 def stated_sampling_time(plants: Sequence[Any]) -> float:
     """Return the sampling time [s] that the plants state; 0 where none does."""
-    steps = set()
-    for model in plants:
-        source = getattr(model, "nominal", model)
-        if not isinstance(source, Bla | control.FrequencyResponseData):
-            steps.add(timebase(multivariable("plant", source)))
-    steps -= {0.0}
-    if len(steps) > 1 and max(steps) / min(steps) - 1 > 1e-9:
-        raise ValueError(f"plant must have one sampling time for all models, got {sorted(steps)} s")
-    return steps.pop() if steps else 0.0
+    sources = [getattr(model, "nominal", model) for model in plants]
+    known_on_lines = (Bla, control.FrequencyResponseData)
+    return one_sampling_time(multivariable("plant", one).dt for one in sources if not isinstance(one, known_on_lines))

@@ -280,14 +280,15 @@ class TuningProblem:
         if evaluation.stable and (self.best is None or is_better(evaluation, self.best)):
             self.best = evaluation
         if self.progress is not None:
-            best = np.inf if self.best is None else float(np.exp(worst_level(self.best)))
+            best = np.inf if self.best is None else worst_ratio(self.best)
             self.progress(self.n_evaluated, best, max(0.0, self.deadline - time.monotonic()))
 
 
-def worst_level(evaluation: Evaluation) -> float:
-    """Return the level that is shown: the worst hard limit while one is missed, else the soft ones."""
+def worst_ratio(evaluation: Evaluation) -> float:
+    """Return the ratio that is shown: that of the worst hard limit while one is missed, else of the soft ones."""
     hard = max((peak.level for peak in evaluation.excesses.values()), default=-np.inf)
-    return hard if hard > 0 or not any(not peak.hard for peak in evaluation.peaks) else evaluation.soft
+    has_soft = any(not peak.hard for peak in evaluation.peaks)
+    return float(np.exp(hard if hard > 0 or not has_soft else evaluation.soft))
 
 
 def is_better(one: Evaluation, other: Evaluation) -> bool:

@@ -19,7 +19,7 @@ from nlfrf._base.arguments import (
     require_positive,
     short_form,
 )
-from robust.lti.lti import is_constant, timebase
+from robust.lti.lti import is_constant, timebase, to_s_plane
 from robust.lti.norms import discrete_matrices
 from robust.lti.realisation import multivariable
 from robust.lti.stability import assess_stability, poles_with_rounding
@@ -27,11 +27,11 @@ from robust.lti.wiring import Port, join_by_name
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.blocks import Pid, TunableBlock, require_blocks
 from robust.synthesis.tuning.closing import ClosedLoop, state_plant
-from robust.synthesis.tuning.design import Ended, Known, LimitValue, TunedDesign
+from robust.synthesis.tuning.design import Ended, LimitValue, TunedDesign
 from robust.synthesis.tuning.friction import FrictionChannel, FrictionLimit
 from robust.synthesis.tuning.limits import Channel, Limit, require_limits
 from robust.synthesis.tuning.loops import MeasuredLoop, ModelledLoop, true_frequency
-from robust.synthesis.tuning.minimax import SearchResult, find_stable, minimise_from
+from robust.synthesis.tuning.minimax import find_stable, minimise_from
 from robust.synthesis.tuning.parameters import Controller, controller_of_blocks
 from robust.synthesis.tuning.plants import (
     MeasuredPlant,
@@ -41,7 +41,7 @@ from robust.synthesis.tuning.plants import (
     see_plants,
     stated_sampling_time,
 )
-from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better
+from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better, worst_ratio
 
 #: Signals of the perturbation, of names that nobody gives.
 AT_INPUT, AT_OUTPUT, PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
@@ -364,9 +364,9 @@ def require_paths(problem: TuningProblem, limits: Limits) -> None:
 
 def search(
     problem: TuningProblem, n_starts: int, deadline: float, rng: np.random.Generator
-) -> tuple[Evaluation | SearchResult | None, list[float], Ended]:
+) -> tuple[Evaluation | None, list[float], Ended]:
     """Return the best of several starts, what each reached, and why it ended."""
-    best: SearchResult | None = None
+    best: Evaluation | None = None
     last: Evaluation | None = None
     spread: list[float] = []
     ended = Ended.CONVERGED
@@ -399,20 +399,13 @@ def search(
                 if ended is Ended.INTERRUPTED:
                     break
                 continue
-            found = SearchResult(evaluation=problem.best, stationarity=np.inf)
-        spread.append(worst_ratio(found.evaluation))
-        if best is None or is_better(found.evaluation, best.evaluation):
+            found = problem.best
+        spread.append(worst_ratio(found))
+        if best is None or is_better(found, best):
             best = found
         if ended is Ended.INTERRUPTED:
             break
     return best if best is not None else last, spread, ended
-
-
-def worst_ratio(evaluation: Evaluation) -> float:
-    """Return the worst hard ratio while one is missed, else the worst soft one."""
-    hard = max((peak.level for peak in evaluation.excesses.values()), default=-np.inf)
-    has_soft = any(not peak.hard for peak in evaluation.peaks)
-    return float(np.exp(hard if hard > 0 or not has_soft else evaluation.soft))
 
 
 def starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> np.ndarray | None:
@@ -467,7 +460,7 @@ def require_movable_limits(problem: TuningProblem, current: Evaluation) -> None:
 
 def make_design(
     problem: TuningProblem,
-    found: Evaluation | SearchResult | None,
+    found: Evaluation | None,
     *,
     spread: list[float],
     ended: Ended,
@@ -478,16 +471,9 @@ def make_design(
     delay: float,
 ) -> TunedDesign:
     """Return the result, every number of it computed again from the design itself."""
-    stationarity = np.inf
-    evaluation: Evaluation | None
-    if isinstance(found, SearchResult):
-        evaluation, stationarity = found.evaluation, found.stationarity
-        looks = problem.look_closely(evaluation.x)
-    else:
-        evaluation, looks = found, None
-    x = problem.controller.start if evaluation is None else evaluation.x
+    x = problem.controller.start if found is None else found.x
     values = []
-    for k, by_limit in enumerate(looks or []):
+    for k, by_limit in enumerate(problem.look_closely(x) if found is not None and found.stable else []):
         for index, look in by_limit.items():
             limit, is_hard = limits[index]
             omega = float(true_frequency(np.array([look.omega]), dt)[0])
@@ -498,13 +484,12 @@ def make_design(
                     plant=k,
                     ratio=look.ratio,
                     omega=omega,
-                    known=Known.NORM if look.is_norm else Known.LINES,
                     n_lines=look.n_lines,
                     **limit_curves(problem, k, limit=index, x=x),
                 )
             )
     values.sort(key=lambda one: (not one.hard, -one.ratio))
-    excess = np.inf if evaluation is None else evaluation.excess - problem.decay
+    excess = np.inf if found is None else found.excess - problem.decay
     stable = bool(values) and is_surely_stable(problem, x)
     return TunedDesign(
         blocks=problem.controller.blocks_at(x),
@@ -516,7 +501,6 @@ def make_design(
         spread=tuple(spread),
         at_bounds=tuple(parameters_at_bounds(problem.controller, x)),
         not_asked=tuple(describe_unlimited(problem.controller, limits, plants)),
-        stationarity=float(stationarity),
         n_evaluated=problem.n_evaluated,
         system=tuple(parts),
         plant=plants,
@@ -568,12 +552,9 @@ def system_of_loop(loop: ClosedLoop, dt: float) -> control.StateSpace:
 def has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:
     """Return whether every pole that a block moves decays as asked for."""
     poles, _ = poles_with_rounding(closed)
+    real, image = to_s_plane(poles, problem.dt).real, poles
     if problem.dt:
-        with np.errstate(divide="ignore"):
-            real = np.log(np.maximum(np.abs(poles), 1e-300)) / problem.dt
         image = 2 / problem.dt * (poles - 1) / np.where(poles == -1, 1e-12, poles + 1)
-    else:
-        real, image = poles.real, poles
     moved = problem.movable_poles(scene, image)
     return bool(np.all(real[moved] <= -problem.decay * (1 - 1e-6)))
 

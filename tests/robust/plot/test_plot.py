@@ -8,7 +8,7 @@ import pytest
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-from robust import check, frd, ncfsyn, performance_weight, uncertainty
+from robust import check, ncfsyn, performance_weight, uncertainty
 from robust import plot as pictures
 from robust._base.states import FrictionVerdict
 from robust.analysis import sample_loops
@@ -123,8 +123,6 @@ def test_family_orders_fit_nominal_bounds(ax):
     for draw, content in (
         (pictures.plot_orders, SCAN),
         (pictures.plot_fit, SCAN.fit),
-        (pictures.plot_nominal, MODEL),
-        (pictures.plot_nominal, uncertainty(BLA, frd(BLA), order=2)),
     ):
         axes = draw(content)
         assert axes.get_xlabel()

@@ -338,7 +338,7 @@ def test_the_controller_to_begin_with_is_what_the_plant_asks_for(plant, kinds, s
     [
         ({"model": []}, "model must be an UncertaintyModel or a list of them"),
         ({"model": 3}, "model must be an UncertaintyModel"),
-        ({"K": robust.shaping.lead(5.0, 0.5, dt=0.01), "dt": 0.02}, "dt must be one for models and controller"),
+        ({"K": robust.shaping.lead(5.0, 0.5, dt=0.01), "dt": 0.02}, "dt must be one sampling time"),
         ({"K": robust.shaping.lead(5.0, 0.5), "dt": 0.02}, "K must be sampled at 0.02 s"),
         ({"path": "shape.txt"}, "path must end in .html"),
         ({"delay": -1.0}, "delay must be zero or positive"),

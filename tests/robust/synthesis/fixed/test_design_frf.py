@@ -194,7 +194,7 @@ def test_a_given_start_is_improved():
     assert unmoved.reason == "not iterated"
 
 
-def test_progress_and_time_cap():
+def test_progress():
     seen = []
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0, progress=lambda k, v: seen.append((k, v)))
     counts, values = zip(*seen, strict=True)
@@ -202,9 +202,6 @@ def test_progress_and_time_cap():
     rounds = [values[a:b] for a, b in zip(begins, [*begins[1:], len(values)], strict=True)]
     assert len(rounds) > 1  # one that evolved, one that is simple
     assert design.history in rounds
-    hurried = design_frf(BOOK, 2, w_P=W_P, w_u=1.0, time_cap=1e-3)
-    assert hurried.reason == "stopped at the time limit"
-    assert stable(BOOK, hurried.K)
 
 
 def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
@@ -216,10 +213,10 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
     calls = []
     true = iteration.solve_step
 
-    def failing(step, seconds):
+    def failing(step):
         calls.append(1)
         if len(calls) < 3:
-            return true(step, seconds)
+            return true(step)
 
         def panic(*_args, **_kwargs):
             raise PanicError
@@ -227,7 +224,7 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
         import cvxpy
 
         monkeypatch.setattr(cvxpy.Problem, "solve", panic)
-        return cones.solve_step(step, seconds)
+        return cones.solve_step(step)
 
     monkeypatch.setattr(iteration, "solve_step", failing)
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0)

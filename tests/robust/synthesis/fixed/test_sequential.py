@@ -72,7 +72,7 @@ def test_two_axes_meet_their_demands_with_both_closed(form):
     """|S_k| of each loop with the other closed by hand; the whole is proved."""
     G = sampled(STAGE, 1 / 512)
     model = set_of(G, form, (), (0.05,) * 4) if form == "elements" else set_of(G, form, (0.1, 0.1), (1.0, 1.0))
-    design = design_frf(model, "PI", M_S=[1.8, 2.0], time_cap=120, n_iterations=10)
+    design = design_frf(model, "PI", M_S=[1.8, 2.0], n_iterations=10)
     assert design.met, design.reason
     assert design.K.dt == G.dt
     assert not np.any(design.K.D - np.diag(np.diag(design.K.D)))
@@ -95,7 +95,7 @@ def test_what_is_said_of_the_loops_is_what_was_done(monkeypatch):
 
     monkeypatch.setattr(sequential, "design_loop", counted)
     apart = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), np.eye(2), np.zeros((2, 2)))
-    design = design_frf(set_of(apart, "elements", (), (0.02,) * 4), "PI", M_S=2.0, time_cap=60, n_iterations=2)
+    design = design_frf(set_of(apart, "elements", (), (0.02,) * 4), "PI", M_S=2.0, n_iterations=2)
     assert design.met, design.reason
     assert np.count_nonzero(made) == 2
     assert "designed again where it fell short" in design.reason
@@ -106,7 +106,7 @@ def test_what_cannot_be_is_said():
     """A set that no loop bears is not met, and why is said; the column of SP under 5 % in each entry by itself."""
     G = control.ss(-np.eye(2) / 75, np.eye(2), np.array([[87.8, -86.4], [108.2, -109.6]]) / 75, np.zeros((2, 2)))
     model = set_of(G, "elements", (), (4.0, 5.0, 4.0, 5.0))
-    design = design_frf(model, "PI", M_S=2.0, time_cap=20, n_iterations=2)
+    design = design_frf(model, "PI", M_S=2.0, n_iterations=2)
     assert not design.met
     assert "the whole set is not stable" in design.reason
     assert check(model, design.K).verdict != "robust"
@@ -123,7 +123,7 @@ def test_from_measured_lines_alone():
     u, y = (np.repeat(x[:, :, None], 2, axis=2) for x in (ms.u, y))
     y = y + 0.003 * np.random.default_rng(2).standard_normal(y.shape) + 0.01 * u**3
     frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines))
-    design = design_frf(frm, "PI", M_S=1.8, omega_c=(30.0, 120.0), end_gain=0.9, time_cap=60, n_iterations=10)
+    design = design_frf(frm, "PI", M_S=1.8, omega_c=(30.0, 120.0), end_gain=0.9, n_iterations=10)
     assert design.met, design.reason
     closed = control.feedback(lags * design.K, np.eye(2))
     assert closed.poles().real.max() < 0
