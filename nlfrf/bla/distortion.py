@@ -17,6 +17,7 @@ the lines of a window (n,) along the second.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -153,49 +154,6 @@ class WindowCoordinates:
     n_distinct: np.ndarray
 
 
-class LevelMixture(NamedTuple):
-    """Posterior of the log variance of one output, a mixture of C components on F excited lines.
-
-    The components are the H hypotheses, with the roughness as distortion and then, if C = 2 H, as a bend of G.
-
-    Fields
-    ------
-    log_level, dof, log_weight : (C, F) ndarray
-        Log variance, its degrees of freedom, log weight of each component.
-    factors : (H, F) ndarray
-        c at the excited line over its mean on the window.
-    detected : (F,) ndarray
-        Variance expected by the detection lines alone; nan without them.
-    """
-
-    log_level: np.ndarray
-    dof: np.ndarray
-    log_weight: np.ndarray
-    factors: np.ndarray
-    detected: np.ndarray
-
-
-class Hypotheses(NamedTuple):
-    """Places and laws of the distortion, H of them.
-
-    Fields
-    ------
-    before_dynamics : (H,) bool ndarray
-        Whether the distortion passes through the dynamics.
-    on_window : (H, n, F) ndarray
-        c on the lines of each window, over its mean there.
-    factors : (H, F) ndarray
-        c at the excited line over that mean.
-    log_prior : (H,) ndarray
-        Log prior probability.
-    """
-
-    before_dynamics: np.ndarray
-    on_window: np.ndarray
-    factors: np.ndarray
-    log_prior: np.ndarray
-
-
 class OutputData(NamedTuple):
     """The data of one output.
 
@@ -308,8 +266,9 @@ def estimate_output_variance(
     F = excited.lines.size
     ones, detected = np.ones(F), np.full(F, np.nan)
     if source == "detection":
-        mixture = level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=M)
-        log_level, dof, log_weight, factors, detected = mixture
+        log_level, dof, log_weight, factors, detected = level_from_detection_lines(
+            excited, row, level_scale=frm.level_scale, M=M
+        )
     elif row.rough is not None and row.dof_rough is not None:
         log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
         log_level, dof = level_from_roughness(excited.index, row.rough, nu=row.dof_rough, log_gamma=log_gamma)
@@ -344,7 +303,7 @@ def estimate_output_variance(
 def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
     """Return the (F,) expected variance of the first output's residual by detection lines alone, noise included."""
     row = collect_output_data(0, excited, residual=residual, frm=frm, fit=None)
-    return level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=excited.U.shape[1]).detected
+    return level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=excited.U.shape[1])[-1]
 
 
 def scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
@@ -418,8 +377,20 @@ def normalize_weights(log_weight: np.ndarray) -> np.ndarray:
 
 def level_from_detection_lines(
     excited: Spectra, row: OutputData, *, level_scale: np.ndarray | float, M: int
-) -> LevelMixture:
-    """Fit the log level under every hypothesis to the detection lines, and update it by the roughness if known."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Fit the log level under every hypothesis to the detection lines, and update it by the roughness if known.
+
+    The components are the H hypotheses, with the roughness as distortion and then, if C = 2 H, as a bend of G.
+
+    Returns
+    -------
+    log_level, dof, log_weight : (C, F) ndarray
+        Log variance, its degrees of freedom, log weight of each component.
+    factors : (H, F) ndarray
+        c at the excited line over its mean on the window.
+    detected : (F,) ndarray
+        Variance expected by the detection lines alone.
+    """
     index = excited.index
     windows = window_coordinates(index, M)
     before, relative, factors, prior = list_hypotheses(excited, row)
@@ -440,8 +411,8 @@ def level_from_detection_lines(
     zeros = np.zeros(log_level.shape)
     detected = np.asarray(np.add.reduce(normalize_weights(evidence) * np.exp(log_level)))
     if row.rough is None or row.dof_rough is None:
-        return LevelMixture(log_level, windows.dof + zeros, evidence, factors, detected)
-    update = roughness_update(index, M, row.dof_rough.tobytes())
+        return log_level, windows.dof + zeros, evidence, factors, detected
+    density, share, dof = roughness_update(index, M, row.dof_rough.tobytes())
     nu, rough = row.dof_rough, row.rough + TINY
     spread = spread / excited.amplitude**2
     window = np.maximum(
@@ -450,21 +421,33 @@ def level_from_detection_lines(
     over = clip(window / np.maximum(spread, TINY), 1.0, MAX_WINDOW_SHAPE)
     ratio = np.log(rough / over) - log_level - slope * windows.x_rough
     both = np.empty((2, *ratio.shape))
-    both[0] = update.density.at(ratio)  # as distortion
+    both[0] = density(ratio)  # as distortion
     np.subtract(np.minimum(nu * ratio, 0.0), math.log(BEND_RANGE), out=both[1])  # as a bend
     both = windowed_mean(both, EVIDENCE_LINES) * ROUGHNESS_EVIDENCE
-    pooled = np.maximum(1 + update.gain * np.expm1(np.minimum(ratio, 50.0)), MIN_RELATIVE_COUNT**2)
-    return LevelMixture(
-        log_level=np.concatenate([log_level + np.log(pooled), log_level]),
-        dof=np.concatenate([update.dof + zeros, windows.dof + zeros]),
-        log_weight=(evidence + both).reshape(-1, log_level.shape[1]),
-        factors=factors,
-        detected=detected,
+    pooled = np.maximum(1 + share * np.expm1(np.minimum(ratio, 50.0)), MIN_RELATIVE_COUNT**2)
+    return (
+        np.concatenate([log_level + np.log(pooled), log_level]),
+        np.concatenate([dof + zeros, windows.dof + zeros]),
+        (evidence + both).reshape(-1, log_level.shape[1]),
+        factors,
+        detected,
     )
 
 
-def list_hypotheses(excited: Spectra, row: OutputData) -> Hypotheses:
-    """Return the hypotheses of place and law; where |G| is constant over the band, places and sources are one."""
+def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the H hypotheses of place and law; where |G| is constant over the band, places and sources are one.
+
+    Returns
+    -------
+    before_dynamics : (H,) bool ndarray
+        Whether the distortion passes through the dynamics.
+    on_window : (H, n, F) ndarray
+        c on the lines of each window, over its mean there.
+    factors : (H, F) ndarray
+        c at the excited line over that mean.
+    log_prior : (H,) ndarray
+        Log prior probability.
+    """
     laws = [input_cubic_counts(excited)]
     if row.gain_varies:
         laws.append(cubic_count_ratios(rms(row.Y), excited.index, MAX_OUTPUT_RATIO))
@@ -473,13 +456,8 @@ def list_hypotheses(excited: Spectra, row: OutputData) -> Hypotheses:
     for i, (on_window, here) in enumerate(laws):
         relative[i], factors[i] = on_window, here
     if not row.gain_varies:
-        return Hypotheses(~BEFORE_DYNAMICS[:n_laws], relative, factors, CONSTANT_GAIN_LOG_PRIOR)
-    return Hypotheses(
-        before_dynamics=BEFORE_DYNAMICS,
-        on_window=np.concatenate([relative, relative]),
-        factors=np.concatenate([factors, factors]),
-        log_prior=EQUAL_LOG_PRIOR,
-    )
+        return ~BEFORE_DYNAMICS[:n_laws], relative, factors, CONSTANT_GAIN_LOG_PRIOR
+    return BEFORE_DYNAMICS, np.concatenate([relative, relative]), np.concatenate([factors, factors]), EQUAL_LOG_PRIOR
 
 
 def input_cubic_counts(excited: Spectra) -> tuple[np.ndarray, np.ndarray]:
@@ -623,7 +601,7 @@ def update_by_scatter(
     weight = np.concatenate([log_weight + math.log(1 - UNRELATED), alone + math.log(UNRELATED)])
     ratio = np.minimum(np.log(scatter + TINY) - level, 500.0)
     n_lines = min(EVIDENCE_LINES, scatter.size)
-    weight = weight + n_lines * windowed_mean(log_density_of_ratio(ratio, float(nu), dof), EVIDENCE_LINES)
+    weight = weight + n_lines * windowed_mean(log_density_of_ratio(float(nu), dof)(ratio), EVIDENCE_LINES)
     return level + np.log((dof + nu * np.exp(ratio)) / (dof + nu)), dof + nu, weight
 
 
@@ -686,35 +664,17 @@ def ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
     return quantiles[0] - quantiles[1], dofs
 
 
-def log_density_of_ratio(log_ratio: np.ndarray, nu: np.ndarray | float, dof: np.ndarray) -> np.ndarray:
+def log_density_of_ratio(nu: np.ndarray | float, dof: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): two estimates of one variance."""
-    return RatioDensity.of_dof(nu, dof).at(log_ratio)
+    share = nu / dof
+    constant = nu * np.log(share) - log_beta(np.asarray(nu, dtype=float), dof)
 
+    def log_density(log_ratio: np.ndarray) -> np.ndarray:
+        """Return it at ratios (..., F)."""
+        over = share * np.exp(np.minimum(log_ratio, 500.0))
+        return np.asarray(nu * log_ratio - (nu + dof) * np.log1p(over) + constant)
 
-class RatioDensity(NamedTuple):
-    """The density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof), but for the ratio itself.
-
-    Fields
-    ------
-    nu, total, share, constant : ndarray or float
-        nu, nu + dof, nu / dof, and the log of what stands before the powers.
-    """
-
-    nu: np.ndarray | float
-    total: np.ndarray
-    share: np.ndarray
-    constant: np.ndarray
-
-    @classmethod
-    def of_dof(cls, nu: np.ndarray | float, dof: np.ndarray) -> RatioDensity:
-        """Return the density of estimates with nu and dof complex degrees of freedom."""
-        share = nu / dof
-        return cls(nu, nu + dof, share, nu * np.log(share) - log_beta(np.asarray(nu, dtype=float), dof))
-
-    def at(self, log_ratio: np.ndarray) -> np.ndarray:
-        """Return its log."""
-        over = self.share * np.exp(np.minimum(log_ratio, 500.0))
-        return np.asarray(self.nu * log_ratio - self.total * np.log1p(over) + self.constant)
+    return log_density
 
 
 def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -759,35 +719,32 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
     )
 
 
-class RoughnessUpdate(NamedTuple):
-    """What a roughness of known degrees of freedom changes in a level of detection lines, whatever the data.
+@lru_cache(maxsize=N_CACHED_GRIDS)
+def roughness_update(
+    index: LineIndex, M: int, dof_rough: bytes
+) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
+    """Return what roughnesses of complex degrees of freedom (F,), as bytes, change in levels, whatever the data.
 
-    Fields
-    ------
-    density : RatioDensity
-        Of the roughness over the level that the detection lines expect in its place.
+    Returns
+    -------
+    density : callable
+        Log density of the log of the roughness over the level that the detection lines expect in its place.
     gain : (F,) ndarray
         Share of their difference by which the level moves.
     dof : (F,) ndarray
         Degrees of freedom of the level that was moved.
     """
-
-    density: RatioDensity
-    gain: np.ndarray
-    dof: np.ndarray
-
-
-@lru_cache(maxsize=N_CACHED_GRIDS)
-def roughness_update(index: LineIndex, M: int, dof_rough: bytes) -> RoughnessUpdate:
-    """Return the update of a grid's levels by roughnesses of these complex degrees of freedom, the bytes of (F,)."""
     nu, windows = np.frombuffer(dof_rough), window_coordinates(index, M)
     x, (var_level, cov_slope, var_slope) = windows.x_rough, windows.covariance
     var_here, cov_here = var_level + 2 * x * cov_slope + x * x * var_slope, var_level + x * cov_slope
     gain = cov_here / (var_here + 1 / nu)
     # by the line count alone two chi-squares are pooled; what the slope leaves open comes on top
     by_count = 1 / (windows.n_lines + nu)
-    dof = widened_dof(1 / by_count, var_level - gain * cov_here - by_count)
-    return RoughnessUpdate(density=RatioDensity.of_dof(nu, 1 / var_here), gain=gain, dof=dof)
+    return (
+        log_density_of_ratio(nu, 1 / var_here),
+        gain,
+        widened_dof(1 / by_count, var_level - gain * cov_here - by_count),
+    )
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)

@@ -11,8 +11,6 @@ fitted value to first order.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from nlfrf._base.numbers import TINY, squared_modulus, two_unknowns
@@ -102,8 +100,7 @@ def interpolate_columns(
     dof = n_y * n_u * (width - POLYNOMIAL_ORDER - 1)
     better = local_mean(RATIONAL_VARIANCE_RATIO * plain / dof - rational / (dof - 2), N_POOLED_WINDOWS) > 0
     D = np.where(better[:, None, None] & (width >= 2 * POLYNOMIAL_ORDER + 4), D, 1.0)
-    numerator = fit_numerator(r, g, D)
-    at_zero, slopes, rest = numerator.at_zero, numerator.slopes, numerator.slope_residuals
+    at_zero, _, _, slopes, rest = fit_numerator(r, g, D)
     value_at_zero = (g @ at_zero[..., None])[..., 0]  # (F, n_u, n_y)
     # a step of (a1, a2) by the error of a window, and what it does to the fitted value
     rows = (rest / size[..., None]).reshape(F, -1, 2)
@@ -119,11 +116,11 @@ def interpolate_columns(
     return G, ColumnInterpolation(owner=owner, line_variance=line_variance, window=window, error_weights=weights)
 
 
-class NumeratorFit(NamedTuple):
-    """Numerators fitted to windows under a given denominator.
+def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Fit the numerators to windows g (F, n_u, n_y, n) at distances r under a denominator D.
 
-    Fields
-    ------
+    Returns
+    -------
     at_zero : (F, n_u, n) complex ndarray
         B_0 = at_zero @ g.
     basis : (F, n_u, n, 3) complex ndarray
@@ -133,31 +130,14 @@ class NumeratorFit(NamedTuple):
     slopes, slope_residuals : (F, n_u, n_y, n, 2) complex ndarray
         Derivatives of the fit by (a1, a2) under a fixed numerator, and their residuals after the numerator is refitted.
     """
-
-    at_zero: np.ndarray
-    basis: np.ndarray
-    fit: np.ndarray
-    slopes: np.ndarray
-    slope_residuals: np.ndarray
-
-
-def fit_numerator(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> NumeratorFit:
-    """Fit the numerators to windows g (F, n_u, n_y, n) at distances r under a denominator D."""
     w = 1 / D
     basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(POLYNOMIAL_ORDER + 1))  # (F, n_u, n, 3)
     first = np.linalg.solve(np.swapaxes(T, -1, -2), np.eye(POLYNOMIAL_ORDER + 1)[0][:, None])
-    at_zero = (basis @ first)[..., 0].conj()  # B_0 = at_zero @ g
-
+    at_zero = (basis @ first)[..., 0].conj()
     fit = g - numerator_residual(g, basis)
     slopes = [-fit * (w * r**m)[:, :, None] for m in (1, 2)]
     rest = [numerator_residual(slope, basis) for slope in slopes]
-    return NumeratorFit(
-        at_zero=at_zero,
-        basis=basis,
-        fit=fit,
-        slopes=np.stack(slopes, axis=-1),
-        slope_residuals=np.stack(rest, axis=-1),
-    )
+    return at_zero, basis, fit, np.stack(slopes, axis=-1), np.stack(rest, axis=-1)
 
 
 def numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
@@ -167,7 +147,7 @@ def numerator_residual(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
 def residual_power(r: np.ndarray, g: np.ndarray, *, D: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Return the (F,) power of the residual under a denominator D, each row over its size."""
-    return np.asarray(np.sum(np.abs((g - fit_numerator(r, g, D).fit) / size) ** 2, axis=(1, 2, 3)))
+    return np.asarray(np.sum(np.abs((g - fit_numerator(r, g, D)[2]) / size) ** 2, axis=(1, 2, 3)))
 
 
 def fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -175,8 +155,8 @@ def fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarra
     D = np.ones(r.shape, dtype=complex)
     a = np.zeros((len(r), 2), dtype=complex)
     for turn in range(N_REWEIGHTED_ROUNDS + N_GAUSS_NEWTON_ROUNDS):
-        numerator = fit_numerator(r, g, D)
-        basis, aim, rest = numerator.basis, g - numerator.fit, numerator.slope_residuals
+        _, basis, fit, _, rest = fit_numerator(r, g, D)
+        aim = g - fit
         if turn < N_REWEIGHTED_ROUNDS:
             first, second = (numerator_residual(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
             aim, rest = numerator_residual(g / D[:, :, None], basis), np.stack([first, second], axis=-1)

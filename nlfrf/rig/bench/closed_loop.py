@@ -14,7 +14,8 @@ import pickle
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any, TypedDict, TypeVar, Unpack, cast, overload
 
 import numpy as np
@@ -243,8 +244,8 @@ class LoopRuns:
     steps : int
         Integration steps a sample.
     rows : dict of str to ndarray
-        One row a run: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r, disturbance, noise (R, n);
-        delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity.
+        One row a run, or one that all share: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r,
+        disturbance, noise (R, n); delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity.
     """
 
     rig: Rig
@@ -255,42 +256,12 @@ class LoopRuns:
     @property
     def shape(self) -> tuple[int, int]:
         """Number of runs, and of samples of each."""
-        n_runs, n = self.rows["r"].shape
-        return n_runs, n
+        return max(map(len, self.rows.values())), self.rows["r"].shape[1]
 
-    def select_runs(self, chosen: np.ndarray, steps: int) -> LoopRuns:
+    def select_runs(self, chosen: np.ndarray | slice, steps: int) -> LoopRuns:
         """Return some of the runs, with other steps."""
-        return replace(self, steps=steps, rows={name: select_rows(part, chosen) for name, part in self.rows.items()})
-
-    def __reduce__(self) -> tuple[Callable[..., LoopRuns], tuple[object, ...]]:
-        """Pickle rows that all runs share once."""
-        once = {name: part[:1] if part.strides[0] == 0 else part for name, part in self.rows.items()}
-        return rebuild_runs, (self.rig, self.fs, self.steps, once, self.shape[0])
-
-
-def select_rows(rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Select rows by index; a broadcast row stays broadcast."""
-    return np.broadcast_to(rows[:1], (chosen.size, *rows.shape[1:])) if rows.strides[0] == 0 else rows[chosen]
-
-
-def rebuild_runs(rig: Rig, fs: float, steps: int, once: dict[str, np.ndarray], n: int) -> LoopRuns:
-    """Return the runs from their pickled parts, of which some are a single row."""
-    rows = {name: np.broadcast_to(part, (n, *part.shape[1:])) for name, part in once.items()}
-    return LoopRuns(rig=rig, fs=fs, steps=steps, rows=rows)
-
-
-class RunBatches(Sequence[LoopRuns]):
-    """Runs in batches of at most `most`, each made when it is indexed."""
-
-    def __init__(self, runs: LoopRuns, most: int) -> None:
-        n = runs.shape[0]
-        self.runs, self.rows = runs, np.array_split(np.arange(n), -(-n // most))
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, i: int) -> LoopRuns:  # type: ignore[override]  # nobody asks for slices
-        return self.runs.select_runs(self.rows[i], self.runs.steps)
+        rows = {name: part if len(part) == 1 else part[chosen] for name, part in self.rows.items()}
+        return replace(self, steps=steps, rows=rows)
 
 
 def simulate_runs(runs: LoopRuns) -> dict[str, np.ndarray]:
@@ -318,7 +289,9 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     states = np.tile(memory.state, (n_runs, 1))
     stacks = np.tile(memory.stack, (n_runs, 1, 1))
     # copies: the code was compiled for arrays that can be written
-    given = {name: np.array(part, order="C") for name, part in runs.rows.items()}
+    given = {
+        name: np.array(np.broadcast_to(part, (n_runs, *part.shape[1:])), order="C") for name, part in runs.rows.items()
+    }
     initial = given.pop("initial")
     states[:, packing.X], states[:, packing.V] = initial.T
     if law.form == packing.COULOMB:
@@ -352,18 +325,13 @@ def loops_kernel(law: packing.Law) -> Callable[..., None]:
     return run_loops
 
 
-@dataclass(frozen=True)
-class ReducedRuns:
-    """A task that simulates loops and returns `of(response)` of each, so that little travels between processes."""
-
-    of: Callable[[Trajectory], object]
-
-    def __call__(self, runs: LoopRuns) -> Arrays:
-        out = simulate_runs(runs)
-        try:
-            return {"found": object_array(collect_results(runs, out, self.of)), "lost": out["lost"]}
-        except Exception as error:  # an error of the function, not of the executor: raised in `collect_results`
-            return {"refused": object_array([error]), "lost": out["lost"]}
+def reduce_runs(of: Callable[[Trajectory], object], runs: LoopRuns) -> Arrays:
+    """Simulate loops and return `of(response)` of each, so that little travels between processes."""
+    out = simulate_runs(runs)
+    try:
+        return {"found": object_array(collect_results(runs, out, of)), "lost": out["lost"]}
+    except Exception as error:  # an error of the function, not of the executor: raised in `collect_results`
+        return {"refused": object_array([error]), "lost": out["lost"]}
 
 
 def object_array(items: list[object]) -> np.ndarray:
@@ -386,7 +354,7 @@ def collect_results(runs: LoopRuns, out: Arrays, of: Callable[[Trajectory], obje
 def to_trajectories(runs: LoopRuns, out: Arrays) -> list[Trajectory]:
     """Return the output of the compiled code as trajectories; arrays end where a loop diverged."""
     found, t = [], np.arange(runs.shape[1]) / runs.fs
-    for r, rows, n in zip(runs.rows["r"], out["rows"], out["lengths"], strict=True):
+    for r, rows, n in zip(np.broadcast_to(runs.rows["r"], runs.shape), out["rows"], out["lengths"], strict=True):
         x, v, y, u, friction = rows[:n].T.copy()
         signals = {"r": r[:n], "u": u, "x": x, "v": v, "y": y, "friction": friction}
         found.append(Trajectory(t=t[:n], signals=signals, units=UNITS, diverged=bool(n < r.size)))
@@ -525,10 +493,11 @@ def run_loops(
         },
         steps=oversampling,
     )
-    batches = RunBatches(runs, max(1, MAX_BATCH_SAMPLES // n))
+    most = max(1, MAX_BATCH_SAMPLES // n)
+    batches = [runs.select_runs(slice(i, i + most), runs.steps) for i in range(0, runs.shape[0], most)]
     # what a folder keeps are the runs themselves, whatever is wanted of them
     there = of is not None and executor is not None and resume is None and can_pickle(of)
-    task = ReducedRuns(of) if of is not None and there else simulate_runs
+    task = partial(reduce_runs, of) if of is not None and there else simulate_runs
     found: dict[int, list[object]] = {}
     for i, out in run_each(task, batches, executor=executor, progress=progress, resume=resume):
         warn_of_forgotten_loops(float(out["lost"].max()))
@@ -555,7 +524,7 @@ def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndar
     A, B, C, D = zip(*(one.matrices() for one in controllers), strict=True)
     size = max(len(one) for one in A)
     limits = np.array([one.limits() for one in controllers])[:, :, 0]
-    rows = {
+    rows: dict[str, np.ndarray] = {
         "A": stack_padded(A, (size, size)),
         "B": stack_padded([one[:, 0] for one in B], (size,)),
         "C": stack_padded([one[0] for one in C], (size,)),
@@ -568,11 +537,7 @@ def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndar
         "resolution": limits[:, 1],
         "initial": initial,
     }
-    # views: what all runs share is not copied for each
-    shared = {
-        name: np.broadcast_to(np.asarray(part, dtype=float), (n_runs, *part.shape[1:])) for name, part in rows.items()
-    }
-    return LoopRuns(rig=rig, fs=fs, steps=steps_per_sample(rig, fs, steps), rows=shared)
+    return LoopRuns(rig=rig, fs=fs, steps=steps_per_sample(rig, fs, steps), rows=rows)
 
 
 def stack_padded(parts: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:

@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from nlfrf._base.arguments import require_integer
 from nlfrf._base.axes import save_figure
 from nlfrf._base.files import Role, require_writable, write_text
 from nlfrf.rig.bench.rig import paper_rig
-from nlfrf.rig.bench.simulate import simulate
+from nlfrf.rig.bench.simulate import run_all, simulate
 from nlfrf.rig.studies.ensembles import GRIDS, LEVELS, Ensembles, ensemble_spectra, paper_multisine
 from nlfrf.rig.studies.figures import draw_figures
 from nlfrf.rig.studies.findings import SIGNALS, Finding, judge_findings, judge_side_remarks
@@ -82,9 +83,8 @@ def reproduce(
             record = simulate(rig, ms, executor=executor, progress=count(done), resume=resume)
             ensembles[level, kind] = ensemble_spectra(record)
             done += m
-    remarks = judge_side_remarks(
-        rig, ensembles[1, "odd"], rng=rng, executor=executor, progress=count(done), resume=resume
-    )
+    run = partial(run_all, executor=executor, resume=resume)
+    remarks = judge_side_remarks(rig, ensembles[1, "odd"], rng=rng, run=run, count=lambda before: count(done + before))
     found = [*judge_findings(ensembles, rig), *remarks]
     for name, figure in draw_figures(ensembles, rig).items():
         save_figure(folder / f"{name}.png", figure, dpi=110, role=Role.DERIVED)

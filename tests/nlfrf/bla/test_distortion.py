@@ -61,7 +61,7 @@ def test_the_density_of_a_ratio_is_that_of_f():
     ratio = np.linspace(-4, 4, 9)
     for a, b in ((3.0, 6.0), (6.0, 0.7), (20.0, 5.0)):
         expected = stats.f(2 * a, 2 * b).logpdf(np.exp(ratio)) + ratio
-        np.testing.assert_allclose(log_density_of_ratio(ratio, a, np.array(b)), expected, atol=1e-4)
+        np.testing.assert_allclose(log_density_of_ratio(a, np.array(b))(ratio), expected, atol=1e-4)
 
 
 def test_widened_degrees_of_freedom_have_the_variance_that_was_added():

@@ -221,9 +221,9 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
         def panic(*_args, **_kwargs):
             raise PanicError
 
-        import cvxpy
+        import clarabel
 
-        monkeypatch.setattr(cvxpy.Problem, "solve", panic)
+        monkeypatch.setattr(clarabel, "DefaultSolver", panic)
         return cones.solve_step(step)
 
     monkeypatch.setattr(iteration, "solve_step", failing)
