@@ -220,10 +220,8 @@ def balance_states(system: control.StateSpace) -> control.StateSpace:
 
 def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
     """Conjugate pairs, then pairs of real roots in order of size; and the real root that is left, if any."""
-    roots = np.asarray(roots, dtype=complex)
-    real = np.abs(roots.imag) <= 1e-12 * np.abs(roots)
-    upper = roots[~real & (roots.imag > 0)]
-    alone = list(np.sort(roots[real].real))
+    real, upper = split_conjugates(roots, 1e-12)
+    alone = list(real)
     pairs: list[tuple[complex, ...]] = [(complex(r), complex(np.conj(r))) for r in upper]
     rest = [complex(alone.pop(0))] if len(alone) % 2 else []
     return pairs + [(complex(a), complex(b)) for a, b in zip(alone[::2], alone[1::2], strict=True)], rest
@@ -296,9 +294,14 @@ def frequency_response(
     return omega, G[0, 0] if shape == (1, 1) else G
 
 
-def order_roots(roots: np.ndarray) -> np.ndarray:
-    """Real roots, then pairs with the upper one first, exactly conjugate."""
+def order_roots(roots: np.ndarray, tolerance: float = 1e-14) -> np.ndarray:
+    """Real roots, then pairs with the upper one first, exactly conjugate; real up to a relative tolerance."""
+    real, upper = split_conjugates(roots, tolerance)
+    return np.concatenate([real + 0j, np.column_stack([upper, upper.conj()]).ravel()])
+
+
+def split_conjugates(roots: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the real roots of a real polynomial, in order of size, and the upper ones of its pairs."""
     roots = np.asarray(roots, dtype=complex)
-    real = np.abs(roots.imag) <= 1e-14 * np.abs(roots)
-    upper = roots[~real & (roots.imag > 0)]
-    return np.concatenate([np.sort(roots[real].real) + 0j, np.column_stack([upper, upper.conj()]).ravel()])
+    real = np.abs(roots.imag) <= tolerance * np.abs(roots)
+    return np.sort(roots[real].real), roots[~real & (roots.imag > 0)]

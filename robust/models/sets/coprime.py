@@ -26,6 +26,7 @@ from robust.lti.lti import (
 from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, to_discrete
 from robust.lti.realisation import state_space
 from robust.lti.stability import is_stable
+from robust.lti.truncation import gramian_root
 
 HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
 FACTOR_TOLERANCE = 1e-8  # chordal distance that the quotient of the factors may have from the plant
@@ -157,12 +158,6 @@ def output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np
     kept = int(np.sum(sizes > HIDDEN_MODE_RATIO * sizes.max(initial=0.0)))
     forth, back = U[:, :kept].T @ seen.T, reached @ V[:kept].T / sizes[:kept]
     return forth @ A @ back, C @ back
-
-
-def gramian_root(gramian: np.ndarray) -> np.ndarray:
-    """Return L with L L' the positive part of a Gramian."""
-    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:

@@ -59,7 +59,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.numbers import squared_modulus
 from nlfrf._base.values import ArrayField, freeze_array, value
 from robust._base.types import AnySystem, Controller, SystemField, Weight
-from robust.lti.connections import block_diagonal, in_series, lower_lft, require_shape, weighted_plant
+from robust.lti.connections import block_diagonal, in_series, lower_lft, require_shape, upper_lft, weighted_plant
 from robust.lti.lti import (
     SAMPLING_TOLERANCE,
     common_sampling_time,
@@ -510,9 +510,7 @@ class UncertaintyModel:
                 f"Delta must have {P.noutputs - self.n_outputs} inputs and {P.ninputs - self.n_inputs} outputs for the "
                 f"{self.form} form, got {n} and {m}"
             )
-        rows, columns = np.r_[n : P.noutputs, :n], np.r_[m : P.ninputs, :m]
-        turned = control.StateSpace(P.A, P.B[:, columns], P.C[rows], P.D[np.ix_(rows, columns)], P.dt)
-        return lower_lft(turned, Delta)
+        return upper_lft(P, Delta)
 
     def sample(
         self, n: int, rng: np.random.Generator | int | None = None

@@ -13,11 +13,12 @@ from nlfrf._base.arguments import require_integer, require_nonnegative, short_fo
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
-from robust.lti.realisation import from_roots
+from robust.lti.realisation import from_roots, order_roots
 
 #: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
 FASTEST, FASTEST_SAMPLED = 10.0, 5.0
 LARGEST_ORDER = 12
+CONJUGATE = 1e-9  # imaginary part over size up to which a root that was computed is real
 # zeros, integrators, other poles
 NAMED_STRUCTURES = {
     "P": (0, 0, 0),
@@ -270,7 +271,7 @@ class Basis:
         """Return a system with the poles that every controller of the structure has, but for its integrators."""
         y = np.array(self.structure.poles, dtype=complex)
         y = (1 + y * self.dt / 2) / (1 - y * self.dt / 2)
-        return in_series(from_roots(np.zeros(0), pair_conjugates(y), 1.0, self.dt), self.fixed, dt=self.dt)
+        return in_series(from_roots(np.zeros(0), order_roots(y, CONJUGATE), 1.0, self.dt), self.fixed, dt=self.dt)
 
     def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Zeros and poles of K without its known factor, in the s plane."""
@@ -286,7 +287,7 @@ class Basis:
             h = self.dt / 2
             x = np.concatenate([(1 + x * h) / (1 - x * h), np.full(y.size - x.size, -1.0)])
             y = (1 + y * h) / (1 - y * h)
-        K = from_roots(pair_conjugates(x), pair_conjugates(y), 1.0, self.dt)
+        K = from_roots(order_roots(x, CONJUGATE), order_roots(y, CONJUGATE), 1.0, self.dt)
         ratio = wanted / response(K, np.array([self.omega_mid]))[0]
         K = control.StateSpace(K.A, K.B, K.C * ratio.real, K.D * ratio.real, self.dt)
         return in_series(K, self.fixed, dt=self.dt)
@@ -295,11 +296,3 @@ class Basis:
     def omega_mid(self) -> float:
         """The frequency [rad/s] that the basis pole stands for."""
         return 2 / self.dt * float(np.arctan(self.a * self.dt / 2)) if self.dt else self.a
-
-
-def pair_conjugates(roots: np.ndarray) -> np.ndarray:
-    """Roots of a real polynomial, with pairs made exactly conjugate."""
-    roots = np.asarray(roots, dtype=complex)
-    real = np.abs(roots.imag) <= 1e-9 * np.abs(roots)
-    upper = roots[~real & (roots.imag > 0)]
-    return np.concatenate([roots[real].real, upper, upper.conj()])
