@@ -217,31 +217,6 @@ class Aliases:
         return h, hG, F * np.abs(w)
 
 
-def sum_over_aliases(
-    hold: np.ndarray,
-    hG: np.ndarray,
-    *,
-    F: np.ndarray,
-    tails: AliasSums,
-    sin_half_angle: np.ndarray,
-    inside: np.ndarray | bool = True,
-) -> AliasSums:
-    """Add |h_k|, |h_k G_k|, |F_k| (I, k) of the aliases `inside` and the bounds of all others times |sin|."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        over = np.where(F < 1, F / (1 - F), np.inf)
-        GF = np.where((hG > 0) & inside, hG * over, 0.0)
-    hG, F = hG * inside, F * inside
-    return AliasSums(
-        F=(hold * F).sum(1) + sin_half_angle * tails.F,
-        G=hG.sum(1) + sin_half_angle * tails.G,
-        FF=(F**2).sum(1) + tails.FF,
-        GG=(hG**2).sum(1) + sin_half_angle**2 * tails.GG,
-        GF=GF.sum(1) + sin_half_angle * tails.GF,
-        product=(hG * F).sum(1) + sin_half_angle * tails.product,
-        F_max=np.maximum(F.max(1), tails.F_max),
-    )
-
-
 @value
 class LoopMagnitudes:
     """Hold the magnitudes that the conditions are made of, (I,) each.
@@ -337,13 +312,19 @@ class AliasedLoop:
         if band is not None:
             at = np.abs(self.omega[:, None] + self.aliases.spacing * self.aliases.single_indices)
             beyond, inside = NO_ALIASES, (at >= band[0]) & (at <= band[1])
-        return sum_over_aliases(
-            self.hold[:, 1:],
-            np.abs(self.hG[:, 1:]),
-            F=self.F[:, 1:],
-            tails=beyond,
-            sin_half_angle=self.sin_half_angle,
-            inside=inside,
+        hG, F, sine = np.abs(self.hG[:, 1:]), self.F[:, 1:], self.sin_half_angle
+        with np.errstate(divide="ignore", invalid="ignore"):
+            over = np.where(F < 1, F / (1 - F), np.inf)
+            GF = np.where((hG > 0) & inside, hG * over, 0.0)
+        hG, F = hG * inside, F * inside
+        return AliasSums(
+            F=(self.hold[:, 1:] * F).sum(1) + sine * beyond.F,
+            G=hG.sum(1) + sine * beyond.G,
+            FF=(F**2).sum(1) + beyond.FF,
+            GG=(hG**2).sum(1) + sine**2 * beyond.GG,
+            GF=GF.sum(1) + sine * beyond.GF,
+            product=(hG * F).sum(1) + sine * beyond.product,
+            F_max=np.maximum(F.max(1), beyond.F_max),
         )
 
     def least_return_difference(self, m: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import control
 import numpy as np
@@ -50,18 +50,6 @@ from robust.models.fit.weights import MAX_CHOSEN_ORDER, MAX_ORDER
 
 #: A BLA, several of them, or an FRF from elsewhere.
 Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
-
-
-class HasChannels(Protocol):
-    """What has named inputs and outputs."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
 
 
 Given = TypeVar("Given")
@@ -128,7 +116,7 @@ def matrices_given(bla: object) -> list[Bla]:
     return matrices
 
 
-def require_same_channels(frm: Bla, known: HasChannels, of: str) -> None:
+def require_same_channels(frm: Bla, known: object, of: str) -> None:
     """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
     for name, letter in (("inputs", "u"), ("outputs", "y")):
         first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))

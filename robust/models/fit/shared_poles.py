@@ -93,14 +93,17 @@ def whitening_roots(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
     gamma = np.moveaxis(frm.cov.gamma, 2, 0)
     size = np.einsum("jik->k", np.abs(frm.G) ** 2) / np.einsum("iik->k", frm.cov.gamma).real
     rounding = (1e-6) ** 2 * size + np.finfo(float).tiny
+    return (
+        hermitian_power(np.moveaxis(frm.cov.bound, 2, 0), -0.5, share=MIN_EIGENVALUE_RATIO, least=rounding[:, None]),
+        hermitian_power(gamma, -0.5, share=MIN_EIGENVALUE_RATIO),
+    )
 
-    def inverse_root(X: np.ndarray, least: np.ndarray | float) -> np.ndarray:
-        """Return (F, n, n) X^-1/2 of Hermitian matrices."""
-        values, vectors = np.linalg.eigh(X)
-        values = np.maximum(values, np.maximum(MIN_EIGENVALUE_RATIO * values[:, -1:], least))
-        return (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
 
-    return inverse_root(np.moveaxis(frm.cov.bound, 2, 0), rounding[:, None]), inverse_root(gamma, 0.0)
+def hermitian_power(X: np.ndarray, power: float, *, share: float = 0.0, least: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return (F, n, n) powers of Hermitian matrices with eigenvalues of at least a share of the largest, and least."""
+    values, vectors = np.linalg.eigh(X)
+    values = np.maximum(values, np.maximum(share * values[:, -1:], least))
+    return np.asarray(vectors * values[:, None] ** power @ np.swapaxes(vectors, 1, 2).conj())
 
 
 class FitOptions(TypedDict):

@@ -23,7 +23,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
-from robust.lti.realisation import from_roots, order_roots, pair_roots
+from robust.lti.realisation import from_roots, order_roots
 from robust.lti.sampling import discretize
 from robust.models.fit.rational import fit_numerator, map_to_model_plane, starting_poles, vector_fit
 from robust.models.fit.refinement import (
@@ -32,6 +32,7 @@ from robust.models.fit.refinement import (
     log_sections,
     magnitude_problem,
     polish_by_barrier,
+    section_logarithms,
     slope_at_zero,
     zeros_and_poles,
 )
@@ -379,12 +380,7 @@ def parameters_of_square(q: np.ndarray) -> np.ndarray:
     """Return parameters of the stable square roots of q; undamped ones, on the negative axis, get damping."""
     p = -np.sqrt(q.astype(complex))
     p = np.where(np.abs(p.real) < 1e-9 * np.abs(p), -np.abs(p), p)
-    pairs, rest = pair_roots(order_roots(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
-    theta: list[float] = []
-    for a, b in pairs:
-        w = np.sqrt(max(abs(a * b), 1e-30))
-        theta += [np.log(w), np.log(max(-(a + b).real / (2 * w), 1e-7))]
-    return np.array(theta + [np.log(max(abs(r), 1e-15)) for r in rest])
+    return section_logarithms(order_roots(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
 
 
 MAX_ORDER = 16
