@@ -88,7 +88,7 @@ def test_performance_is_a_block_like_any_other():
         assert (report.margins.rp > 1) is met
 
 
-def test_at_agrees_with_joining_by_python_control():
+def test_an_interconnection_agrees_with_joining_by_python_control():
     rng = np.random.default_rng(0)
     A, B, C = -np.eye(3) + 0.3 * rng.standard_normal((3, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
     G = control.ss(A, B, C, np.zeros((2, 2)), inputs=["u", "f"], outputs=["y", "v"])
@@ -99,7 +99,8 @@ def test_at_agrees_with_joining_by_python_control():
         spring = control.ss([], [], [], [[0.4 * d]], inputs="v", outputs="f")
         other = control.interconnect([G, K, error, spring], inputs="r", outputs="y")
         s = 1j * np.array([0.1, 1.0, 10.0])
-        assert system.at(d=d)(s) == pytest.approx(other(s), rel=1e-9)
+        closed = upper_lft(system.N, control.ss([], [], [], [[d]]))
+        assert closed(s) == pytest.approx(other(s), rel=1e-9)
 
 
 def test_the_worst_perturbation_does_break_the_loop():
