@@ -599,11 +599,14 @@ def bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | Non
             "nlfrf.bla_from_frf of it, which takes coherence, too"
         )
     G = np.asarray(frf.frdata, dtype=complex)
-    one = G.shape[:2] == (1, 1)
-    f = np.asarray(frf.omega, dtype=float) / (2 * np.pi)
-    if one:
-        return bla_from_frf(f, G[0, 0], std=std)
-    return bla_from_frf(f, G, std=std, inputs=tuple(frf.input_labels), outputs=tuple(frf.output_labels))
+    several = G.shape[:2] != (1, 1)
+    return bla_from_frf(
+        np.asarray(frf.omega, dtype=float) / (2 * np.pi),
+        G if several else G[0, 0],
+        std=std,
+        inputs=tuple(frf.input_labels) if several else (),
+        outputs=tuple(frf.output_labels) if several else (),
+    )
 
 
 def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
