@@ -164,12 +164,6 @@ def test_real_numbers_in_a_sampled_loop():
     assert report.verdict == "not robust"
 
 
-def test_numbers_put_into_a_first_order_loop():
-    closed = lag_loop(2.0, 0.5).at(pole=1.0, actuator=-1.0)  # -5 + 2 + 2 as in the closed form above
-    assert closed.poles().real == pytest.approx([-1.0])
-    assert (closed.ninputs, closed.noutputs) == (2, 2)
-
-
 def test_discrete_loops():
     lag = control.ss([[0.5]], [[0.5, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "p"], outputs="y")
     K = control.ss([], [], [], [[-1.0]], 0.1, inputs="y", outputs="u")
@@ -198,7 +192,6 @@ G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
         (lambda: Block("y", "u", control.tf([1, 0], [1])), "size must be proper"),
         (lambda: Block("y", "u", kind="imaginary"), "kind must be one of"),
         (lambda: check_structure(G), "system must be an UncertainSystem"),
-        (lambda: interconnection([G], {"d": Block("y", "u")}).at(e=1.0), "values must be of the blocks d, got e"),
         (
             lambda: interconnection([G, control.ss(0.5, 1, 1, 0, 0.1, inputs="y", outputs="u")], {}),
             "systems must have one sampling time .*, got 0 s and 0.1 s",
