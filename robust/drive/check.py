@@ -757,13 +757,6 @@ def read_force(
     return force, force.reason
 
 
-def machine_frf(bla: nlfrf.Bla, settings: Drive, *, actual: bool) -> nlfrf.Bla:
-    """Return the BLA of the machine alone, without delay and lag of the current loop where they are in the trace."""
-    s = 1j * bla.omega
-    late = np.exp(s * settings.delay) * (1 + s * settings.lag)
-    return bla if actual else bla.times(late, output_unit=bla.output_units)
-
-
 def fit_machine(
     bla: nlfrf.Bla, record: nlfrf.Record, settings: Drive, *, actual: bool
 ) -> tuple[nlfrf.Bla, NominalFit, Drive]:
@@ -775,7 +768,9 @@ def fit_machine(
     """
     timings, not_leading, reason = [settings, *([] if actual else late_as_traced(record, settings))], [], ""
     for timing in timings:
-        machine = machine_frf(bla, timing, actual=actual)
+        s, machine = 1j * bla.omega, bla
+        if not actual:  # delay and lag of the current loop are in the trace
+            machine = bla.times(np.exp(s * timing.delay) * (1 + s * timing.lag), output_unit=bla.output_units)
         late = "" if actual else reason_of_late_settings(machine, timing)
         if late:
             reason = reason or late

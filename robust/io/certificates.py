@@ -563,10 +563,9 @@ def prove_all(
     *,
     delay: float = 0.0,
     Fs: float | Sequence[float] | None = None,
-    limits: bool = False,
 ) -> tuple[FrictionProof, ...]:
     """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
-    proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs, limits=limits) for machine in machines]
+    proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs) for machine in machines]
     worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 

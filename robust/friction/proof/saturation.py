@@ -26,14 +26,19 @@ from robust.friction.plant import (
 from robust.friction.proof.certify import (
     NOT_IN_CLASS,
     FrictionProof,
-    Multipliers,
     build_claim,
     certify_friction,
     describe_scope,
     reference_rate,
 )
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
-from robust.friction.proof.multipliers import filter_rates, friction_forms, hermitian_product, negative_multipliers
+from robust.friction.proof.multipliers import (
+    Multipliers,
+    filter_rates,
+    friction_forms,
+    hermitian_product,
+    negative_multipliers,
+)
 from robust.friction.proof.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.friction.units import MechanicalUnits
 from robust.lti.realisation import state_space

@@ -179,7 +179,9 @@ def read_friction_force(
         As `identify_sliding`.
     """
     sliding = identify_sliding(moving, velocities)
-    kept = [one for one in levels if repeats(one) and not is_limited(np.abs(np.asarray(one.u[0]).ravel()))]
+    sizes = [np.abs(np.asarray(one.u[0])) for one in levels]
+    limited = [np.mean(size > (1 - 1e-9) * size.max()) > CLIPPED for size in sizes]
+    kept = [one for one, cut_off in zip(levels, limited, strict=True) if repeats(one) and not cut_off]
     peaks = sorted(peak_of_level(one, sliding) for one in kept)
     Fs, reason = break_away(peaks, abs(sliding.coulomb))
     K0, bristle_time, creeps = stiffness_at_rest(kept, sliding)
@@ -212,11 +214,6 @@ def repeats(record: nlfrf.Record) -> bool:
     y = np.asarray(record.y)[0]
     changes = np.std(y - y.mean(axis=0), axis=-1).max() + np.ptp(y.mean(axis=-1))
     return bool(changes < max(MOST_CHANGE * np.std(y.mean(axis=0)), 2 * encoder_step(record)))
-
-
-def is_limited(size: np.ndarray) -> bool:
-    """Whether a force was at a limit, from its modulus (n,)."""
-    return bool(np.mean(size > (1 - 1e-9) * size.max()) > CLIPPED)
 
 
 def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:

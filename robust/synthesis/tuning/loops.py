@@ -217,10 +217,7 @@ class ModelledLoop:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Refine local maxima: brackets are closed to a quarter, so many times; exact: as reported."""
         respond = loop.responses_by_elimination if exact else self.respond(loop)
-        padded = np.concatenate([[-np.inf], level, [-np.inf]])
-        top = (level >= padded[:-2]) & (level >= padded[2:])
-        places = np.flatnonzero(top & (level >= NEAR_PEAK_RATIO * level.max(initial=0.0)))
-        places = places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
+        places = highest_places(level)
         best, value_ = omega[places], level[places]
         left, right = omega[np.maximum(places - 1, 0)], omega[np.minimum(places + 1, omega.size - 1)]
         inner = np.isfinite(best) & np.isfinite(right) & (left < best) & (best < right)
@@ -371,6 +368,14 @@ class ModelledLoop:
             del kept[:-MAX_KEPT]
 
 
+def highest_places(level: np.ndarray) -> np.ndarray:
+    """Return where the highest local maxima of a level (W,) are, the highest first."""
+    padded = np.concatenate([[-np.inf], level, [-np.inf]])
+    top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEAR_PEAK_RATIO * level.max(initial=0.0))
+    places = np.flatnonzero(top)
+    return places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
+
+
 def weighted_channel(
     loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float
 ) -> tuple[np.ndarray, ...]:
@@ -473,26 +478,12 @@ class MeasuredLoop:
         P = evaluate_transfer(*matrices, 1j * self.image)
         # close the plant: u' = u_p + du, y_p = G u' + dy; then (w, du, dy, u) -> (z, u', y)
         G = np.moveaxis(plant.G, 2, 0)
-        w, y_p, u_b = np.s_[:n_external], np.s_[n_external : n_external + n_y], np.s_[n_external + n_y :]
-        z, u_p, y_b = np.s_[:n_looked_at], np.s_[n_looked_at : n_looked_at + n_u], np.s_[n_looked_at + n_u :]
-        one = np.eye(n_u)
-        inner = np.linalg.inv(one - P[:, u_p, y_p] @ G)
-        # u' = inner (P_uw w + du + P_uy dy + P_ub u)
-        into = np.concatenate(
-            [P[:, u_p, w], np.broadcast_to(one, (len(P), n_u, n_u)), P[:, u_p, y_p], P[:, u_p, u_b]], axis=2
-        )
-        u_seen = inner @ into
-        direct = np.zeros((len(P), n_y, into.shape[2]), complex)
-        direct[:, :, n_external + n_u : n_external + n_u + n_y] = np.eye(n_y)
-        y_seen = G @ u_seen + direct
-
-        def looked(rows: slice) -> np.ndarray:
-            own = np.zeros((len(P), P[:, rows].shape[1], into.shape[2]), complex)
-            own[:, :, w] = P[:, rows, w]
-            own[:, :, n_external + n_u + n_y :] = P[:, rows, u_b]
-            return own + P[:, rows, y_p] @ y_seen
-
-        full = np.concatenate([looked(z), u_seen, looked(y_b)], axis=1)
+        y_p, u_p = np.s_[n_external : n_external + n_y], np.s_[n_looked_at : n_looked_at + n_u]
+        du = np.zeros((len(P), P.shape[1], n_u))
+        du[:, u_p] = np.eye(n_u)
+        inner = np.linalg.inv(np.eye(n_u) - P[:, u_p, y_p] @ G)
+        around = np.concatenate([P[:, :, :n_external], du, P[:, :, n_external:]], axis=2)
+        full = around + P[:, :, y_p] @ G @ inner @ around[:, u_p]
         n_w, n_z = n_external + n_u + n_y, n_looked_at + n_u
         self.P11, self.P12 = full[:, :n_z, :n_w], full[:, :n_z, n_w:]
         self.P21, self.P22 = full[:, n_z:, :n_w], full[:, n_z:, n_w:]
@@ -556,10 +547,7 @@ class MeasuredLoop:
         found = []
         for channel in self.channels:
             level = self.levels(channel, H)
-            padded = np.concatenate([[-np.inf], level, [-np.inf]])
-            top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEAR_PEAK_RATIO * level.max())
-            places = np.flatnonzero(top)
-            for k in places[np.argsort(-level[places], kind="stable")][:N_PEAKS]:
+            for k in highest_places(level):
                 if level[k] <= 0:
                     continue
                 inner = np.linalg.inv(np.eye(self.n_in) - self.P22[k] @ K[k])
