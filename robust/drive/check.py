@@ -642,15 +642,13 @@ def check_drive(
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
     machine = uncertainty(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
-    report = check(model, K, delay=settings.delay)
-    stiffness_unit = ratio_unit(unit, base)
-    report = replace(report, peak=peak)
+    report = replace(check(model, K, delay=settings.delay), peak=peak)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
     advance()
     doubts: list[Doubt | None] = [
         None
         if friction.assumed is not None
-        else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=stiffness_unit),
+        else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=ratio_unit(unit, base)),
         doubt_of_crossover(report),
         doubt_of_unstable_model(names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved),
         doubt_of_margins(report),

@@ -106,11 +106,6 @@ class LureLoop:
     input_column: np.ndarray
     forgets: np.ndarray
 
-    @property
-    def filters(self) -> slice:
-        """Where the filters stand in the state."""
-        return slice(self.command_row.size - self.forgets.size, self.command_row.size)
-
     def open_growth(self) -> float:
         """How the loop grows with its actuator cut off, nothing of what is asked for given; negative where it dies."""
         missing = np.outer(self.input_column, self.command_row)
@@ -174,7 +169,8 @@ def with_saturation(form: Dissipation, cut: LureLoop, *, share: float, sector: f
     n = form.A.shape[0]
     command_row, input_column = (np.pad(row, (0, n - row.size)) for row in (cut.command_row, cut.input_column))
     output_row = (share * sector + given.sum()) / 2 * command_row
-    output_row[cut.filters] -= given / 2
+    size = cut.command_row.size
+    output_row[size - given.size : size] -= given / 2
     weight = float(sector + given.sum())
     if cut.loop.T:
         return replace(form, block=Block(input_column=input_column, output_row=output_row, weight=weight))

@@ -104,8 +104,6 @@ class FrictionForce:
         Damping over stiffness while friction sticks [s], at most: creep looks like damping, too. nan as K0.
     creeps : bool
         Whether friction has damping where it sticks, or creeps there: Maxwell slip does neither.
-    level_peaks : (L,) ndarray
-        Peak of the friction force at every level that was read [N], the lowest level first.
     stribeck : (2,) ndarray
         Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan where the levels do not show it.
     reason : str
@@ -125,7 +123,6 @@ class FrictionForce:
     K0: np.ndarray
     bristle_time: float
     creeps: bool
-    level_peaks: np.ndarray
     stribeck: np.ndarray
     reason: str = ""
     contradiction: str = ""
@@ -202,7 +199,6 @@ def read_friction_force(
         K0=K0,
         bristle_time=bristle_time,
         creeps=creeps,
-        level_peaks=np.array([one.peak for one in peaks]),
         stribeck=stribeck_velocity(f, v),
         reason=reason,
         contradiction=contradiction,

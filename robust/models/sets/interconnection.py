@@ -226,7 +226,7 @@ def interconnection(
     read = [*(label for block in blocks.values() for label in block.reads), *outputs]
     external = [*(label for block in blocks.values() for label in block.drives), *inputs]
     require_known_signals(named_in, named_out, read=read, external=external)
-    N = join_by_name(parts, (), external=external, looked_at=read).system
+    N = join_by_name(parts, (), external=external, looked_at=read)
     if weights:
         size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
         N = in_series(N, size, dt=dt)

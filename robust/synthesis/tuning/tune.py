@@ -209,7 +209,7 @@ def make_loops(
             G = with_perturbation(seen.system, plants, dt)
             into, out = perturbation_names(n_u, n_y) if worst else ([], [])
             joined = join_by_name([*parts, G], ports, external=external + into, looked_at=looked_at + out)
-            fixed = state_plant(joined.system, *sizes, dt)
+            fixed = state_plant(joined, *sizes, dt)
             channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
@@ -219,12 +219,12 @@ def make_loops(
             scenes.append(
                 MeasuredLoop(
                     k,
-                    joined.system,
+                    joined,
                     seen,
                     channels,
                     dt=dt,
-                    n_external=joined.n_external,
-                    n_looked_at=joined.n_looked_at,
+                    n_external=len(external),
+                    n_looked_at=len(looked_at),
                     sizes=sizes,
                 )
             )
@@ -247,7 +247,7 @@ def make_loops(
                 delay=delay + machine.delay,
                 plant=seen.system,
             )
-            fixed = state_plant(joined.system, *sizes, dt)
+            fixed = state_plant(joined, *sizes, dt)
             scenes.append(ModelledLoop(len(scenes), fixed, seen, [channel], dt))
     return scenes
 
@@ -500,14 +500,14 @@ def limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarra
     """Return the ratio of a limit over frequency, of the design and of the blocks as they were given."""
     scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
-    M, start = problem.controller.matrix(x), problem.controller.start
-    omega = scene.frequencies(channel, M)
+    loop, start = scene.close(problem.controller.matrix(x)), problem.controller.start
+    omega = scene.frequencies(channel, loop)
     before = np.full(omega.size, np.nan)
     if problem.evaluate(start, peaks=False, pole_slopes=False).stable:
-        before = scene.curve(channel, problem.controller.matrix(start), omega)
+        before = scene.curve(channel, scene.close(problem.controller.matrix(start)), omega)
     return {
         "omegas": true_frequency(omega, problem.dt),
-        "curve": scene.curve(channel, M, omega),
+        "curve": scene.curve(channel, loop, omega),
         "before": before,
     }
 

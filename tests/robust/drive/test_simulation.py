@@ -45,7 +45,6 @@ def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=Fa
         K0=np.array(K0),
         bristle_time=np.nan,
         creeps=creeps,
-        level_peaks=np.zeros(0),
         stribeck=np.array(stribeck),
     )
 
