@@ -11,7 +11,7 @@ import numpy as np
 import nlfrf
 from nlfrf import Record
 from nlfrf._base.arguments import require_kind
-from nlfrf._base.files import write_text
+from nlfrf._base.files import page_path, write_text
 from robust._base.states import FrictionVerdict
 from robust.drive.check import LEGEND, BaseMotion, Conditions, DriveCheck, DriveVerdict, describe_parameters
 from robust.drive.friction import force_over_position
@@ -19,7 +19,7 @@ from robust.drive.simulation import SHOWN
 from robust.plot.friction import RestCase
 from robust.reports import parts
 from robust.reports.page import render_page
-from robust.reports.parts import Banner, Section, page_path
+from robust.reports.parts import Banner, Section
 
 #: Colours of the page for a verdict; one that was not judged has those of a warning.
 STYLES = {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust", DriveVerdict.FRICTION_NOT_JUDGED: ""}

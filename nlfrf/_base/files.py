@@ -390,6 +390,14 @@ def to_path(path: object) -> Path:
     return Path(path)
 
 
+def page_path(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a page, or a refusal where it ends otherwise."""
+    path = to_path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"path must end in .html, got {path.name!r}")
+    return path
+
+
 def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED) -> None:
     """Write a file whole or not at all: `write` fills a file beside it, which then takes its place.
 

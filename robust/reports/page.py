@@ -17,7 +17,7 @@ from typing import TypeVar, cast
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import add_warnings, require_kind
-from nlfrf._base.files import write_text
+from nlfrf._base.files import page_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
 from robust.analysis.loop_level import LoopSignals
@@ -29,7 +29,7 @@ from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
 from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
-from robust.reports.parts import Banner, page_path
+from robust.reports.parts import Banner
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
 

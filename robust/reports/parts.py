@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import base64
-import os
 from collections.abc import Callable
 from io import BytesIO
-from pathlib import Path
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.axes import height_below
-from nlfrf._base.files import to_path
 from nlfrf._base.values import value
 from robust._base.types import Weight
 from robust.lti.lti import response, timebase, to_s_plane
 from robust.lti.realisation import state_space
-
-PAGE_SUFFIXES = (".html", ".htm")
 
 
 @value
@@ -50,14 +45,6 @@ class Banner:
     style: str
     heading: str
     lines: tuple[str, ...]
-
-
-def page_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a page, or a refusal where it ends otherwise."""
-    path = to_path(path)
-    if path.suffix.lower() not in PAGE_SUFFIXES:
-        raise ValueError(f"path must end in .html, got {path.name!r}")
-    return path
 
 
 def draw_picture(

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import hessenberg
 
 from nlfrf._base.arguments import require_nonnegative, short_form
-from nlfrf._base.files import write_text
+from nlfrf._base.files import page_path, write_text
 from nlfrf._base.types import JsonObject
 from robust._base.types import Controller, Weight
 from robust.analysis.bounds import loop_bounds
@@ -24,7 +24,6 @@ from robust.lti.stability import poles_with_rounding
 from robust.models.sets.forms import FORMS
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
-from robust.reports.parts import page_path
 from robust.reports.shaping_page.beginning import starting_state
 from robust.reports.shaping_page.generated_text import PartSources, proof_commands, python_script
 
