@@ -274,9 +274,9 @@ def identify(
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
-        refuse_options_of_design(
-            period=period, discard=discard, resample=resample, reference=references, opinion=opinion, units=units
-        )
+        given = {"period": period, "discard": discard, "resample": resample, "reference": references}
+        if extra := [name for name, one in {**given, "opinion": opinion, "units": units}.items() if one]:
+            raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return
@@ -287,12 +287,6 @@ def identify(
         records = with_units_each(records, split_names(units))
     named = dict(zip(outputs, targets, strict=True))
     identify_each(records, how, named, opinion=opinion, csv=csv, json=json, decimal=decimal)
-
-
-def refuse_options_of_design(**given: object) -> None:
-    """Refuse options that say what the design of an experiment on a drive says."""
-    if extra := [name for name, one in given.items() if one]:
-        raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
 
 
 def with_units_each(records: list[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
@@ -626,10 +620,8 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
 
 def output_paths(out: Path, outputs: list[str]) -> list[Path]:
     """Return the path for each output, all of them different."""
-    targets = [
-        out if len(outputs) == 1 else out.with_name(f"{out.stem}-{file_name_part(name)}{out.suffix}")
-        for name in outputs
-    ]
+    parts = [re.sub(r"[^\w.-]+", "_", name).strip("_") for name in outputs]  # of names of files
+    targets = [out if len(parts) == 1 else out.with_name(f"{out.stem}-{part}{out.suffix}") for part in parts]
     if len(set(targets)) < len(targets):
         raise ValueError(
             f"output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
@@ -641,11 +633,6 @@ def output_paths(out: Path, outputs: list[str]) -> list[Path]:
 def split_names(given: list[str]) -> list[str]:
     """Split names at commas; a name with a comma of its own stands in quotes, as in a table."""
     return [name for text in given for name in next(csv_reader([text], skipinitialspace=True)) or [text]]
-
-
-def file_name_part(name: str) -> str:
-    """Return the name of a channel as part of a file name."""
-    return re.sub(r"[^\w.-]+", "_", name).strip("_")
 
 
 def main() -> None:

@@ -96,7 +96,8 @@ def run_each(
     ValueError
         What the task refuses, or an executor that dies: what was done till then is in the folder.
     """
-    files = [] if resume is None else files_of_results(open_folder(resume), task, values)
+    folder = None if resume is None else open_folder(resume)
+    files = [] if folder is None else [folder / f"{fingerprint(task, value)}.npz" for value in values]
     todo, total = list(range(len(values))), len(values)
     for i, file in enumerate(files):
         if (found := load_result(file)) is not None:
@@ -137,11 +138,6 @@ def run_each(
             future.cancel()
         if threads is not None:
             threads.shutdown(cancel_futures=True)
-
-
-def files_of_results(folder: Path, task: Callable[[Input], Arrays], values: Sequence[Input]) -> list[Path]:
-    """Return the file in a folder that keeps the result of each value."""
-    return [folder / f"{fingerprint(task, value)}.npz" for value in values]
 
 
 def open_folder(resume: str | os.PathLike[str]) -> Path:

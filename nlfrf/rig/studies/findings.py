@@ -319,12 +319,8 @@ def judge_side_remarks(
     records = [Record(u=u[i], y=y[i], fs=FS, lines=LineGrid(excited=COMPARED_LINES)) for i in range(len(SIGNALS))]
     first, *others = map(ensemble_spectra, records)
     random = simulate_random_amplitudes(rig, m, rng, run=partial(run, progress=count(len(held))))
-    differences = [normalised_difference(first, other) for other in others]
-    return judge_remarks(dict(zip(SIGNALS[1:], differences, strict=True)), normalised_difference(odd, random))
-
-
-def judge_remarks(difference: dict[str, float], amplitudes: float) -> list[Finding]:
-    """Return the findings S1 to S3 from the differences between the excitations."""
+    difference = dict(zip(SIGNALS[1:], (normalised_difference(first, other) for other in others), strict=True))
+    amplitudes = normalised_difference(odd, random)
     same, other = {s: difference[s] for s in SIGNALS[1:3]}, {s: difference[s] for s in SIGNALS[3:]}
     return [
         Finding(
