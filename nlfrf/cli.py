@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Callable
 from csv import reader as csv_reader
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -61,6 +62,7 @@ UNFINISHED = "unfinished_realizations"  # folder in that of the findings, until 
 MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
 SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+Identify = Callable[..., Any]  # `nlfrf.identify` with its options: of one record a Bla, of several a list of them
 
 
 axis = Commands(
@@ -159,10 +161,7 @@ def simulate(
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
-    if mass is not None:
-        rig = replace(rig, mass=mass)
-    if stiffness is not None:
-        rig = replace(rig, stiffness=stiffness)
+    rig = replace(rig, **{name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None})
     noise = require_nonnegative("noise", noise)
     with progress_display("simulating") as advance:
         record = nlfrf.simulate(
@@ -254,7 +253,8 @@ def identify(
         split_names(output or ["y"]),
         split_names(reference or []),
     )
-    how: HowToIdentify = {"transient": transient, "level_from": level_from, "n_detection": detection}
+    how = partial(nlfrf.identify, transient=transient, level_from=level_from, n_detection=detection)
+    another = partial(nlfrf.second_opinion, transient=transient, n_detection=detection) if opinion else None
     cut: ReadOptions = {
         "fs": fs,
         "n_samples": period,
@@ -284,25 +284,14 @@ def identify(
     require_writable(*targets, *map(table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     if units is not None:
-        records = with_units_each(records, split_names(units))
+        unit, *others = split_names(units)
+        if len(others) != len(records):
+            raise ValueError(
+                f"units must be one for the input and one for each output, got {', '.join([unit, *others])}"
+            )
+        records = [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
     named = dict(zip(outputs, targets, strict=True))
-    identify_each(records, how, named, opinion=opinion, csv=csv, json=json, decimal=decimal)
-
-
-def with_units_each(records: list[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
-    """Return records of one input with its unit, and each with that of its output."""
-    unit, *others = units
-    if len(others) != len(records):
-        raise ValueError(f"units must be one for the input and one for each output, got {', '.join(units)}")
-    return [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
-
-
-class HowToIdentify(TypedDict):
-    """How a record is identified, by the names of the arguments of `nlfrf.identify`."""
-
-    transient: str
-    level_from: str
-    n_detection: int
+    identify_each(records, how, named, opinion=another, csv=csv, json=json, decimal=decimal)
 
 
 def identify_experiment(
@@ -311,7 +300,7 @@ def identify_experiment(
     *,
     names: tuple[str, str],
     fs: float | None,
-    how: HowToIdentify,
+    how: Identify,
     out: Path,
     csv: bool,
     json: bool,
@@ -327,21 +316,21 @@ def identify_experiment(
 
 def identify_each(
     records: list[nlfrf.Record],
-    how: HowToIdentify,
+    how: Identify,
     targets: dict[str, Path],
     *,
-    opinion: bool = False,
+    opinion: Callable[[nlfrf.Record], object] | None = None,
     csv: bool,
     json: bool,
     decimal: str,
 ) -> None:
     """Identify records of one input and output; write each to the file of its label, and a table where `csv` is set."""
-    blas = dict(zip(targets, nlfrf.identify(records, **how), strict=True))
+    blas = dict(zip(targets, how(records), strict=True))
     for record, (label, bla) in zip(records, blas.items(), strict=True):
         nlfrf.save(bla, targets[label])
         printer(json)(f"{label}: {bla}")
         if opinion:
-            printer(json)(nlfrf.second_opinion(record, transient=how["transient"], n_detection=how["n_detection"]))
+            printer(json)(opinion(record))
         if csv:
             nlfrf.export_csv(bla, table_path(targets[label]), decimal=decimal)
     finish_command(blas, True, json)
@@ -463,11 +452,9 @@ def levels(
 
 def read_axis(path: Path) -> nlfrf.rig.ServoAxis:
     """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
-    if path.suffix.lower() != ".toml":
-        if path.suffix:
-            raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
-        return nlfrf.servo_axis(str(path))
-    return load_axis(path)
+    if path.suffix.lower() not in ("", ".toml"):
+        raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
+    return load_axis(path) if path.suffix else nlfrf.servo_axis(str(path))
 
 
 @app.command()
@@ -582,14 +569,12 @@ def suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     )
 
 
-def identify_matrix(
-    record: nlfrf.Record, how: HowToIdentify, *, out: Path, csv: bool, json: bool, decimal: str
-) -> None:
+def identify_matrix(record: nlfrf.Record, how: Identify, *, out: Path, csv: bool, json: bool, decimal: str) -> None:
     """Identify a record of several inputs; write the matrix, and a table where `csv` is set."""
     is_table = out.suffix.lower() == ".csv"
     targets = [out, *[table_path(out)] * (csv and not is_table)]
     require_writable(*targets)
-    frm = nlfrf.identify(record, **how)
+    frm = how(record)
     printer(json)(frm)
     for target in targets:
         if target.suffix.lower() == ".csv":
