@@ -161,7 +161,8 @@ def simulate(
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
-    rig = replace(rig, **{name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None})
+    changed: dict[str, Any] = {name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None}
+    rig = replace(rig, **changed)
     noise = require_nonnegative("noise", noise)
     with progress_display("simulating") as advance:
         record = nlfrf.simulate(

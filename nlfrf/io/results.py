@@ -158,16 +158,17 @@ def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", del
     require_choice("decimal", decimal, DECIMALS)
     if delay is not None and isinstance(thing, StoredValue):
         raise ValueError(f"delay must be left out for anything but a controller, got {delay!r}")
-    if isinstance(thing, Bla):
-        save_value(thing, BLA_SCHEMA if thing.is_single else FRM_SCHEMA, path)
-    elif isinstance(thing, Record):
-        save_record(thing, path, decimal=decimal)
-    elif isinstance(thing, AxisExperiment):
-        save_experiment(thing, path, decimal=decimal)
-    elif isinstance(thing, Multisine):
-        save_multisine(thing, path, decimal=decimal)
-    else:
-        import_module(JSON_FILES).save_json(thing, path, delay=delay)
+    match thing:
+        case Bla():
+            save_value(thing, BLA_SCHEMA if thing.is_single else FRM_SCHEMA, path)
+        case Record():
+            save_record(thing, path, decimal=decimal)
+        case AxisExperiment():
+            save_experiment(thing, path, decimal=decimal)
+        case Multisine():
+            save_multisine(thing, path, decimal=decimal)
+        case _:
+            import_module(JSON_FILES).save_json(thing, path, delay=delay)
 
 
 def load(path: str | os.PathLike[str]) -> Any:

@@ -24,7 +24,7 @@ from nlfrf._base.values import field_names
 from nlfrf.io.channels import Channels
 from nlfrf.io.stored_values import AXES_ORDER, names_from_json, require_known_version
 from nlfrf.records.record import Record, join_records
-from nlfrf.records.reference import fill_reference, reconstruct_reference
+from nlfrf.records.reference import fill_reference, reconstruct_references
 from nlfrf.records.samples import Cutting
 from nlfrf.signals.lines import LineGrid
 
@@ -111,11 +111,10 @@ def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None,
     signals = {parameter: file.signal(parameter, known.get(name, name)) for parameter, name in names.items()}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
     periods, more = stored_periods(file, signals, options)
-    found = {name: signal[0] for name, signal in periods.items()}
     if options.design is not None:
-        found.setdefault("r", reconstruct_reference(options.design, found["u"]))
+        periods.setdefault("r", reconstruct_references(options.design, periods["u"]))
     return Record(
-        **found,
+        **{name: signal[0] for name, signal in periods.items()},
         **more,
         fs=file.sampling_frequency(fs),
         u_name=file.text("u_name"),
@@ -169,7 +168,7 @@ def stored_experiments(
 
 def stored_periods(
     file: Channels, signals: Mapping[str, np.ndarray], options: Cutting
-) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Signals (channels, M, P, N) as they were cut; their lines, hold and warnings: what was asked for goes first."""
     arrays = file.arrays
     try:

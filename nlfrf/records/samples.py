@@ -22,7 +22,7 @@ from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modul
 from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, SignalLabels, require_varying
-from nlfrf.records.reference import design_period, fill_reference, reconstruct_reference
+from nlfrf.records.reference import design_period, fill_reference, reconstruct_references
 from nlfrf.records.screening.gaps import find_slips
 from nlfrf.records.screening.input import (
     SEVERE_POWER,
@@ -298,7 +298,7 @@ def records_from_streams(
     del streams
     cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=labels)
     if design is not None:
-        cut.setdefault("r", reconstruct_reference(design, cut["u"]))
+        cut.setdefault("r", reconstruct_references(design, cut["u"][None])[0])
         hold = design.hold if hold is None else hold
     u, r = cut.pop("u"), cut.pop("r", None)
     (y, label), *others = zip(cut.values(), labels.values(), strict=True)
@@ -655,14 +655,11 @@ def require_period_alignment(where: PeriodAlignment) -> None:
 
 def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """One-dimensional streams, one per realisation."""
-    if isinstance(signal, (list, tuple)) and signal and np.ndim(signal[0]) > 0:
-        if len(signal) == 1:
-            return [require_real_array(name, signal[0], ndim=1)]
-        return [require_real_array(f"{name}[{m}]", one, ndim=1) for m, one in enumerate(signal)]
-    array = signal if isinstance(signal, np.ma.MaskedArray) else np.asarray(signal)
-    if array.ndim != 1:
-        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {array.shape}")
-    return [require_real_array(name, array, ndim=1)]
+    many = list(signal) if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0 else [signal]
+    if many[0] is signal and np.ndim(signal) != 1:
+        shape = np.shape(signal)
+        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {shape}")
+    return [require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=1) for m, one in enumerate(many)]
 
 
 def rounded_period(u: np.ndarray, resample: bool) -> int:

@@ -182,8 +182,8 @@ class Rig:
 
     def poles(self, gain: float) -> np.ndarray:
         """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness: 1 stuck, 0 sliding."""
-        matrices = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
-        return axes.poles(*matrices, self.friction if self.several else [self.friction], gain)
+        mass, stiffness, damping = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
+        return axes.poles(mass, stiffness, damping, self.friction if self.several else [self.friction], gain)
 
     @cached_property
     def stable_step(self) -> float:
