@@ -480,20 +480,24 @@ def plot(
     elif isinstance(content, nlfrf.axis.AxisExperiment):
         content = content.ms
     size = (9, 9)
-    if isinstance(content, nlfrf.Bla) and not content.is_single:
-        size = 3 * content.n_inputs + 3, 2 * content.n_outputs + 6
-    single = isinstance(content, nlfrf.Bla) and content.is_single
-    figure, (top, *middle, bottom) = plt.subplots(2 + single, 1, figsize=size, layout="constrained")
-    if isinstance(content, nlfrf.Bla) and not content.is_single:
-        pictures.plot_frm(content, confidence=confidence, ax=top)
-        pictures.plot_singular_values(content, confidence=confidence, ax=bottom)
-    elif isinstance(content, nlfrf.Multisine):
-        pictures.plot_excitation(content, ax=top)
-        pictures.plot_spectrum(content, ax=bottom)
+    drawn: list[Callable[..., object]]
+    if isinstance(content, nlfrf.Multisine):
+        drawn = [pictures.plot_excitation, pictures.plot_spectrum]
+    elif content.is_single:
+        drawn = [
+            partial(pictures.plot_bla, confidence=confidence),
+            partial(pictures.plot_phase, confidence=confidence),
+            pictures.plot_levels,
+        ]
     else:
-        pictures.plot_bla(content, confidence=confidence, ax=top)
-        pictures.plot_phase(content, confidence=confidence, ax=middle[0])
-        pictures.plot_levels(content, ax=bottom)
+        drawn = [
+            partial(pictures.plot_frm, confidence=confidence),
+            partial(pictures.plot_singular_values, confidence=confidence),
+        ]
+        size = 3 * content.n_inputs + 3, 2 * content.n_outputs + 6
+    figure, places = plt.subplots(len(drawn), 1, figsize=size, layout="constrained")
+    for draw, ax in zip(drawn, places, strict=True):
+        draw(content, ax=ax)
     save_figure(out, figure, dpi=120)
     plt.close(figure)
 

@@ -293,7 +293,11 @@ def records_from_streams(
             n_samples = rounded_period(streams[known][0], resample)
     n_samples = require_integer("n_samples", n_samples, least=4)
     screen_outputs(streams, n_samples=n_samples, fs=fs)
-    require_whole_period(min(one.size for one in streams[known]), n_samples, n_discard)
+    if (n := min(one.size for one in streams[known])) < (n_discard + 1) * n_samples:
+        raise ValueError(
+            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
+            f"got {n} samples, which is {n / n_samples:.2f} periods"
+        )
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     del streams
     cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=labels)
@@ -395,15 +399,6 @@ def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
             )
             for signal in streams.values():
                 signal[m] = signal[m][some]
-
-
-def require_whole_period(n: int, n_samples: int, n_discard: int) -> None:
-    """Refuse streams of n samples that leave no whole period of n_samples behind the n_discard periods left out."""
-    if n < (n_discard + 1) * n_samples:
-        raise ValueError(
-            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
-            f"got {n} samples, which is {n / n_samples:.2f} periods"
-        )
 
 
 def track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:

@@ -184,24 +184,25 @@ def hash_integrator() -> bytes:
 def hash_value(digest: Hash, value: object) -> None:
     """Add a value to a digest: type and content, fields one by one."""
     digest.update(f"<{type(value).__qualname__}>".encode())
-    if is_dataclass(value):
-        for field in fields(value):
-            digest.update(f"{field.name}=".encode())
-            hash_value(digest, getattr(value, field.name))
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype.str}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
-    elif isinstance(value, (tuple, list, dict)):
-        for one in value.items() if isinstance(value, dict) else value:
-            hash_value(digest, one)
-    elif isinstance(value, (str, int, float, type(None))):
-        digest.update(repr(value).encode())
-    elif isinstance(value, numbers.Real):  # of numpy, or a fraction
-        digest.update(repr(float(value)).encode())
-    elif callable(value):
-        raise ValueError("resume must be left out with functions of your own: nothing shows whether they changed")
-    else:
-        raise TypeError(f"no fingerprint of {type(value).__name__}")
+    match value:
+        case _ if is_dataclass(value):
+            for field in fields(value):
+                digest.update(f"{field.name}=".encode())
+                hash_value(digest, getattr(value, field.name))
+        case np.ndarray():
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).tobytes())
+        case tuple() | list() | dict():
+            for one in value.items() if isinstance(value, dict) else value:
+                hash_value(digest, one)
+        case str() | int() | float() | None:
+            digest.update(repr(value).encode())
+        case numbers.Real():  # of numpy, or a fraction
+            digest.update(repr(float(value)).encode())
+        case _ if callable(value):
+            raise ValueError("resume must be left out with functions of your own: nothing shows whether they changed")
+        case _:
+            raise TypeError(f"no fingerprint of {type(value).__name__}")
     digest.update(b";")
 
 
