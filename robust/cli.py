@@ -368,7 +368,6 @@ def prove(
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Delay = None,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
-    limits: Annotated[bool, typer.Option("--limits", help="Look for the largest stiffness and stiction too.")] = False,
     input: Annotated[str | None, typer.Option("--input", help="Name of the force in traces, u when not given.")] = None,
     output: Annotated[
         str | None, typer.Option("--output", help="Name of the position in traces, y when not given.")
@@ -406,7 +405,7 @@ def prove(
         load=load,
     )
     with spinner("proving"):
-        proofs = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force, limits=limits)
+        proofs = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)
         tested = certificates.describe_frequency_test(basis, K, late)
     text = f"{basis}\n" + "\n\n".join(map(str, proofs)) + tested
     say = printer(json)

@@ -16,7 +16,7 @@ from nlfrf._base.arguments import (
     require_real,
 )
 from nlfrf._base.units import POSITIONS
-from nlfrf.axis.loop import DriveLoop, closed_loop_poles, crossover_frequency, drive_loop
+from nlfrf.axis.loop import closed_loop_poles, crossover_frequency, drive_loop
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.run import run
@@ -251,14 +251,14 @@ def experiment_within(
         require_kind("plant", plant, Bla)
     if limits is not None:
         require_kind("limits", limits, AxisLimits)
-    loop = drive_loop(source, require_choice("port", port, PORTS), f=wanted.f, plant=plant)
+    force_response, position_response = drive_loop(source, require_choice("port", port, PORTS), f=wanted.f, plant=plant)
     position, force = source.units if isinstance(source, ServoAxis) else (source.y_unit, source.u_unit)
     position = POSITIONS.get(position, (position,))[0]
     draft = AxisExperiment(
-        ms=replace(wanted, amplitude=wanted.amplitude / np.abs(loop.force)),
+        ms=replace(wanted, amplitude=wanted.amplitude / np.abs(force_response)),
         port=port,
-        force_response=loop.force,
-        position_response=loop.position,
+        force_response=force_response,
+        position_response=position_response,
         gains=segments.gains,
         velocities=segments.velocities,
         n_periods=require_integer("n_periods", segments.n_periods, least=1),
@@ -275,7 +275,7 @@ def experiment_within(
             delay=drive.delay_periods / drive.fs,
             force_constant=source.force_constant,
         )
-    base, one = base_motion(source, draft), multisine_motion(draft.ms, loop)
+    base, one = base_motion(source, draft), multisine_motion(draft)
     level = level_within(draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms)
     return replace(
         draft,
@@ -298,13 +298,14 @@ def base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> Motio
     return Motion(force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base)))
 
 
-def multisine_motion(ms: Multisine, loop: DriveLoop) -> Motion:
-    """Return what a multisine at the port moves, the worst of its realisations."""
+def multisine_motion(experiment: AxisExperiment) -> Motion:
+    """Return what the multisine at the port moves, the worst of its realisations."""
+    ms, x = experiment.ms, experiment.position_response
 
     def behind(H: np.ndarray) -> np.ndarray:
         return replace(ms, amplitude=ms.amplitude * np.abs(H), phase=ms.phase + np.angle(H)).u
 
-    force, position, velocity = (behind(H) for H in (loop.force, loop.position, 2j * np.pi * loop.f * loop.position))
+    force, position, velocity = (behind(H) for H in (experiment.force_response, x, 2j * np.pi * ms.f * x))
     return Motion(float(np.abs(force).max()), float(np.abs(velocity).max()), float(np.ptp(position, axis=1).max()))
 
 

@@ -12,31 +12,17 @@ import numpy as np
 from nlfrf._base.arguments import short_form
 from nlfrf._base.numbers import rfft_at
 from nlfrf._base.units import POSITIONS
-from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.servo import ServoAxis
 
 
-@value
-class DriveLoop:
-    """A linear loop on some lines.
+def drive_loop(
+    source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: Bla | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (F,) force set point and position of one unit at the port, on the lines f [Hz], complex.
 
-    Fields
-    ------
-    f : (F,) ndarray
-        Frequencies [Hz].
-    force, position : (F,) ndarray
-        Force set point and position of one unit at the port, complex; a position in m or rad where its unit is known.
-    """
-
-    f: np.ndarray
-    force: np.ndarray
-    position: np.ndarray
-
-
-def drive_loop(source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: Bla | None) -> DriveLoop:
-    """Return the loop on the lines f [Hz], of a drive with a rough plant or as a record measured it.
+    Of a drive with a rough plant, or as a record measured it; a position in m or rad where its unit is known.
 
     Raises
     ------
@@ -46,7 +32,7 @@ def drive_loop(source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: B
     if isinstance(source, ServoAxis):
         G = plant_frf(source, f) if plant is None else interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
         force = port_frf(source, G, port=port, f=f)
-        return DriveLoop(f=f, force=force, position=G * force)
+        return force, G * force
     if not isinstance(source, Record):
         raise ValueError(f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}")
     if plant is not None:
@@ -58,7 +44,7 @@ def drive_loop(source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: B
         interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
         for one in (U.mean(axis=1), Y.mean(axis=1))
     )
-    return DriveLoop(f=f, force=force, position=position)
+    return force, position
 
 
 def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.analysis.findings import Margins, ReportCurves
+from robust.analysis.findings import Margins, ReportCurves, reciprocal
 from robust.lti.connections import largest_allowed_factor, worst_sensitivity
 from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
@@ -159,52 +159,6 @@ class Curves:
 
 
 #: A largest value and its frequency [rad/s].
-Peak = tuple[float, float]
-NO_PEAK: Peak = (np.nan, np.nan)
-
-
-@value
-class Peaks:
-    """Hold the largest values of the curves of a loop, each with its frequency [rad/s]; nan where there is none.
-
-    Fields
-    ------
-    rs : (float, float)
-        Largest |b|.
-    margin_rp : (float, float)
-        Factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited.
-    half_disk : (float, float)
-        Largest |S - 1/2|.
-    S_worst : (float, float)
-        Largest |S_p| over the set.
-    """
-
-    rs: Peak = NO_PEAK
-    margin_rp: Peak = NO_PEAK
-    half_disk: Peak = NO_PEAK
-    S_worst: Peak = NO_PEAK
-
-    @property
-    def margins(self) -> Margins:
-        """Return the margins and their frequencies."""
-        (rs, omega_rs), (rp, omega_rp), (half, omega_disk) = self.rs, self.margin_rp, self.half_disk
-        return Margins(
-            rs=reciprocal_peak(rs),
-            omega_rs=omega_rs,
-            rp=rp,
-            omega_rp=omega_rp,
-            disk=reciprocal_peak(half),
-            omega_disk=omega_disk,
-            S_worst=self.S_worst[0],
-            omega_S_worst=self.S_worst[1],
-        )
-
-
-def reciprocal_peak(peak: float) -> float:
-    """Return one over a largest value; inf for zero, nan for nan."""
-    return 1 / peak if peak > 0 else peak if np.isnan(peak) else np.inf
-
-
 def loop_curves(
     form: str,
     omega: np.ndarray,
@@ -221,18 +175,25 @@ def loop_curves(
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
 
 
-def peaks_on_lines(curves: Curves) -> Peaks:
-    """Return the largest values at the frequencies of the curves, without a search between them."""
+def margins_on_lines(curves: Curves) -> Margins:
+    """Return the margins at the frequencies of the curves, without a search between them."""
     omega, rs, half = curves.omega, curves.rs, curves.half_disk
-    known = {"half_disk": (float(half.max()), float(omega[half.argmax()]))}
-    if np.isfinite(rs).all():
-        known["rs"] = float(rs.max()), float(omega[rs.argmax()])
-        known["S_worst"] = float(curves.S_worst.max()), float(omega[curves.S_worst.argmax()])
-        if curves.w_P is not None:
-            met = curves.np_ < 1
-            factors = curves.performance_margin if met.all() else np.where(met, 1.0, 0.0)
-            known["margin_rp"] = float(factors.min()), float(omega[factors.argmin()])
-    return Peaks(**known)
+    found = Margins(disk=reciprocal(float(half.max())), omega_disk=float(omega[half.argmax()]))
+    if not np.isfinite(rs).all():
+        return found
+    S_worst = curves.S_worst
+    found = replace(
+        found,
+        rs=reciprocal(float(rs.max())),
+        omega_rs=float(omega[rs.argmax()]),
+        S_worst=float(S_worst.max()),
+        omega_S_worst=float(omega[S_worst.argmax()]),
+    )
+    if curves.w_P is None:
+        return found
+    met = curves.np_ < 1
+    factors = curves.performance_margin if met.all() else np.where(met, 1.0, 0.0)
+    return replace(found, rp=float(factors.min()), omega_rp=float(omega[factors.argmin()]))
 
 
 @value(copy=False)

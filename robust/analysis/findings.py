@@ -138,6 +138,11 @@ class Margins:
     omega_S_worst: float = np.nan
 
     @property
+    def largest_rs(self) -> float:
+        """Return the largest rs, or the largest bound of mu."""
+        return reciprocal(self.rs)
+
+    @property
     def disk_gain(self) -> float:
         """Return the factor that the loop gain may change by, with any phase inside the disk margin."""
         return (2 + self.disk) / (2 - self.disk) if self.disk < 2 else np.inf
@@ -146,6 +151,11 @@ class Margins:
     def disk_phase(self) -> float:
         """Return the phase [rad] the loop may gain or lose, by the disk margin."""
         return 2 * float(np.arctan(self.disk / 2))
+
+
+def reciprocal(x: float) -> float:
+    """Return one over a number that is not negative; inf of zero, nan of nan."""
+    return 1 / x if x > 0 else x if np.isnan(x) else np.inf
 
 
 @value

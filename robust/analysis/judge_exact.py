@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from robust.analysis.aliases import RsBreakdown, rs_breakdown
-from robust.analysis.curves import Peaks
-from robust.analysis.findings import Effort, Findings, Proofs, decide_verdict
+from robust.analysis.findings import Effort, Findings, Margins, Proofs, decide_verdict
 from robust.analysis.lmi_proofs import prove_set_by
-from robust.analysis.loop import Loop, decide_nominal_stability, find_curve_peaks
+from robust.analysis.loop import Loop, decide_nominal_stability, find_margins
 from robust.analysis.text import (
     NO_MARGINS,
     NOTHING_PROVED,
@@ -42,23 +41,23 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
             context=describe_loop(loop),
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
-    peaks = find_curve_peaks(loop, curves, loop.band)
-    places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1], peaks.S_worst[1]])
+    margins = find_margins(loop, curves, loop.band)
+    places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst])
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
-    proofs, folding = prove_set_by(loop, curves, peaks.rs[0], effort), rs_breakdown_at_peak(loop, peaks)
+    proofs, folding = prove_set_by(loop, curves, margins.largest_rs, effort), rs_breakdown_at_peak(loop, margins)
     if folding is not None and folding.total >= 1:  # what the aliases add is a bound: it breaks nothing by itself
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
-    advice = advise_on_margin(loop.model, peaks.rs[1], weight=loop.responders["w"], folding=folding)
+    advice = advise_on_margin(loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding)
     return Findings(
         verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,
         curves=curves.shown(stable=True),
-        margins=peaks.margins,
+        margins=margins,
         proofs=proofs,
         form=loop.form,
-        reason=explain_exact(loop, peaks, proofs, folding=folding, certify=effort.certify),
-        advice=advice + advise_on_weight(loop, peaks),
+        reason=explain_exact(loop, margins, proofs, folding=folding, certify=effort.certify),
+        advice=advice + advise_on_weight(loop, margins),
         proved=proved,
         not_proved=not_proved,
         context=describe_loop(loop),
@@ -66,9 +65,8 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     )
 
 
-def rs_breakdown_at_peak(loop: Loop, peaks: Peaks) -> RsBreakdown | None:
+def rs_breakdown_at_peak(loop: Loop, margins: Margins) -> RsBreakdown | None:
     """Split the largest rs of a set of continuous plants under a sampled controller; None for any other."""
     if loop.aliases is None:
         return None
-    total, omega = peaks.rs
-    return rs_breakdown(loop.with_aliases(loop.curves(omega)), loop.band, total)
+    return rs_breakdown(loop.with_aliases(loop.curves(margins.omega_rs)), loop.band, margins.largest_rs)

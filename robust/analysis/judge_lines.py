@@ -11,8 +11,8 @@ from nlfrf._base.arguments import format_hertz, require_integer, require_nonnega
 from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
-from robust.analysis.curves import Curves, Peaks, loop_curves, peaks_on_lines
-from robust.analysis.findings import Effort, Findings, Given, Proofs, decide_verdict
+from robust.analysis.curves import Curves, loop_curves, margins_on_lines
+from robust.analysis.findings import Effort, Findings, Given, Margins, Proofs, decide_verdict
 from robust.analysis.text import LINES_ADVICE, LINES_NOT_PROVED, LINES_PROVED, explain_lines
 from robust.lti.grids import controller_mode_lines, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
@@ -132,16 +132,16 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     met = Stability.STABLE if encirclements == wanted else Stability.UNSTABLE
     nominal, has_set = met if clear else Stability.UNDECIDED, bool(np.isfinite(loop.curves.w).all())
     stable = nominal is Stability.STABLE
-    peaks = peaks_on_lines(loop.curves) if stable else Peaks()
-    proofs, hold = Proofs(violated=has_set and peaks.rs[0] >= 1), dt and not frf_sampling_time(loop.source)
+    margins = margins_on_lines(loop.curves) if stable else Margins()
+    proofs, hold = Proofs(violated=has_set and margins.largest_rs >= 1), dt and not frf_sampling_time(loop.source)
     return Findings(
         verdict=decide_verdict(nominal, proofs, statistical=False),
         nominally_stable=stable,
         curves=loop.curves.shown(stable),
-        margins=peaks.margins,
+        margins=margins,
         proofs=proofs,
         form=loop.form,
-        reason=explain_lines(nominal, encirclements, wanted=wanted, peak=peaks.rs[0], has_set=has_set),
+        reason=explain_lines(nominal, encirclements, wanted=wanted, peak=margins.largest_rs, has_set=has_set),
         advice=LINES_ADVICE,
         proved=LINES_PROVED,
         not_proved=LINES_NOT_PROVED,

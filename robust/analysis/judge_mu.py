@@ -1,7 +1,7 @@
 """Judge a loop by the structured singular value: nominal stability, bounds of mu, certificates (SP 8.9, 8.10).
 
 The upper bound of mu over a grid decides what is worth proving, the lower bound gives a counter-example. Only
-`robust.mu.certify` and `certify_scaled`, which hold between the frequencies, make a proof.
+`robust.mu.certify` and `certify_with_one_scaling`, which hold between the frequencies, make a proof.
 """
 
 from __future__ import annotations
@@ -33,9 +33,8 @@ from robust.mu.certification import certify
 from robust.mu.parameters import Crossing, ParameterMargin, find_crossing, parameter_margin
 from robust.mu.perturbations import search_perturbation
 from robust.mu.scalings import mu_bound_at, refine_grid
-from robust.proofs.search.certificate import Certificate, failed_certificate
-from robust.proofs.search.intervals import SLACK
-from robust.proofs.search.scaled_kyp import certify_scaled
+from robust.proofs.search.certificate import Certificate
+from robust.proofs.search.scaled_kyp import certify_with_one_scaling
 from robust.proofs.search.stability import decide_stability
 
 DEFAULT_GAP = 0.05  # between proof and counter-example, to which an undecided verdict is pursued
@@ -284,7 +283,4 @@ def prove_bound(
     given = blocks_with_kinds(blocks)
     cut = [(*block[:2], "full") if operator else block for block, operator in zip(given, operators, strict=False)]
     cut += given[len(operators) :]  # performance
-    found = certify_scaled(N, cut, 1 - SLACK, solver=solver, subject=subject)
-    if found is None:
-        return failed_certificate(subject, 1.0, "no scaling that is the same at all frequencies was found")
-    return replace(found, level=1.0)
+    return certify_with_one_scaling(N, cut, solver=solver, subject=subject)

@@ -16,8 +16,7 @@ from robust.analysis.loop import Loop
 from robust.analysis.loop_proofs import prove_set
 from robust.proofs.exact.claim import PERFORMANCE, STABILITY
 from robust.proofs.search.certificate import Certificate, failed_certificate
-from robust.proofs.search.intervals import SLACK
-from robust.proofs.search.scaled_kyp import certify_scaled
+from robust.proofs.search.scaled_kyp import certify_with_one_scaling
 
 
 def prove_set_by(loop: Loop, curves: Curves, peak: float, effort: Effort) -> Proofs:
@@ -48,8 +47,4 @@ def certificates_by_lmi(loop: Loop, solver: str | None) -> tuple[Certificate, ..
 
 def certify_channels(N: control.StateSpace, subject: str, solver: str | None) -> Certificate:
     """Return the proof that mu of scalar blocks stays below one."""
-    blocks = [(1, 1, "full")] * N.noutputs
-    found = certify_scaled(N, blocks, 1 - SLACK, solver=solver or "CLARABEL", subject=subject)
-    if found is None:
-        return failed_certificate(subject, 1.0, "no P was found with one scaling for all frequencies")
-    return replace(found, level=1.0)
+    return certify_with_one_scaling(N, [(1, 1, "full")] * N.noutputs, solver=solver or "CLARABEL", subject=subject)

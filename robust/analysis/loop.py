@@ -18,8 +18,8 @@ from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
 from robust.analysis.aliases import AliasedLoop, Aliases, aliases_of_set, evaluate_aliases, fold_aliases
-from robust.analysis.curves import Curves, Peaks, loop_curves
-from robust.analysis.findings import Given
+from robust.analysis.curves import Curves, loop_curves
+from robust.analysis.findings import Given, Margins, reciprocal
 from robust.lti.connections import closed_loop, in_series
 from robust.lti.grids import find_peak, loop_grid, refine_peaks
 from robust.lti.lti import is_constant, sampling_times_differ, timebase
@@ -335,8 +335,8 @@ def decide_in_floating_point(loop: Loop) -> StabilityResult:
     return StabilityResult(state=Stability.UNSTABLE, of_loop=True, n_unstable=float(total))
 
 
-def find_curve_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> Peaks:
-    """Find the largest values of the curves over all frequencies: those on a grid, refined."""
+def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margins:
+    """Find the margins over all frequencies, from the largest values of the curves: those on a grid, refined."""
     names = ["rs", "half_disk", *([] if loop.w_P is None else ["np_"])]
 
     def stacked(of: Curves, names: list[str]) -> np.ndarray:
@@ -347,16 +347,24 @@ def find_curve_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> P
             lambda at: stacked(loop.curves(at), names), curves.omega, values=stacked(curves, names), band=band
         )
 
-    rs, half_disk, *performance = along(names)
-    margin_rp = (np.nan, np.nan)
-    if performance:
-        peak, where = performance[0]
-        margin_rp = (0.0, where)
+    (rs, omega_rs), (half, omega_disk), *performance = along(names)
+    rp, omega_rp = np.nan, np.nan
+    for peak, where in performance:
+        rp, omega_rp = 0.0, where
         if peak < 1:  # the largest factor on the uncertainty with |w_P| max |S_p| <= 1
-            largest, where = along(["inverse_performance_margin"])[0]
-            margin_rp = (1 / largest if largest > 0 else np.inf, where)
-    S_worst = along(["S_worst"])[0] if rs[0] < 1 else (np.inf, rs[1])
-    return Peaks(rs=rs, margin_rp=margin_rp, half_disk=half_disk, S_worst=S_worst)
+            largest, omega_rp = along(["inverse_performance_margin"])[0]
+            rp = reciprocal(largest)
+    S_worst, omega_S_worst = along(["S_worst"])[0] if rs < 1 else (np.inf, omega_rs)
+    return Margins(
+        rs=reciprocal(rs),
+        omega_rs=omega_rs,
+        rp=rp,
+        omega_rp=omega_rp,
+        disk=reciprocal(half),
+        omega_disk=omega_disk,
+        S_worst=S_worst,
+        omega_S_worst=omega_S_worst,
+    )
 
 
 def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:

@@ -11,7 +11,7 @@ from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
 from robust._base.states import Demand, Stability, Verdict
 from robust.analysis.aliases import RsBreakdown
-from robust.analysis.curves import MuCurves, Peaks
+from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Margins, Proofs, ReportCurves
 from robust.analysis.loop import Loop
 from robust.models.fit.weights import MAX_CHOSEN_ORDER
@@ -102,15 +102,15 @@ def advise_on_margin(
     return " ".join(sentences)
 
 
-def advise_on_weight(loop: Loop, peaks: Peaks) -> str:
+def advise_on_weight(loop: Loop, margins: Margins) -> str:
     """Advise a better weight where the radius passes on every measured line and the weight does not; else empty."""
     model = loop.model
     omega = model.omega[model.omega < loop.omega_max]
-    if peaks.rs[0] < 1 or FORMS[model.form].depends_on_units or not omega.size:
+    if margins.largest_rs < 1 or FORMS[model.form].depends_on_units or not omega.size:
         return ""
     curves = loop.curves(omega)
-    nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
-    there, on_line = np.abs(loop.responders["w"](np.array([peaks.rs[1]])))[0], np.abs(curves.w[nearest])
+    nearest = int(np.argmin(np.abs(np.log(omega / margins.omega_rs))))
+    there, on_line = np.abs(loop.responders["w"](np.array([margins.omega_rs])))[0], np.abs(curves.w[nearest])
     if (
         on_line < MENTIONED_EXCESS * model.radius[nearest] or there > MENTIONED_EXCESS * on_line
     ):  # what is assumed outside the band, then
@@ -323,7 +323,7 @@ def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: 
     return f"the FRF comes without uncertainty, and all of this {lines_only}"
 
 
-def explain_exact(loop: Loop, peaks: Peaks, proofs: Proofs, *, folding: RsBreakdown | None, certify: bool) -> str:
+def explain_exact(loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBreakdown | None, certify: bool) -> str:
     """Return the reason of the verdict on one loop whose nominal is stable."""
     if folding is not None and folding.total >= 1:
         if folding.single_frequency < 1:
@@ -331,7 +331,7 @@ def explain_exact(loop: Loop, peaks: Peaks, proofs: Proofs, *, folding: RsBreakd
         size, where = folding.single_frequency, format_hertz(folding.omega)
         return f"a plant of the set is unstable in this loop: rs = {size:.4g} at {where}"
     if proofs.violated:
-        found = f"rs = {peaks.rs[0]:.4g} at {format_hertz(peaks.rs[1])}"
+        found = f"rs = {margins.largest_rs:.4g} at {format_hertz(margins.omega_rs)}"
         how = proofs.certificates[0].reason if proofs.certificates else found
         return f"a plant of the set is unstable in this loop: {how}"
     if proofs.robustly_stable:
@@ -341,7 +341,11 @@ def explain_exact(loop: Loop, peaks: Peaks, proofs: Proofs, *, folding: RsBreakd
             "statistical": "the loop is stable with every linear plant of the set",
         }
         return reason[loop.model.perturbation] + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
-    below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
+    return explain_open(f"rs stays below {margins.largest_rs:.4g} on the grid", proofs, certify)
+
+
+def explain_open(below: str, proofs: Proofs, certify: bool) -> str:
+    """Return why a verdict is open where the curve stays below one: no proof was asked for, or none was found."""
     if not certify:
         return f"{below}, and no proof was asked for (certify=False)"
     return f"{below}, but no proof was found: {proofs.certificates[0].reason}"
@@ -400,10 +404,7 @@ def explain_mu(
         reached = f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
         return f"{reached}, but no perturbation was found that breaks the loop{parts}"
-    below = f"mu stays below {curves.peak:.4g} on the grid"
-    if not certify:
-        return f"{below}, and no proof was asked for (certify=False)"
-    return f"{below}, but no proof was found: {proofs.certificates[0].reason}"
+    return explain_open(f"mu stays below {curves.peak:.4g} on the grid", proofs, certify)
 
 
 # ---- The sentences of a report's own numbers.

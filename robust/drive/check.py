@@ -642,15 +642,13 @@ def check_drive(
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
     machine = uncertainty(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
-    report = check(model, K, delay=settings.delay)
-    stiffness_unit = ratio_unit(unit, base)
-    report = replace(report, peak=peak)
+    report = replace(check(model, K, delay=settings.delay), peak=peak)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
     advance()
     doubts: list[Doubt | None] = [
         None
         if friction.assumed is not None
-        else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=stiffness_unit),
+        else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=ratio_unit(unit, base)),
         doubt_of_crossover(report),
         doubt_of_unstable_model(names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved),
         doubt_of_margins(report),
@@ -757,13 +755,6 @@ def read_force(
     return force, force.reason
 
 
-def machine_frf(bla: nlfrf.Bla, settings: Drive, *, actual: bool) -> nlfrf.Bla:
-    """Return the BLA of the machine alone, without delay and lag of the current loop where they are in the trace."""
-    s = 1j * bla.omega
-    late = np.exp(s * settings.delay) * (1 + s * settings.lag)
-    return bla if actual else bla.times(late, output_unit=bla.output_units)
-
-
 def fit_machine(
     bla: nlfrf.Bla, record: nlfrf.Record, settings: Drive, *, actual: bool
 ) -> tuple[nlfrf.Bla, NominalFit, Drive]:
@@ -775,7 +766,9 @@ def fit_machine(
     """
     timings, not_leading, reason = [settings, *([] if actual else late_as_traced(record, settings))], [], ""
     for timing in timings:
-        machine = machine_frf(bla, timing, actual=actual)
+        s, machine = 1j * bla.omega, bla
+        if not actual:  # delay and lag of the current loop are in the trace
+            machine = bla.times(np.exp(s * timing.delay) * (1 + s * timing.lag), output_unit=bla.output_units)
         late = "" if actual else reason_of_late_settings(machine, timing)
         if late:
             reason = reason or late

@@ -137,10 +137,8 @@ def gains(K: LinearSystem, *, like: Drive, output_unit: str = "") -> DriveReadin
     if not np.all(np.abs(measured) > 0):
         raise ValueError("K must act on every position that the drive reads, got a response of zero")
     p = -np.expm1(-1j * angles)
-    if like.encoder == "both":
-        solutions = [read_two_encoders(measured, p, angles=angles, like=like)]
-    elif like.velocity_from == "observer" or like.position_every > 1:
-        solutions = [read_known_velocity(measured[0], p, angles=angles, like=like)]
+    if like.encoder == "both" or like.velocity_from == "observer" or like.position_every > 1:
+        solutions = [read_known_velocity(measured, p, angles=angles, like=like)]
     else:
         solutions = read_pid(measured[0], p, like)
     found = [settings_of(like, *map(float, solution)) for solution in solutions]
@@ -202,24 +200,20 @@ def read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, flo
 def read_known_velocity(
     K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: Drive
 ) -> tuple[float, float, float, float]:
-    """Return (kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a."""
-    V, H = parts_of(like, angles)
-    scale = like.position_scale.factor
-    kp, by_reset, by_position, _ = solve_relative(scale * np.stack([p * V, (1 - p) * V, p * H, (1 - p) * H]), K * p)
+    """Return (kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a.
+
+    With two encoders the velocity loop is on the motor, and the position loop on the load.
+    """
+    (V, H), both = parts_of(like, angles), like.encoder == "both"
+    velocity = like.position_scale.factor * np.stack([p * V, (1 - p) * V])
+    position = (like.load_scale if both else like.position_scale).factor * np.stack([p * H, (1 - p) * H])
+    if both:
+        kp, by_reset = solve_relative(velocity, K[0] * p)
+        by_position, _ = solve_relative(position, K[1] * p)
+    else:
+        kp, by_reset, by_position, _ = solve_relative(np.concatenate([velocity, position]), K[0] * p)
     if not kp:
         raise ValueError("K must act on the velocity, got one without a gain on it")
-    return kp, by_position / kp, by_reset / kp, np.nan
-
-
-def read_two_encoders(
-    K: np.ndarray, p: np.ndarray, *, angles: np.ndarray, like: Drive
-) -> tuple[float, float, float, float]:
-    """Return (kp, kv, a, nan) of a velocity loop on the motor and a position loop on the load."""
-    V, H = parts_of(like, angles)
-    kp, by_reset = solve_relative(like.position_scale.factor * np.stack([p * V, (1 - p) * V]), K[0] * p)
-    if not kp:
-        raise ValueError("K must act on the velocity of the motor, got one without a gain on it")
-    by_position, _ = solve_relative(like.load_scale.factor * np.stack([p * H, (1 - p) * H]), K[1] * p)
     return kp, by_position / kp, by_reset / kp, np.nan
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from nlfrf._base.arguments import require_kind, require_positive
+from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
 from robust._base.states import FrictionVerdict
@@ -19,6 +19,8 @@ from robust.friction.proof.prove import prove_friction
 
 #: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
 STEP = 1.5
+#: Share of the friction that a compensation leaves.
+COMPENSATED = 0.3
 
 
 @value
@@ -67,13 +69,12 @@ def friction_cures(
     *,
     Fs: float | Sequence[float],
     output_unit: str = "",
-    compensation_error: float = 0.3,
 ) -> tuple[FrictionCure, ...]:
     """Prove a loop again with each change that helps against hunting, and put them in the order of what helps.
 
     Only what helps is returned. Changed one at a time: velocity gain times 1.5, reset time times 1.5, no integral
     action (what a dead band or a leak of the integrator tends to), and a compensation of the friction that is wrong by
-    a share of it. The last leaves a friction of at most that share of Fs, of which nothing else is known; one that
+    30 % of it. The last leaves a friction of at most that share of Fs, of which nothing else is known; one that
     follows the set point compensates while the set point moves, and nothing at rest.
 
     Parameters
@@ -88,8 +89,6 @@ def friction_cures(
         Largest friction force [N] or [Nm]; of several friction ports one each.
     output_unit : str
         As of `cascade`: "N" or "Nm".
-    compensation_error : float
-        Relative error of a compensation, q.
 
     Returns
     -------
@@ -99,7 +98,7 @@ def friction_cures(
     Raises
     ------
     ValueError
-        No settings, a force or an error that is not positive, units that differ.
+        No settings, a force that is not positive, units that differ.
 
     References
     ----------
@@ -116,7 +115,6 @@ def friction_cures(
     """
     require_kind("settings", settings, Drive)
     forces = largest_forces(machine, Fs)
-    q = require_positive("compensation_error", compensation_error)
     unit = settings.kp_unit
     changed = {
         f"kp {settings.kp:.4g} -> {STEP * settings.kp:.4g} {unit}": replace(settings, kp=STEP * settings.kp),
@@ -132,9 +130,9 @@ def friction_cures(
     _, present, bound = judge(machine, settings, friction, forces=forces, output_unit=output_unit)
     found.append(
         FrictionCure(
-            change=f"friction compensated to {100 * q:g} % of it, while that acts",
+            change=f"friction compensated to {100 * COMPENSATED:g} % of it, while that acts",
             verdict=FrictionVerdict.SETTLES if np.isfinite(bound) else FrictionVerdict.NOT_DECIDED,
-            error=q * bound,
+            error=COMPENSATED * bound,
             unit=machine.position_unit,
         )
     )

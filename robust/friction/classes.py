@@ -27,9 +27,9 @@ class AnyFriction:
     bristle_time : float
         Largest damping over stiffness of an element [s]; of bounded friction, of its bristles.
     microdamping : float
-        Damping of the bending of bristles [Ns/m].
+        Damping of the bending of bristles [Ns/m]; zero of every other class.
     Fs : float
-        Largest force [N]. All of these nan where the class does not ask for them.
+        Largest force [N]. It and those above nan where the class does not ask for them.
     position_unit : str
         "m", or "rad" where the machine turns: forces are then in Nm, and N/m reads Nm/rad.
     """
@@ -39,7 +39,7 @@ class AnyFriction:
     stiction: float = np.nan
     bristle_time: float = np.nan
     Fs: float = np.nan
-    microdamping: float = np.nan
+    microdamping: float = 0.0
     position_unit: str = "m"
 
     def __post_init__(self) -> None:
@@ -49,11 +49,6 @@ class AnyFriction:
     def units(self) -> MechanicalUnits:
         """Units of its numbers."""
         return mechanical_units(self.position_unit)
-
-    @property
-    def damper(self) -> float:
-        """Microdamping of a sticking element [Ns/m]: sigma1 of bristles, else 0."""
-        return self.microdamping if self.kind == "bristle" else 0.0
 
     @property
     def description(self) -> str:
@@ -130,7 +125,7 @@ class FrictionAtPorts:
         return max(port.bristle_time for port in self.ports)
 
     @property
-    def damper(self) -> float:
+    def microdamping(self) -> float:
         """Microdamping of a sticking element: none."""
         return 0.0
 

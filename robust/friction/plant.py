@@ -543,12 +543,10 @@ class PeriodPieces:
     kernel : (n, P n) ndarray
         What the friction of each piece makes of the state at its end, n columns a piece: for any row r,
         int |r g| over piece p is at most the norm of (r kernel) in its columns.
-    reads : (R, n) ndarray
-        The position at the ends of the pieces, of the state at the begin of the period.
-    within : (R,) ndarray
-        What 1 N in the pieces of the period before each makes of it, at most.
-    bends, bends_within, speeds, speeds_within : ndarray
-        Acceleration and velocity at the ends of the pieces, likewise.
+    reads : (3, R, n) ndarray
+        Position, acceleration and velocity at the ends of the pieces, of the state at the begin of the period.
+    within : (3, R) ndarray
+        What 1 N in the pieces of the period before each makes of them, at most.
     lengths : (P,) ndarray
         Lengths of the pieces [s].
     """
@@ -557,10 +555,6 @@ class PeriodPieces:
     kernel: np.ndarray
     reads: np.ndarray
     within: np.ndarray
-    bends: np.ndarray
-    bends_within: np.ndarray
-    speeds: np.ndarray
-    speeds_within: np.ndarray
     lengths: np.ndarray
 
 
@@ -609,29 +603,29 @@ def steady_error_bound(loop: FrictionLoop) -> float:
     cut = cut_period(loop)
     if cut is None:
         return np.inf
-    positions = absolute_kernel_integral(cut, cut.reads, cut.within)
+    positions = absolute_kernel_integral(cut, 0)
     if not loop.T:  # nothing tells one instant from another
         return float(positions.max() * ROUNDED_UP)
     if not np.isfinite(positions).all():
         return np.inf
     # between two readings the position leaves its chord by at most h^2/8 times the acceleration: twice the most read
-    bend = 2 * (absolute_kernel_integral(cut, cut.bends, cut.bends_within).max() + np.abs(loop.v @ loop.B))
+    bend = 2 * (absolute_kernel_integral(cut, 1).max() + np.abs(loop.v @ loop.B))
     step, at_once = cut.lengths.max(), np.abs(loop.x @ loop.B)
     away = step**2 / 8 * bend
     if at_once > ROUNDING * np.linalg.norm(loop.x) * np.linalg.norm(loop.B):  # the velocity jumps with the friction
-        away = step / 2 * (absolute_kernel_integral(cut, cut.speeds, cut.speeds_within).max() + step * bend + at_once)
+        away = step / 2 * (absolute_kernel_integral(cut, 2).max() + step * bend + at_once)
     return float((positions.max() + away) * ROUNDED_UP)
 
 
-def absolute_kernel_integral(cut: PeriodPieces, rows: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """Return an upper bound (R,) of the integral of |kernel| from the past friction to each reading."""
+def absolute_kernel_integral(cut: PeriodPieces, what: int) -> np.ndarray:
+    """Return an upper bound (R,) of the integral of |kernel| from the past friction to each of `cut.reads[what]`."""
+    rows, total = cut.reads[what], cut.within[what]
     norm = lyapunov_norm(cut.map)
     if norm is None:
         return np.full(rows.shape[0], np.inf)
     factor, inverse, rate = norm
     n = cut.map.shape[0]
     weight = np.linalg.norm(rows @ inverse, axis=1)
-    total = within
     merged = merge_periods(cut)
     affordable = int(min(MAX_PERIODS, MAX_OPERATIONS / (rows.shape[0] * cut.kernel.size)))
     stages = [(1, cut.map, cut.kernel, affordable)]
@@ -734,16 +728,11 @@ def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
             ends.append(read @ map_)
             within.append(kernel_norms(read, kernel))
     kept = slice(None) if loop.T else slice(-1, None)
-    reads, sums = np.array(ends)[kept], np.array(within)[kept]
     return PeriodPieces(
         map=map_,
         kernel=kernel,
-        reads=reads[:, 0],
-        within=sums[:, 0],
-        bends=reads[:, 1],
-        bends_within=sums[:, 1],
-        speeds=reads[:, 2],
-        speeds_within=sums[:, 2],
+        reads=np.moveaxis(np.array(ends)[kept], 1, 0),
+        within=np.array(within)[kept].T,
         lengths=np.repeat(spans / counts, counts.astype(int)),
     )
 
@@ -873,10 +862,5 @@ def destabilizing_stiffness(
         return None
     springs = worst * stiffest
     stiffness = float(springs[0]) if loop.B.ndim == 1 else tuple(map(float, springs))
-    return stiffness, rightmost_pole(loop, springs, damper)
-
-
-def rightmost_pole(loop: FrictionLoop, kappa: float | np.ndarray, damper: float = 0.0) -> complex:
-    """Return the pole furthest outside of the stability region."""
-    poles = loop.poles(kappa, damper)
-    return complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])
+    poles = loop.poles(springs, damper)
+    return stiffness, complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -42,7 +43,7 @@ from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.channel_files import ChannelsClaim, verify_channels
-from robust.proofs.exact.claim import LoopClaim, Matrices, to_matrices
+from robust.proofs.exact.claim import LoopClaim, to_matrices
 from robust.proofs.exact.claim_files import differing_fields, read_claim, write_claim
 from robust.proofs.exact.folded_sets import FoldedClaim
 from robust.proofs.exact.interval_kyp import IntervalClaim
@@ -163,40 +164,59 @@ def verify_certificate(
     """
     stored = parse_json_of(path, *CERTIFICATE_SCHEMAS).get("warnings", ())
     claim = load_claim(path)
-    if not isinstance(claim, LoopClaim):
-        proved: Verification = (
-            verify_friction_claim(claim, model, K=K, time_cap=time_cap)
-            if isinstance(claim, FrictionClaim)
-            else verify_several_channels(claim, model, K=K)
-        )
-        return replace(proved, warnings=tuple(map(one_line, stored)))
-    wrong = []
+    if isinstance(claim, FrictionClaim):
+        wrong, found = differences_of_machine(claim, model, K), partial(verify_friction, claim, time_cap=time_cap)
+    elif not isinstance(model, UncertaintyModel | None):
+        raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
+    elif isinstance(claim, ChannelsClaim):
+        wrong, found = differences_of_channels(claim, model, K), partial(verify_channels, claim)
+    else:
+        wrong, found = differences_of_loop(claim, model, K), partial(verify_loop, claim, time_cap=time_cap)
+    proved = found()
+    return replace(
+        proved,
+        verified=proved.verified and not wrong,
+        failed=(*((part, f"not the one of the certificate{how}") for part, how in wrong.items()), *proved.failed),
+        warnings=tuple(map(one_line, stored)),
+    )
+
+
+SYSTEM = (*"ABCD", "dt")  # what two systems are compared by, number by number
+
+
+def differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None, K: Controller | None) -> dict[str, str]:
+    """Return what of one loop is not as in the certificate, and how it differs."""
+    wrong = {}
     if model is not None:
-        if not isinstance(model, UncertaintyModel):
-            raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
         mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
-        names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
-        wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
-    if K is not None and differing_fields(claim, replace(claim, controller=matrices_of_controller(K)), ("controller",)):
-        wrong.append(("the controller", "not the one of the certificate"))
-    found, warned = verify_loop(claim, time_cap=time_cap), tuple(map(one_line, stored))
-    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed), warnings=warned)
+        if names := differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation")):
+            wrong["the model"] = f": other {', '.join(names)}"
+    if K is not None and differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM):
+        wrong["the controller"] = ""
+    return wrong
 
 
-def verify_several_channels(
-    given: ChannelsClaim, model: UncertaintyModel | FrictionPlant | None, *, K: Controller | None
-) -> Verification:
-    """Return the claims on several channels, proved again; their loop is compared with that of model and controller."""
-    wrong = []
+def differences_of_channels(
+    claim: ChannelsClaim, model: UncertaintyModel | None, K: Controller | None
+) -> dict[str, str]:
+    """Return that the loop of model and controller is not the one of the certificate."""
     if (model is None) != (K is None):
         raise ValueError("model and K must be given together for a certificate of several channels, got one of them")
-    if model is not None and K is not None:
-        if not isinstance(model, UncertaintyModel):
-            raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
-        if not is_loop_of(given, model, K):
-            wrong.append(("model and controller", "their loop is not the one of the certificate"))
-    found = verify_channels(given)
-    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
+    if model is None or K is None:
+        return {}
+    return {} if is_loop_of(claim, model, K) else {"the loop of model and controller": ""}
+
+
+def differences_of_machine(claim: FrictionClaim, model: object, K: Controller | None) -> dict[str, str]:
+    """Return what of a machine with friction is not as in the certificate."""
+    wrong = {}
+    if model is not None:
+        machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
+        if differing_fields(claim.machine, plant_matrices(machine), SYSTEM):
+            wrong["the machine"] = ""
+    if K is not None and differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM):
+        wrong["the controller"] = ""
+    return wrong
 
 
 LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
@@ -237,35 +257,6 @@ def is_same_folding(claim: FoldedClaim, mine: FoldedClaim) -> bool:
     return not any(differing_fields(*pair, ("plant", "left", "right")) for pair in pairs)
 
 
-def matrices_of_controller(K: Controller) -> Matrices:
-    """Return the matrices of a controller."""
-    return to_matrices(state_space("K", K))
-
-
-def verify_friction_claim(
-    claim: FrictionClaim, model: UncertaintyModel | FrictionPlant | None, *, K: Controller | None, time_cap: float
-) -> Verification:
-    """Return the claim on a machine with friction, proved again and compared."""
-    wrong = []
-    if model is not None:
-        machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
-        if not is_same_system(claim.machine, plant_matrices(machine)):
-            wrong.append(("the machine", "not the one of the certificate"))
-    if K is not None and not is_same_system(claim.controller, matrices_of_controller(K)):
-        wrong.append(("the controller", "not the one of the certificate"))
-    found = verify_friction(claim, time_cap=time_cap)
-    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
-
-
-def is_same_system(mine: Matrices, other: Matrices) -> bool:
-    """Return whether two systems are the same, number by number."""
-    parts = all(np.array_equal(getattr(mine, name), getattr(other, name)) for name in "ABCD")
-    return parts and mine.dt == other.dt
-
-
-# ---- What a proof for a machine with friction starts from, read from files.
-
-#: Arguments of `load_record` that were given, by name.
 LoadOptions: TypeAlias = Mapping[str, Any]
 #: Kinds of files of ours that a machine and its friction are read from.
 MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
@@ -572,10 +563,9 @@ def prove_all(
     *,
     delay: float = 0.0,
     Fs: float | Sequence[float] | None = None,
-    limits: bool = False,
 ) -> tuple[FrictionProof, ...]:
     """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
-    proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs, limits=limits) for machine in machines]
+    proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs) for machine in machines]
     worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 

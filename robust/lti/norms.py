@@ -328,10 +328,7 @@ def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
     matrices = (system.A, system.B, system.C, system.D)
     if not dt or not system.nstates:
         return matrices
-    try:
-        A, B, C, D = to_continuous(*matrices)
-    except np.linalg.LinAlgError as error:
-        raise ValueError(str(error)) from None
+    A, B, C, D = to_continuous(*matrices)
     root = np.sqrt(2 / dt)
     return A * 2 / dt, B * root, C * root, D
 

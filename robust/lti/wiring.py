@@ -24,28 +24,13 @@ class Port:
     drives: tuple[str, ...]
 
 
-@value
-class OpenLoop:
-    """Fixed parts from (external inputs, what the ports drive) to (signals looked at, what the ports read).
-
-    Fields
-    ------
-    system : control.StateSpace
-    n_external, n_looked_at : int
-    """
-
-    system: control.StateSpace
-    n_external: int
-    n_looked_at: int
-
-
 def join_by_name(
     parts: Sequence[control.StateSpace], ports: Sequence[Port], *, external: Sequence[str], looked_at: Sequence[str]
-) -> OpenLoop:
+) -> control.StateSpace:
     """Join parts and ports by name: an input is the sum of all outputs and external inputs of its name.
 
-    A signal that is looked at is the sum of all outputs of its name, without the external input of that name, as in
-    `control.interconnect`.
+    From (external inputs, what the ports drive) to (signals looked at, what the ports read). A signal that is looked at
+    is the sum of all outputs of its name, without the external input of that name, as in `control.interconnect`.
 
     Raises
     ------
@@ -79,8 +64,7 @@ def join_by_name(
     D[len(looked_at) :, : len(external)] += into_ports
     D[len(looked_at) :, len(external) :] += same_name(port_in, port_out)
     A, B = G.A + G.B @ inside @ o_x, G.B @ (inside @ o_v + drive)
-    system = control.StateSpace(A, B, sense @ o_x, D, dt, remove_useless_states=False)
-    return OpenLoop(system=system, n_external=len(external), n_looked_at=len(looked_at))
+    return control.StateSpace(A, B, sense @ o_x, D, dt, remove_useless_states=False)
 
 
 def is_well_posed(around: np.ndarray) -> bool:

@@ -10,13 +10,13 @@ from nlfrf import Bla, Record
 from nlfrf._base.arguments import format_count
 from robust.analysis.text import describe_confidence
 from robust.lti.lti import poles, timebase, zeros
+from robust.lti.sampling import without_pade
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
 from robust.models.validation import Validation, validate
 from robust.reports import parts
 from robust.reports.parts import Section, describe_roots, describe_system, rows_of_value
 
-MIRRORED = 1e-4  # relative distance of a zero from the mirror image of a pole that makes both one all-pass
 NEGLIGIBLE_DECIBELS = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
 
@@ -198,16 +198,13 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
 
 
 def roots_of_plant(G: control.StateSpace) -> list[tuple[str, str]]:
-    """Return the rows of poles and zeros; a continuous delay is separated, as zeros that mirror its poles."""
-    dt, p, z = timebase(G), poles(G), zeros(G) if G.ninputs == G.noutputs == 1 else np.zeros(0)
-    delay = np.array([not dt and np.any(np.abs(z + root.conj()) < MIRRORED * np.abs(root)) for root in p], dtype=bool)
-    mirror = np.array([np.any(np.abs(p[delay] + root.conj()) < MIRRORED * np.abs(root)) for root in z], dtype=bool)
-    rows = [("poles", describe_roots(p[~delay], dt))]
-    rows += [("zeros", describe_roots(z[~mirror], dt))] * (G.ninputs == G.noutputs == 1)
-    if delay.any():
-        late = -2e3 * float(np.sum(1 / p[delay]).real)  # the slope of its phase at zero
-        rows.append(("delay", f"{late:.4g} ms, by an all-pass of order {delay.sum()} (Padé)"))
-    return rows
+    """Return the rows of poles and zeros; a continuous delay, a Padé approximation inside the plant, is separated."""
+    single, dt = G.ninputs == G.noutputs == 1, timebase(G)
+    rest, delay = without_pade(G) if single and not dt else (G, 0.0)
+    rows = [("poles", describe_roots(poles(rest), dt))]
+    rows += [("zeros", describe_roots(zeros(rest), dt))] * single
+    late = f"{1e3 * delay:.4g} ms, by an all-pass of order {G.nstates - rest.nstates} (Padé)"
+    return rows + [("delay", late)] * (delay > 0)
 
 
 def describe_change(seen: Validation) -> str:

@@ -12,11 +12,12 @@ from dataclasses import replace
 from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
+from types import NoneType
 from typing import TypeVar, cast
 
 import nlfrf
 from nlfrf import Bla, Record
-from nlfrf._base.arguments import add_warnings, short_form
+from nlfrf._base.arguments import add_warnings, require_kind
 from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
@@ -116,9 +117,12 @@ def write_report(
     K = (state_space if single else multivariable)("K", K)
     for one in as_list(bla):
         (require_single if single else require_matrix)("bla", one)
-    require_class("report", as_list(report), RobustnessReport)
-    require_class("nominal", as_list(nominal), NominalFit)
-    require_class("friction", as_list(friction), FrictionProof)
+    for name, given, kind in (
+        ("report", report, RobustnessReport),
+        ("nominal", nominal, NominalFit),
+        ("friction", friction, FrictionProof),
+    ):
+        require_kind(name, given, kind, NoneType)
     if friction is not None and not single:
         raise ValueError("friction must be left out for several channels: it is proved of a single loop")
     blas = as_list(bla) or [nlfrf.identify(one) for one in records]
@@ -163,13 +167,6 @@ def page_path(path: str | os.PathLike[str]) -> Path:
     if path.suffix.lower() not in PAGE_SUFFIXES:
         raise ValueError(f"path must end in .html, got {path.name!r}")
     return path
-
-
-def require_class(name: str, given: Sequence[object], wanted: type) -> None:
-    """Refuse what is not of the class that is wanted."""
-    for one in given:
-        if not isinstance(one, wanted):
-            raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {short_form(one)}")
 
 
 def render_page(**content: object) -> str:

@@ -1,6 +1,7 @@
 """Synthesis of controllers.
 
 blocks        elements of controllers: notch, lead, low-pass, PID, with what `tune` may move in them
+conic         convex programs of designs, as the solver takes them
 fixed         controllers of fixed structure, from the FRF or with a proof
 hinf          H-infinity synthesis
 nesting       `nested_loops`: an outer and an inner loop as one controller

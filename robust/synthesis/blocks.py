@@ -121,13 +121,11 @@ class TunableBlock(ABC):
             raise ValueError(f"fixed must name parameters ({', '.join(self.NUMBERS)}), got {short_form(self.fixed)}")
         object.__setattr__(self, "fixed", tuple(fixed))
         for name in ("lower", "upper"):
-            bounds = getattr(self, name)
-            if not isinstance(bounds, Mapping):
-                if not self.matrix_block and bounds is not None:
-                    raise ValueError(f"{name} must be bounds by name, {{parameter: number}}, got {short_form(bounds)}")
-                bounds = {} if bounds is None else dict.fromkeys(self.NUMBERS, require_real(name, bounds))
-            if not set(bounds) <= set(self.NUMBERS):
-                raise ValueError(f"{name} must bound parameters ({', '.join(self.NUMBERS)}), got {short_form(bounds)}")
+            bounds = getattr(self, name) or {}
+            if not isinstance(bounds, Mapping) or not set(bounds) <= set(self.NUMBERS):
+                raise ValueError(
+                    f"{name} must bound parameters by name ({', '.join(self.NUMBERS)}), got {short_form(bounds)}"
+                )
             object.__setattr__(
                 self, name, {key: require_real(f"{name}[{key!r}]", number) for key, number in bounds.items()}
             )
@@ -271,8 +269,8 @@ class Gain(TunableBlock):
         Signals.
     fixed : tuple of str
         ("K",) where nothing is tuned.
-    lower, upper : float or dict, optional
-        Bounds of every entry; 1000 times its start, 1000 where that is zero, when not given.
+    lower, upper : dict of str to float, optional
+        Bounds of every entry, by "K"; 1000 times its start, 1000 where that is zero, when not given.
 
     Raises
     ------
@@ -713,8 +711,8 @@ class StateSpace(TunableBlock):
         Start. When not given A is -1 on the diagonal, B and C are 0.1 everywhere and D is zero.
     fixed : tuple of str
         Matrices that stay at their start: ("D",) keeps the block strictly proper.
-    lower, upper : float or dict, optional
-        Bounds of every entry.
+    lower, upper : dict of str to float, optional
+        Bounds of every entry of a matrix, by its name.
 
     Raises
     ------

@@ -38,26 +38,29 @@ ROUNDING = 1e-9  # of the largest singular value of T at zero frequency: below i
 
 
 @value
-class Prefilter:
-    """A prefilter, and how well the loop follows its reference model with it.
+class ReferenceFilter:
+    """A prefilter or a feedforward, and how well the loop follows its reference model with it.
 
     Fields
     ------
     F : control.StateSpace
-        Stable, on the time base of the loop: the loop is given F r.
+        Stable, on the time base of the loop. Prefilter: the loop is given F r. Feedforward: u = K (T_ref r - y) + F r.
     gamma, gamma_min : float
-        Norm of [T_ref - T F; effort F] before states were left out, and a lower bound for any F.
+        Norm of [T_ref - T F; effort F], of a feedforward with G in place of T, before states were left out, and a lower
+        bound for any F.
     certificate : Certificate or None
         The proof of gamma, or why there is none.
     omega : (W,) ndarray
         Frequencies [rad/s].
     error, error_worst : (W,) ndarray
-        |T_ref - T F| of the nominal loop, and the largest |T_ref - T_p F| over the set; inf where rs reaches one. Of
-        several channels the largest singular value, and an upper bound of it.
+        |T_ref - y/r| of the nominal loop, and the largest over the set; inf where rs reaches one. Of several channels
+        the largest singular value, and an upper bound of it.
+    error_without : (W,) ndarray or None
+        Of a feedforward the largest over the set with F = 0.
 
     References
     ----------
-    SP 9.4.3; for several channels SP 8.10.3.
+    SP 5.4 (limits of feedforward by uncertainty), 9.4.3; for several channels SP 8.10.3.
 
     Examples
     --------
@@ -67,6 +70,9 @@ class Prefilter:
     >>> found = prefilter(model, control.tf([2, 2], [1, 0]), control.tf([1], [1, 1]))          # T = 2/(s + 2)
     >>> round(float(found.F.dcgain()), 3), bool(found.error.max() < 0.03 < found.error_worst.max())
     (1.0, True)
+    >>> found = feedforward_filter(model, 2.0, control.tf([1], [0.5, 1]))
+    >>> bool(found.error.max() < found.error_worst.max() < 0.1 < found.error_without.max())
+    True
     """
 
     F: control.StateSpace
@@ -76,6 +82,7 @@ class Prefilter:
     omega: np.ndarray
     error: np.ndarray
     error_worst: np.ndarray
+    error_without: np.ndarray | None = None
 
 
 def prefilter(
@@ -85,7 +92,7 @@ def prefilter(
     *,
     effort: float = 0.01,
     delay: float = 0.0,
-) -> Prefilter:
+) -> ReferenceFilter:
     """Find the prefilter that brings a loop nearest to a reference model, and what the whole set makes of the result.
 
     Parameters
@@ -104,7 +111,7 @@ def prefilter(
 
     Returns
     -------
-    Prefilter
+    ReferenceFilter
         F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref where T has an inverse.
 
     Raises
@@ -135,7 +142,7 @@ def prefilter(
     omega = loop.grid(model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega=omega, dt=loop.dt), T, T_ref)
     error, worst = tracking_errors(loop, response(F, omega), wanted=response(T_ref, omega), omega=omega)
-    return Prefilter(
+    return ReferenceFilter(
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_low,
@@ -148,7 +155,7 @@ def prefilter(
 
 def prefilter_matrix(
     model: UncertaintyModel, K: Controller, *, reference: Weight, effort: float, delay: float
-) -> Prefilter:
+) -> ReferenceFilter:
     """Return the prefilter of several channels, its error over the set bounded by `gain_bound`.
 
     With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]. F makes [N11 N12 F; N21 E] of
@@ -168,7 +175,7 @@ def prefilter_matrix(
     N, f, wanted = (response_by_channel(each, omega) for each in (system.N, F, T_ref))
     error = wanted - np.einsum("ijw,jkw->ikw", np.eye(n)[:, :, None] - N[-n:, -n:], f)
     with_F = np.concatenate([np.einsum("ijw,jkw->ikw", N[:-n, -n:], f), error])
-    return Prefilter(
+    return ReferenceFilter(
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_low,
@@ -271,52 +278,9 @@ def tracking_errors(
 # T_ref S_p: feedforward helps where the plant is known to within itself, and does harm where it is not.
 
 
-@value
-class Feedforward:
-    """A feedforward, and how well the loop follows its reference model with it and without.
-
-    Fields
-    ------
-    F : control.StateSpace
-        Stable, on the time base of the loop: u = K (T_ref r - y) + F r.
-    gamma, gamma_min : float
-        Norm of [T_ref - G F; effort F] before states were left out, and a lower bound for any F.
-    certificate : Certificate or None
-        The proof of gamma, or why there is none.
-    omega : (W,) ndarray
-        Frequencies [rad/s].
-    error, error_worst : (W,) ndarray
-        |T_ref - y/r| of the nominal loop, and the largest over the set; inf where rs reaches one.
-    error_without : (W,) ndarray
-        The largest over the set with F = 0.
-
-    References
-    ----------
-    SP 5.4 (limits of feedforward by uncertainty).
-
-    Examples
-    --------
-    >>> from robust import UncertaintyModel
-    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
-    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
-    >>> found = feedforward_filter(model, 2.0, control.tf([1], [0.5, 1]))
-    >>> bool(found.error.max() < found.error_worst.max() < 0.1 < found.error_without.max())
-    True
-    """
-
-    F: control.StateSpace
-    gamma: float
-    gamma_min: float
-    certificate: Certificate | None
-    omega: np.ndarray
-    error: np.ndarray
-    error_worst: np.ndarray
-    error_without: np.ndarray
-
-
 def feedforward_filter(
     model: UncertaintyModel, K: Controller, reference: LinearSystem, *, effort: float = 1e-3, delay: float = 0.0
-) -> Feedforward:
+) -> ReferenceFilter:
     """Find what is to be added to u so that a loop follows a reference model, and what the set makes of the result.
 
     Parameters
@@ -334,7 +298,7 @@ def feedforward_filter(
 
     Returns
     -------
-    Feedforward
+    ReferenceFilter
 
     Raises
     ------
@@ -367,7 +331,7 @@ def feedforward_filter(
     F = fewest_states(found.K, loop.G, omega=omega, dt=loop.dt)
     wanted = response(T_ref, omega)
     error, worst = feedforward_errors(loop, response(F, omega), wanted=wanted, omega=omega)
-    return Feedforward(
+    return ReferenceFilter(
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_low,

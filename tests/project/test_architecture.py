@@ -67,10 +67,9 @@ HEAVY = {
     "robust.reports.parts nlfrf.cli robust.cli",
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
-    "cvxpy": "robust.proofs.search robust.synthesis.fixed.cone_program "
-    "robust.models.fit.spectral robust.models.sets.block_weights "
+    "cvxpy": "robust.proofs.search robust.models.fit.spectral robust.models.sets.block_weights "
     "robust.friction.proof.multipliers robust.friction.proof.settling",
-    "clarabel": "robust.synthesis.tuning.minimax",
+    "clarabel": "robust.synthesis.conic",
     "jinja2": "robust.reports.page",
     "jsonschema": "nlfrf._base.files",
     "flint": "robust.proofs.exact robust.friction.exact",

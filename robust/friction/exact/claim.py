@@ -179,19 +179,14 @@ class FrictionClaim:
         for port in self.ports:
             if port.rates.shape != port.weights.shape or port.rates.ndim != 1:
                 raise ValueError(f"weights must be one a rate, got {port.weights.shape} for {port.rates.shape}")
-            for name in ("K0", "stiction", "bristle_time", "free", "rates", "weights"):
-                if not np.isfinite(getattr(port, name)).all():
+        for part in filter(None, (self, self.actuator, self.settling, *self.other_ports)):
+            for name, number in vars(part).items():
+                if isinstance(number, float | np.ndarray) and not np.isfinite(number).all():
                     raise ValueError(f"{name} must be finite, got something else")
-        for name in ("block", "bounds", "V", "P", "delay"):
-            if not np.isfinite(getattr(self, name)).all():
-                raise ValueError(f"{name} must be finite, got something else")
+        if self.actuator is not None and self.actuator.forgets.shape != self.actuator.weights.shape:
+            raise ValueError("actuator must have a weight for each filter, got another number")
         if self.settling is not None:
-            own = np.concatenate([np.ravel(getattr(self.settling, one.name)) for one in fields(Settling)])
-            if not np.isfinite(own).all() or self.actuator is not None:
-                raise ValueError("settling must have finite numbers and no actuator, got something else")
+            if self.actuator is not None:
+                raise ValueError("settling must have no actuator, got one")
             if (self.settling.other_Fs.size + 1, self.settling.rest_weights.size) != (len(self.ports),) * 2:
                 raise ValueError("settling must have a force and a weight for each port, got another number")
-        if self.actuator is not None:
-            numbers = [np.ravel(getattr(self.actuator, one.name)) for one in fields(Actuator)]
-            if not np.isfinite(np.concatenate(numbers)).all() or len(numbers[-1]) != len(numbers[-2]):
-                raise ValueError("actuator must have finite numbers and a weight for each filter, got something else")

@@ -83,6 +83,13 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
     )
 
 
+def block_diagonal(first: fmpq_mat, second: fmpq_mat) -> fmpq_mat:
+    """Return the matrix of two that do not act on each other."""
+    rows: Rows = [[*row, *[0] * second.ncols()] for row in first.tolist()]
+    rows += [[*[0] * first.ncols(), *row] for row in second.tolist()]
+    return fmpq_mat(rows)
+
+
 def split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
     """Split a delay into whole samples and a remainder [s]."""
     near = fmpq(1, 10**9)
@@ -161,14 +168,10 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     """Append the filters u_j+ = u_j + phi (u_commanded - u_j) of the actuator to the loop, as its last states."""
     assert claim.actuator is not None
     forgets = [to_rational(phi) for phi in claim.actuator.forgets]
-    n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
-    command_row, zero, unit = commanded_force_row(claim, size), to_rational(0.0), identity(size).tolist()
-
-    def wide(M: fmpq_mat, still: bool) -> list[list[fmpq]]:
-        rows = [list(row) + [zero] * (size - n) for row in M.tolist()]
-        return rows + [unit[n + j] if still else [zero] * size for j in range(size - n)]
-
-    F, jumps = wide(loop.F, False), [wide(jump, True) for jump in loop.jumps]
+    n, size, extra = loop.F.nrows(), loop.F.nrows() + len(forgets), len(forgets)
+    command_row, zero = commanded_force_row(claim, size), to_rational(0.0)
+    F = block_diagonal(loop.F, fmpq_mat(extra, extra)).tolist()
+    jumps = [block_diagonal(jump, identity(extra)).tolist() for jump in loop.jumps]
     moved = jumps[0] if jumps else F
     for j, phi in enumerate(forgets):
         moved[n + j] = [old + phi * a for old, a in zip(moved[n + j], command_row, strict=True)]

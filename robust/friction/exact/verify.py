@@ -18,6 +18,7 @@ from robust.friction.exact.claim import FrictionClaim, Settling
 from robust.friction.exact.loops import (
     ExactBlock,
     ExactLoop,
+    block_diagonal,
     check_actuator,
     check_reach,
     dead_zone_block,
@@ -26,7 +27,7 @@ from robust.friction.exact.loops import (
     with_actuator_filters,
 )
 from robust.proofs.exact.loops import Verification
-from robust.proofs.exact.matrices import positive_definite
+from robust.proofs.exact.matrices import identity, positive_definite
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
 # ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
@@ -166,21 +167,9 @@ def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exa
 
 def with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fmpq]], list[fmpq_mat]]:
     """Append the filters of the friction force to the flow and to the jumps."""
-    n, extra = loop.F.nrows(), len(rates)
-    A = fmpq_mat(n + extra, n + extra).tolist()
-    for i, row in enumerate(loop.F.tolist()):
-        A[i][:n] = row
-    for j, a in enumerate(rates):
-        A[n + j][n + j] = -a
-    jumps = []
-    for jump in loop.jumps:
-        J = fmpq_mat(n + extra, n + extra).tolist()
-        for i, row in enumerate(jump.tolist()):
-            J[i][:n] = row
-        for j in range(extra):
-            J[n + j][n + j] = to_rational(1.0)
-        jumps.append(fmpq_mat(J))
-    return A, jumps
+    extra = len(rates)
+    fall = fmpq_mat(extra, extra, [-a if i == j else 0 for i, a in enumerate(rates) for j in range(extra)])
+    return block_diagonal(loop.F, fall).tolist(), [block_diagonal(jump, identity(extra)) for jump in loop.jumps]
 
 
 def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
@@ -381,9 +370,7 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     if form.A.nrows() != n:
         raise ValueError(f"V must have {form.A.nrows()} rows for this loop, got {n}")
     back, turned = V.inv(), V.transpose()
-    wide: list[list[fmpq | int]] = [[*row, *[0] * (size - n)] for row in V.tolist()]
-    wide += [[int(i == j) for j in range(size)] for i in range(n, size)]
-    W = fmpq_mat(wide)
+    W = block_diagonal(V, identity(size - n))
     block = form.block
     if block is not None:
         block = replace(block, input_column=back * block.input_column, output_row=turned * block.output_row)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import control
@@ -17,12 +16,12 @@ from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import (
     FrictionLoop,
     FrictionPlant,
-    destabilizing_stiffness,
     loop_frequencies,
     mobility,
 )
 from robust.friction.proof.dissipation import ROUNDED_UP, bristle_dissipation, maxwell_slip_dissipation
 from robust.friction.proof.multipliers import (
+    Multipliers,
     bristle_multipliers,
     bristle_terms,
     filter_rates,
@@ -43,30 +42,6 @@ from robust.proofs.search.certificate import Certificate, failed_certificate
 SUBJECT = "the stored energy falls"
 N_POINTS = 300  # of the frequencies of a cone program
 
-BISECTION_RATIO = 1.02  # ratio of the two ends where a bisection stops
-MAX_RATIO = 64.0  # times what was asked
-
-
-@value(copy=False)
-class Multipliers:
-    """Weights of the filters of a class of friction, and the block that only bristles have.
-
-    Fields
-    ------
-    rates, weights : (J,) ndarray
-        Rates [rad/s] of the filters, the reference first, and their weights mu_j.
-    free : float
-        Weight of f v.
-    block, bounds : (3, 3), (2,) ndarray
-        Of bristles, empty for Maxwell slip; see `FrictionClaim`.
-    """
-
-    rates: np.ndarray
-    weights: np.ndarray
-    free: float
-    block: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
 
 class FrictionCertificate(NamedTuple):
     """Why the energy of a loop falls, or, in `reason`, what failed last.
@@ -80,40 +55,15 @@ class FrictionCertificate(NamedTuple):
 
 
 def certify_friction(
-    loop: FrictionLoop, friction: AnyFriction | FrictionAtPorts, reference: float, *, quick: bool = False
+    loop: FrictionLoop, friction: AnyFriction | FrictionAtPorts, reference: float
 ) -> FrictionCertificate:
     """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
 
-    reference : rate of the filter that the others of Maxwell slip are measured against [rad/s]. Quick: with the first
-    set of filters only, and without the finest intervals.
+    reference : rate of the filter that the others of Maxwell slip are measured against [rad/s].
     """
     if isinstance(friction, AnyFriction) and friction.kind == "bristle":
-        return certify_bristle(
-            loop,
-            friction.K0,
-            rho=friction.stiction,
-            microdamping=friction.microdamping,
-            reference=reference,
-            quick=quick,
-        )
-    return certify_maxwell_slip(
-        loop, friction.K0, rho=friction.stiction, bristle_time=friction.bristle_time, reference=reference, quick=quick
-    )
-
-
-def certify_maxwell_slip(
-    loop: FrictionLoop,
-    K0: float | np.ndarray,
-    *,
-    rho: float | np.ndarray,
-    bristle_time: float,
-    reference: float,
-    quick: bool = False,
-) -> FrictionCertificate:
-    """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
-
-    K0, rho : of several ports one each. Quick: with the first set of filters only, and without the finest intervals.
-    """
+        return certify_bristle(loop, friction, reference)
+    K0, rho = np.atleast_1d(friction.K0), np.atleast_1d(friction.stiction)
     n_ports = loop.columns.shape[1]
     omega = loop_frequencies(loop, N_POINTS if n_ports > 1 else 900)
     response = mobility(loop, omega).reshape(omega.size, n_ports, n_ports)
@@ -121,14 +71,12 @@ def certify_maxwell_slip(
     if wrong:
         return FrictionCertificate(wrong)
     reason = "no weights of the filters make every frequency dissipate"
-    fastest = 1 / bristle_time if bristle_time else np.inf
-    for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
-        mu = weights_of_ports(
-            response, omega, rates=rates, K0=np.atleast_1d(K0), rho=np.atleast_1d(rho), balanced=balanced
-        )
+    fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
+    for rates in filter_rates(reference, fastest):
+        mu = weights_of_ports(response, omega, rates=rates, K0=K0, rho=rho, balanced=balanced)
         if mu is None:
             continue
-        reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho), quick)
+        reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho))
         if not reason:
             numbers = []
             for own in mu:
@@ -138,58 +86,21 @@ def certify_maxwell_slip(
     return FrictionCertificate(reason)
 
 
-def certify_bristle(
-    loop: FrictionLoop, K0: float, *, rho: float, microdamping: float, reference: float, quick: bool = False
-) -> FrictionCertificate:
-    """Search the multipliers of creeping bristles (stiffness K0, stiction rho), and certify what they prove."""
+def certify_bristle(loop: FrictionLoop, friction: AnyFriction, reference: float) -> FrictionCertificate:
+    """Search the multipliers of creeping bristles, and certify what they prove."""
+    known = {"K0": friction.K0, "microdamping": friction.microdamping}
     omega = loop_frequencies(loop, N_POINTS)
     response = mobility(loop, omega)
     reason = "no weights make every frequency dissipate"
-    for rates in filter_rates(reference, np.inf)[: 1 if quick else 2]:
-        weights = bristle_multipliers(
-            bristle_terms(response, omega, rates=rates, K0=K0, microdamping=microdamping), rho
-        )
+    for rates in filter_rates(reference, np.inf)[:2]:
+        table = bristle_terms(response, omega, rates=rates, **known)
+        weights = bristle_multipliers(table, rates, friction.stiction)
         if weights is None:
             continue
-        reason, energy = certified_dissipation(
-            bristle_dissipation(loop, rates, weights=weights, K0=K0, microdamping=microdamping), quick
-        )
+        reason, energy = certified_dissipation(bristle_dissipation(loop, weights, **known))
         if not reason:
-            used = weights.nu > 0
-            numbers = Multipliers(
-                rates=rates[used], weights=weights.nu[used], free=weights.mu, block=weights.block, bounds=weights.bounds
-            )
-            return FrictionCertificate("", (numbers,), energy)
+            return FrictionCertificate("", (weights,), energy)
     return FrictionCertificate(reason)
-
-
-def proved_limits(loop: FrictionLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:
-    """Largest K0 at this rho, and largest rho at this K0, that a proof was found for; both are proved as they stand."""
-
-    def proved(**changed: float) -> bool:
-        other = replace(friction, **changed)  # type: ignore[arg-type]
-        if destabilizing_stiffness(loop, other.K0, other.damper) is not None:
-            return False
-        return not certify_friction(loop, other, reference, quick=True).reason
-
-    return (
-        friction.K0 * largest_ratio(lambda ratio: proved(K0=ratio * friction.K0)),
-        friction.stiction * largest_ratio(lambda ratio: proved(stiction=ratio * friction.stiction)),
-    )
-
-
-def largest_ratio(holds: Callable[[float], bool]) -> float:
-    """Return the largest ratio from one on that holds, found by bisection; at most `MAX_RATIO`."""
-    low = 1.0
-    high = 2.0
-    while high <= MAX_RATIO and holds(high):
-        low, high = high, 2 * high
-    if high > MAX_RATIO:
-        return low
-    while high / low > BISECTION_RATIO:
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
 
 
 SETTLING_SUBJECT = "the position settles within a bound"
@@ -223,9 +134,6 @@ class FrictionProof:
     counterexample : tuple of (float, complex) or None
         A spring, what never slips of a friction, in [N/m] (of several ports a tuple, one each), and the pole it puts
         outside the stable region.
-    K0_max, stiction_max : float
-        Largest presliding stiffness [N/m] and largest ratio of a slider for which the proof was found too, one at a
-        time; nan unless asked for.
     error_bound : float
         How far from rest the position (of several ports each displacement there) stays in the end with any friction of
         at most Fs [m]; nan where no Fs was given, the sliding loop is not stable, or its fastest mode is too fast for
@@ -281,8 +189,6 @@ class FrictionProof:
     machine: FrictionPlant
     friction: AnyFriction | FrictionAtPorts
     counterexample: tuple[float | tuple[float, ...], complex] | None = None
-    K0_max: float = np.nan
-    stiction_max: float = np.nan
     error_bound: float = np.nan
     settling_error: float = np.nan
     kick_sure: float = np.nan
@@ -297,11 +203,6 @@ class FrictionProof:
         if self.claim and self.reason:
             settles = self.verdict is FrictionVerdict.SETTLES
             lines.append(f"Whether it comes to rest is not decided: {self.reason}." if settles else self.reason)
-        if np.isfinite(self.K0_max) and isinstance(self.friction, AnyFriction):
-            times = self.K0_max / self.friction.K0
-            lines.append(
-                f"Proved up to {times:.3g} times this presliding stiffness, or stiction {self.stiction_max:.3g}."
-            )
         if np.isfinite(self.error_bound):
             lines.append(
                 "Whatever the friction, if never above the given force: in the end, at rest or hunting, at most "
@@ -318,7 +219,7 @@ class FrictionProof:
 
 
 def certified_verdict(
-    undecided: FrictionProof, K: control.StateSpace, *, delay: float, loop: FrictionLoop, limits: bool
+    undecided: FrictionProof, K: control.StateSpace, *, delay: float, loop: FrictionLoop
 ) -> FrictionProof:
     """Return the proof of a loop that no spring of the class makes unstable, where there is one."""
     machine, friction = undecided.machine, undecided.friction
@@ -340,11 +241,7 @@ def certified_verdict(
         claim=build_claim(machine, K, delay=delay, friction=friction, numbers=found.numbers, stored=found.energy),
         again=verify_friction,
     )
-    proof = replace(undecided, verdict=FrictionVerdict.PROVED, certificate=certificate)
-    if limits and isinstance(friction, AnyFriction):
-        K0_max, stiction_max = proved_limits(loop, friction, reference)
-        proof = replace(proof, K0_max=K0_max, stiction_max=stiction_max)
-    return proof
+    return replace(undecided, verdict=FrictionVerdict.PROVED, certificate=certificate)
 
 
 def settling_verdict(
@@ -429,7 +326,7 @@ def build_claim(
         K0=first.K0,
         stiction=first.stiction,
         bristle_time=first.bristle_time,
-        microdamping=float(np.nan_to_num(classes[0].microdamping)),
+        microdamping=classes[0].microdamping,
         rates=first.rates,
         weights=first.weights,
         free=first.free,

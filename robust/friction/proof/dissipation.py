@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from robust.friction.plant import FrictionLoop
-from robust.friction.proof.multipliers import BristleMultipliers
+from robust.friction.proof.multipliers import Multipliers
 from robust.friction.proof.storage import Dissipation
 
 #: rho = 1 as it is taken, a larger class: at one itself the stored energy is not strictly positive. With integral
@@ -111,13 +111,10 @@ def maxwell_slip_dissipation(
 # z alone: z and the inputs fall as an exponential, so that F = F(0) + int K0 gamma converges too.
 
 
-def bristle_dissipation(
-    loop: FrictionLoop, rates: np.ndarray, *, weights: BristleMultipliers, K0: float, microdamping: float
-) -> Dissipation:
-    """Return the inequality for a loop with weights of its forms; filters without weight are left out."""
-    used = weights.nu > 0
-    a, nu, mu, M = rates[used], weights.nu[used], weights.mu, weights.block
-    n, extra = loop.F.shape[0], int(used.sum())
+def bristle_dissipation(loop: FrictionLoop, weights: Multipliers, *, K0: float, microdamping: float) -> Dissipation:
+    """Return the inequality for a loop with weights of its forms."""
+    a, nu, mu, M = weights.rates, weights.weights, weights.free, weights.block
+    n, extra = loop.F.shape[0], weights.rates.size
     size = n + extra
     rest, offset = loop.rest()
     A, B = np.zeros((size, size)), np.zeros((size, 2))

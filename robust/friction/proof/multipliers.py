@@ -11,6 +11,7 @@ that is negative at every frequency contradicts any motion that goes on. Nothing
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -21,6 +22,28 @@ from robust.proofs.search.certificate import solve_program
 
 if TYPE_CHECKING:
     import cvxpy
+
+
+@value(copy=False)
+class Multipliers:
+    """Weights of the filters of a class of friction, and the block that only bristles have.
+
+    Fields
+    ------
+    rates, weights : (J,) ndarray
+        Rates [rad/s] of the filters, the reference first, and their weights mu_j.
+    free : float
+        Weight of f v.
+    block, bounds : (3, 3), (2,) ndarray
+        Of bristles, empty for Maxwell slip; see `FrictionClaim`.
+    """
+
+    rates: np.ndarray
+    weights: np.ndarray
+    free: float
+    block: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
 
 N_FILTERS = 24
 #: Where filters are tried, one set after another [rad/s].
@@ -175,28 +198,6 @@ SOLVER_TOLERANCE = 1e-9  # of M, added where it makes the form larger: what the 
 NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
 
 
-@value
-class BristleMultipliers:
-    """Weights of the forms of creeping bristles.
-
-    Fields
-    ------
-    mu : float
-        Of F v.
-    nu : (J,) ndarray
-        Of the filters.
-    block : (3, 3) ndarray
-        M.
-    bounds : (2,) ndarray
-        Multiples l of (q - (1 - rho) v)((1 + rho) v - q) that the form of M is above, at gamma = 0 and gamma = q.
-    """
-
-    mu: float
-    nu: np.ndarray
-    block: np.ndarray
-    bounds: np.ndarray
-
-
 def bristle_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, microdamping: float
 ) -> np.ndarray:
@@ -220,7 +221,7 @@ def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
 
 
-def bristle_multipliers(table: np.ndarray, rho: float) -> BristleMultipliers | None:
+def bristle_multipliers(table: np.ndarray, rates: np.ndarray, rho: float) -> Multipliers | None:
     """Return multipliers that make every matrix negative by the largest share of its entries.
 
     None where there are none.
@@ -242,8 +243,9 @@ def bristle_multipliers(table: np.ndarray, rho: float) -> BristleMultipliers | N
     found = np.zeros(n)
     found[kept] = again / term_sizes(table[:, kept])[1]
     block, bounds = enlarge_block(found[n - 6 :], rho)
-    return BristleMultipliers(
-        mu=max(float(found[0]), 0.0), nu=np.maximum(found[1 : n - 6], 0.0), block=block, bounds=bounds
+    nu = found[1 : n - 6]
+    return Multipliers(
+        rates=rates[nu > 0], weights=nu[nu > 0], free=max(float(found[0]), 0.0), block=block, bounds=bounds
     )
 
 

@@ -51,7 +51,6 @@ def prove_friction(
     delay: float = 0.0,
     Fs: float | Sequence[float] | None = None,
     saturation: float | None = None,
-    limits: bool = False,
 ) -> FrictionProof:
     """Prove that a loop comes to rest with every friction of a class, through sampler and hold, or refute it.
 
@@ -73,8 +72,6 @@ def prove_friction(
         Largest force of the actuator [N], more than Fs, which must be given too: proves that the loop comes to rest
         though its actuator saturates, or up to which kick. Of one port and `any_maxwell_slip`; of `any_bristle` only
         how far the actuator never saturates. K is without anti-windup.
-    limits : bool
-        Whether to look for the largest stiffness and stiction that are still proved; of one port.
 
     Returns
     -------
@@ -108,9 +105,10 @@ def prove_friction(
     if not isinstance(machine, FrictionPlant):
         raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
     given = friction_of_ports(machine, friction)
-    require_same_units(machine, given)
-    if limits and isinstance(given, FrictionAtPorts):
-        raise ValueError("limits must be False with friction at several ports, got True")
+    if given.position_unit != machine.position_unit:
+        raise ValueError(
+            f"friction must be in the units of the machine, {machine.position_unit}, got {given.position_unit}"
+        )
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
@@ -122,7 +120,7 @@ def prove_friction(
                 f"Fs must be that of the class, {given.Fs:g} {given.units.force}, or left out, got {forces[0]:g}"
             )
         forces = np.array([given.Fs])
-    spring = destabilizing_stiffness(loop, np.nan_to_num(given.K0), given.damper)
+    spring = destabilizing_stiffness(loop, np.nan_to_num(given.K0), given.microdamping)
     kick_sure, error_bound = bounds_of_bounded(machine, loop, forces, given) if known is None else (np.nan, np.nan)
     proof = FrictionProof(
         verdict=FrictionVerdict.NOT_DECIDED,
@@ -138,7 +136,7 @@ def prove_friction(
     if spring is not None:
         proof = replace(proof, verdict=FrictionVerdict.REFUTED, reason=describe_counterexample(spring, loop, given))
     elif given.kind in ("Maxwell slip", "bristle"):
-        proof = certified_verdict(proof, K, delay=delay, loop=loop, limits=limits)
+        proof = certified_verdict(proof, K, delay=delay, loop=loop)
         if proof.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(forces).all() and known is None:
             proof = settling_verdict(proof, K, delay=delay, loop=loop, forces=forces)
     elif given.kind == "bounded":
@@ -149,14 +147,6 @@ def prove_friction(
     if proof.verdict in CLAIMED:
         proof = replace(proof, claim=describe_claim(proof, K, delay=delay, forces=forces))
     return proof if known is None else with_actuator(proof, K, delay=delay, known=known)
-
-
-def require_same_units(machine: FrictionPlant, friction: AnyFriction | FrictionAtPorts) -> None:
-    """Refuse a friction in other units than the machine."""
-    if friction.position_unit != machine.position_unit:
-        raise ValueError(
-            f"friction must be in the units of the machine, {machine.position_unit}, got {friction.position_unit}"
-        )
 
 
 def bounds_of_bounded(

@@ -26,14 +26,19 @@ from robust.friction.plant import (
 from robust.friction.proof.certify import (
     NOT_IN_CLASS,
     FrictionProof,
-    Multipliers,
     build_claim,
     certify_friction,
     describe_scope,
     reference_rate,
 )
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
-from robust.friction.proof.multipliers import filter_rates, friction_forms, hermitian_product, negative_multipliers
+from robust.friction.proof.multipliers import (
+    Multipliers,
+    filter_rates,
+    friction_forms,
+    hermitian_product,
+    negative_multipliers,
+)
 from robust.friction.proof.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.friction.units import MechanicalUnits
 from robust.lti.realisation import state_space
@@ -101,11 +106,6 @@ class LureLoop:
     input_column: np.ndarray
     forgets: np.ndarray
 
-    @property
-    def filters(self) -> slice:
-        """Where the filters stand in the state."""
-        return slice(self.command_row.size - self.forgets.size, self.command_row.size)
-
     def open_growth(self) -> float:
         """How the loop grows with its actuator cut off, nothing of what is asked for given; negative where it dies."""
         missing = np.outer(self.input_column, self.command_row)
@@ -169,7 +169,8 @@ def with_saturation(form: Dissipation, cut: LureLoop, *, share: float, sector: f
     n = form.A.shape[0]
     command_row, input_column = (np.pad(row, (0, n - row.size)) for row in (cut.command_row, cut.input_column))
     output_row = (share * sector + given.sum()) / 2 * command_row
-    output_row[cut.filters] -= given / 2
+    size = cut.command_row.size
+    output_row[size - given.size : size] -= given / 2
     weight = float(sector + given.sum())
     if cut.loop.T:
         return replace(form, block=Block(input_column=input_column, output_row=output_row, weight=weight))

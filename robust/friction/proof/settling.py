@@ -17,10 +17,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from nlfrf._base.values import value
 from robust.friction.plant import FrictionLoop
-from robust.friction.proof.storage import Dissipation, balancing_coordinates
+from robust.friction.proof.storage import balancing_coordinates
 from robust.proofs.search.certificate import solve_program
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def settle_at_rate(
 
     A, B, jumps, x, v = with_filters(loop, rates, rests)
     n, n_ports, extra = A.shape[0], K0.size, rates.size - 1
-    V = coordinates(loop, A, B=B, jumps=jumps)
+    V = balancing_coordinates(A, B, spans=loop.spans, jumps=np.array(jumps).reshape(-1, n, n))
     back = np.linalg.inv(V)
     A = back @ A @ V + decay * np.eye(n)
     jumps = [back @ jump @ V for jump in jumps]
@@ -201,28 +202,6 @@ def with_filters(
     B[:n, :n_ports], B[:n, n_ports:] = loop.columns - rates[0] * rest, loop.columns * rests
     for port in range(n_ports):
         B[n + port * extra : n + (port + 1) * extra, port] = rates[1:] - rates[0]
-    jumps = []
-    for one in loop.jumps:
-        jump = np.eye(size)
-        jump[:n, :n] = one
-        jumps.append(jump)
+    jumps = [block_diag(jump, np.eye(size - n)) for jump in loop.jumps]
     wider = ((0, 0), (0, size - n))
     return A, B, jumps, np.pad(loop.displacements, wider), np.pad(loop.velocities, wider)
-
-
-def coordinates(loop: FrictionLoop, A: np.ndarray, *, B: np.ndarray, jumps: list[np.ndarray]) -> np.ndarray:
-    """Return (n, n) V with z = V z~ in which all inputs reach every state alike."""
-    n, none = A.shape[0], np.zeros(B.shape)
-    form = Dissipation(
-        A=A,
-        B=B,
-        spans=loop.spans,
-        jumps=np.array(jumps).reshape(-1, n, n),
-        Q=np.zeros((n, n)),
-        N=none,
-        R=-np.eye(B.shape[1]),
-        stored=np.zeros((n, n)),
-        B_error=none,
-        stored_error=np.zeros((n, n)),
-    )
-    return balancing_coordinates(form)

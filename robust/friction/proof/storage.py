@@ -79,29 +79,31 @@ NEWTON_STEPS = 2
 Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def balancing_coordinates(form: Dissipation) -> np.ndarray:
+def balancing_coordinates(
+    A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None = None
+) -> np.ndarray:
     """Return (n, n) V with z = V z~ in which the input reaches every state alike: a root of the closed-loop Gramian.
 
     Summed over the ends of all spans: just after a delay the force that waited and the one that is held are the same.
     """
-    W = gramian(form)
+    W = gramian(A, B, spans=spans, jumps=jumps, block=block)
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
     values, vectors = np.linalg.eigh(W / np.outer(unit, unit))
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 1e-9 * values[-1])))
 
 
-def gramian(form: Dissipation) -> np.ndarray:
+def gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None) -> np.ndarray:
     """Return (n, n) controllability Gramian of the flow with its jumps."""
-    n = form.A.shape[0]
-    if not form.spans.size:
-        return np.asarray(solve_continuous_lyapunov(form.A, -form.B @ form.B.T))
+    n = A.shape[0]
+    if not spans.size:
+        return np.asarray(solve_continuous_lyapunov(A, -B @ B.T))
     parts: list[tuple[np.ndarray, np.ndarray]] = []
-    for span, jump in zip(form.spans, form.jumps, strict=True):
-        both = expm(span * np.block([[-form.A, form.B @ form.B.T], [np.zeros((n, n)), form.A.T]]))
+    for span, jump in zip(spans, jumps, strict=True):
+        both = expm(span * np.block([[-A, B @ B.T], [np.zeros((n, n)), A.T]]))
         flow, reached = both[n:, n:].T, both[n:, n:].T @ both[:n, n:]
-        if not parts and form.block is not None:
-            struck = flow @ form.block.input_column
-            reached = reached + np.outer(struck, struck) / form.block.weight
+        if not parts and block is not None:
+            struck = flow @ block.input_column
+            reached = reached + np.outer(struck, struck) / block.weight
         parts.append((flow @ jump, reached))
     W, Phi = np.zeros((n, n)), np.eye(n)
     for move, driven in parts:
@@ -187,15 +189,13 @@ def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
             if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
                 return None
             P = solution_from_subspace(Z, n)
-            return P if form.block is None else refine_by_newton(period, P)
+            return P if form.block is None or P is None else refine_by_newton(period, P)
     except (np.linalg.LinAlgError, ValueError):
         return None
 
 
-def refine_by_newton(period: Stretch, P: np.ndarray | None) -> np.ndarray | None:
+def refine_by_newton(period: Stretch, P: np.ndarray) -> np.ndarray | None:
     """Refine P by Newton steps: for a loop with a block the subspace alone gives few digits."""
-    if P is None:
-        return None
     for _ in range(NEWTON_STEPS):
         left = propagate_back(period, P) - P
         closed = np.linalg.solve(np.eye(P.shape[0]) - period[1] @ P, period[0])
@@ -227,43 +227,37 @@ class BoundedForm:
     ------
     form : Dissipation
         In those coordinates; the inputs scaled so that the diagonal of R is minus one.
-    A, B, Q, N, R, jumps, stored : ndarray of shape (as in the form)
-        How far an entry may be off.
+    off : Dissipation
+        How far each entry of it may be off.
     V : (n, n) ndarray
         The coordinates.
-    block : Block or None
-        How far an entry of that of the form may be off.
     """
 
     form: Dissipation
-    A: np.ndarray
-    B: np.ndarray
-    Q: np.ndarray
-    N: np.ndarray
-    R: np.ndarray
-    jumps: np.ndarray
-    stored: np.ndarray
+    off: Dissipation
     V: np.ndarray
-    block: Block | None = None
 
 
 @value(copy=False)
-class StorageFunction:
-    """P over a period: Bernstein coefficients of cubics.
+class JudgedStorage:
+    """A stored energy that was judged to prove its inequality, or is to be: coordinates z = V z~ and P in them.
 
     Fields
     ------
-    coefficients : (I, 4, n, n) ndarray
-        Of each interval; neighbours in one span share their end.
-    lengths : (I,) ndarray
-        How long each lasts [s].
-    first : (S,) integer ndarray
-        The interval that begins each span.
+    V : (n, n) ndarray
+    P : (I, 4, n, n) ndarray
+        Bernstein coefficients on each interval, neighbours in one span share their end; (1, 1, n, n) where nothing is
+        sampled.
+    counts : (S,) integer ndarray
+        Intervals of equal length in each span.
+    stored : (n + E, n + E) ndarray
+        What is stored besides, in these coordinates.
     """
 
-    coefficients: np.ndarray
-    lengths: np.ndarray
-    first: np.ndarray
+    V: np.ndarray
+    P: np.ndarray
+    counts: np.ndarray
+    stored: np.ndarray
 
 
 def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
@@ -271,7 +265,7 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
     heavy = form.block and replace(form.block, weight=form.block.weight / top**2)
-    V = balancing_coordinates(replace(form, B=form.B * (top / unit), block=heavy))
+    V = balancing_coordinates(form.A, form.B * (top / unit), spans=form.spans, jumps=form.jumps, block=heavy)
     back = np.linalg.inv(V)
     n = form.B.shape[0]
     more = form.stored.shape[0] - n
@@ -311,8 +305,8 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
         stored_error=form.stored_error,
         block=block,
     )
-    return BoundedForm(
-        form=new,
+    off = replace(
+        new,
         A=A_off,
         B=B_off,
         Q=k * (aV.T @ np.abs(form.Q) @ aV),
@@ -320,28 +314,27 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
         R=8 * EPS * np.abs(new.R),
         jumps=np.array([off for _, off in jumps]).reshape(-1, n, n),
         stored=k * (awide.T @ np.abs(form.stored) @ awide) + awide.T @ form.stored_error @ awide,
-        V=V,
         block=block_off,
     )
+    return BoundedForm(form=new, off=off, V=V)
 
 
-def build_storage(form: Dissipation, P: np.ndarray, *, slack: float, n_intervals: int) -> StorageFunction:
-    """Cubics through the solution of the Riccati equation that begins with P, with its slopes."""
-    if not form.spans.size:  # nothing tells one instant from another: P stays as it is
-        return StorageFunction(coefficients=np.array([[P] * 4]), lengths=np.ones(1), first=np.zeros(1, dtype=int))
+def build_storage(judged: BoundedForm, P: np.ndarray, *, slack: float, n_intervals: int) -> JudgedStorage:
+    """Cubics through the solution of the Riccati equation that begins with P, with its slopes; P of one flow."""
+    form = judged.form
     A, G, Q = supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     n, spans = A.shape[0], form.spans
-    parts, lengths = [], []
     total = spans.sum()
+    counts = np.array([max(1, round(n_intervals * span / total)) for span in spans], dtype=int)
+    parts = [] if spans.size else [P[np.newaxis, np.newaxis]]
     later = P  # just after the jump that begins the next span
     for i in reversed(range(spans.size)):
         W = propagate_back(jump_stretch(form, (i + 1) % spans.size, slack * total), later)
-        count = max(1, round(n_intervals * spans[i] / total))
-        h = spans[i] / count
+        h = spans[i] / counts[i]
         E = expm(-h * hamiltonian)
         nodes = [W]
-        for _ in range(count):
+        for _ in range(counts[i]):
             W = np.linalg.solve((E[:n, :n] + E[:n, n:] @ W).T, (E[n:, :n] + E[n:, n:] @ W).T).T
             W = (W + W.T) / 2
             nodes.append(W)
@@ -349,13 +342,10 @@ def build_storage(form: Dissipation, P: np.ndarray, *, slack: float, n_intervals
         slope = -(A.T @ node + node @ A + node @ G @ node + Q)
         cubics = np.stack([node[:-1], node[:-1] + h / 3 * slope[:-1], node[1:] - h / 3 * slope[1:], node[1:]], axis=1)
         parts.append(cubics)
-        lengths.append(np.full(count, h))
         later = node[0]
-    counts = [len(part) for part in parts[::-1]]
-    begins = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)
-    return StorageFunction(
-        coefficients=np.concatenate(parts[::-1]), lengths=np.concatenate(lengths[::-1]), first=begins
-    )
+    found = np.concatenate(parts[::-1])
+    found = (found + np.swapaxes(found, -1, -2)) / 2  # to the bit
+    return JudgedStorage(V=judged.V, P=found, counts=counts, stored=form.stored)
 
 
 def largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float:
@@ -384,24 +374,26 @@ def flow_inequality(
     size = np.abs(P)
     M, E = np.zeros((*P.shape[:-2], n + m, n + m)), np.zeros((*P.shape[:-2], n + m, n + m))
     M[..., :n, :n] = slope + form.A.T @ P + P @ form.A + form.Q
-    E[..., :n, :n] = size @ (k * np.abs(form.A) + judged.A)
-    E[..., :n, :n] += np.swapaxes(E[..., :n, :n].copy(), -1, -2) + k * (slope_size + np.abs(form.Q)) + judged.Q
+    E[..., :n, :n] = size @ (k * np.abs(form.A) + judged.off.A)
+    E[..., :n, :n] += np.swapaxes(E[..., :n, :n].copy(), -1, -2) + k * (slope_size + np.abs(form.Q)) + judged.off.Q
     M[..., :n, n:] = P @ form.B + form.N
-    E[..., :n, n:] = size @ (k * np.abs(form.B) + judged.B) + k * np.abs(form.N) + judged.N
+    E[..., :n, n:] = size @ (k * np.abs(form.B) + judged.off.B) + k * np.abs(form.N) + judged.off.N
     M[..., n:, :n] = np.swapaxes(M[..., :n, n:], -1, -2)
     E[..., n:, :n] = np.swapaxes(E[..., :n, n:], -1, -2)
     M[..., n:, n:] = form.R
-    E[..., n:, n:] = judged.R
+    E[..., n:, n:] = judged.off.R
     return (M + np.swapaxes(M, -1, -2)) / 2, E
 
 
-def judge_storage(judged: BoundedForm, storage: StorageFunction) -> tuple[str, float]:
+def judge_storage(judged: BoundedForm, storage: JudgedStorage) -> tuple[str, float]:
     """Empty if the storage function proves the inequality, the jumps and the energy; else what fails, and by how much.
 
     The number is the largest scaled eigenvalue between samples where that fails, which finer intervals may mend, and
     infinite where they will not.
     """
-    b, h = storage.coefficients, storage.lengths[:, None, None, None]
+    counts, spans = (storage.counts, judged.form.spans) if storage.counts.size else (np.ones(1, dtype=int), np.ones(1))
+    b, h = np.broadcast_to(storage.P, (counts.sum(), 4, *storage.P.shape[2:])), np.repeat(spans / counts, counts)
+    h = h[:, None, None, None]
     steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; raised to a cubic
     sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
     slope, size = raise_degree(steps), raise_degree(sizes)
@@ -409,8 +401,8 @@ def judge_storage(judged: BoundedForm, storage: StorageFunction) -> tuple[str, f
     if not worst < 0:
         between = " between samples" if len(judged.form.jumps) else ""
         return f"the inequality does not hold{between}: its largest scaled eigenvalue is {worst:.2g}", worst
-    begins = b[storage.first, 0]
-    ends = b[np.concatenate([storage.first[1:], [b.shape[0]]]) - 1, 3]
+    last = np.cumsum(counts)
+    begins, ends = b[last - counts, 0], b[last - 1, 3]
     for i in range(len(judged.form.jumps)):
         worst = largest_scaled_eigenvalue(*jump_inequality(judged, i, before=ends[i - 1], after=begins[i]))
         if not worst < 0:
@@ -422,16 +414,16 @@ def jump_inequality(
     judged: BoundedForm, i: int, *, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The matrix of what the energy gains at a jump, a block there as one more state, and how far it may be off."""
-    jump, unsure, block, n = judged.form.jumps[i], judged.jumps[i], judged.form.block, before.shape[0]
+    jump, unsure, block, n = judged.form.jumps[i], judged.off.jumps[i], judged.form.block, before.shape[0]
     lost, loose = before, np.zeros_like(before)
-    if i == 0 and block is not None and judged.block is not None:
+    if i == 0 and block is not None and judged.off.block is not None:
         jump = np.column_stack([jump, -block.input_column])
-        unsure = np.column_stack([unsure, judged.block.input_column])
+        unsure = np.column_stack([unsure, judged.off.block.input_column])
         lost, loose = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
         lost[:n, :n], lost[n, n] = before, block.weight
         lost[:n, n] = lost[n, :n] = -block.output_row
-        loose[n, n] = judged.block.weight
-        loose[:n, n] = loose[n, :n] = judged.block.output_row
+        loose[n, n] = judged.off.block.weight
+        loose[:n, n] = loose[n, :n] = judged.off.block.output_row
     wide = np.abs(jump) + unsure
     off = (2 * n + 4) * EPS * (wide.T @ np.abs(after) @ wide + np.abs(lost)) + loose
     cross = wide.T @ np.abs(after) @ unsure
@@ -450,7 +442,7 @@ def check_positive(judged: BoundedForm, P: np.ndarray) -> str:
     stored = judged.form.stored
     energy = np.broadcast_to(stored, (*P.shape[:-2], *stored.shape)).copy()
     energy[..., :n, :n] += P
-    size = np.broadcast_to(judged.stored, energy.shape).copy() + 4 * EPS * np.abs(stored)
+    size = np.broadcast_to(judged.off.stored, energy.shape).copy() + 4 * EPS * np.abs(stored)
     size[..., :n, :n] += 4 * EPS * np.abs(P)
     worst = largest_scaled_eigenvalue(-energy, size)
     return "" if worst < 0 else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
@@ -463,28 +455,7 @@ MAX_INTERVALS = 512
 NEAR_MISS = 1e-3  # a failure so small that the finest intervals are worth their time
 
 
-@value(copy=False)
-class JudgedStorage:
-    """A stored energy that was judged to prove its inequality: coordinates z = V z~ and P in them.
-
-    Fields
-    ------
-    V : (n, n) ndarray
-    P : (I, 4, n, n) ndarray
-        Bernstein coefficients on each interval; (1, 1, n, n) where nothing is sampled.
-    counts : (S,) integer ndarray
-        Intervals in each span.
-    stored : (n + E, n + E) ndarray
-        What is stored besides, in these coordinates.
-    """
-
-    V: np.ndarray
-    P: np.ndarray
-    counts: np.ndarray
-    stored: np.ndarray
-
-
-def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, JudgedStorage | None]:
+def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]:
     """Empty and the energy, if a storage function was judged to prove the inequality; else what failed last."""
     judged = in_balanced_coordinates(form)
     failure = "no storage function was found"
@@ -494,27 +465,17 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
         if P is None:
             continue
         for n_intervals in INTERVAL_COUNTS if form.spans.size else INTERVAL_COUNTS[:1]:
-            storage = build_storage(judged.form, P, slack=slack, n_intervals=n_intervals)
+            storage = build_storage(judged, P, slack=slack, n_intervals=n_intervals)
             failure, worst = judge_storage(judged, storage)
             if not failure:
-                return "", keep_storage(judged, storage)
+                return "", storage
             if np.isinf(worst) and n_intervals > INTERVAL_COUNTS[0]:  # no solution of this slack: finer will not help
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
-    if worst < NEAR_MISS and not quick and form.spans.size:
-        storage = build_storage(judged.form, P, slack=slack, n_intervals=MAX_INTERVALS)
+    if worst < NEAR_MISS and form.spans.size:
+        storage = build_storage(judged, P, slack=slack, n_intervals=MAX_INTERVALS)
         failure = judge_storage(judged, storage)[0]
         if not failure:
-            return "", keep_storage(judged, storage)
+            return "", storage
     return failure, None
-
-
-def keep_storage(judged: BoundedForm, storage: StorageFunction) -> JudgedStorage:
-    """Return what is kept of a storage function, symmetric to the bit."""
-    P = storage.coefficients
-    counts = np.diff(np.append(storage.first, P.shape[0]))
-    P = (P + np.swapaxes(P, -1, -2)) / 2
-    if not len(judged.form.jumps):
-        P, counts = P[:, :1], counts[:0]
-    return JudgedStorage(V=judged.V, P=P, counts=counts, stored=judged.form.stored)

@@ -725,14 +725,14 @@ def search(levels: list[Motion], starts: list[Candidate], span: tuple[float, flo
     One that leaves more than `REFUTED` is returned as it is: no start leaves much less of friction of another law.
     """
     found = [extend_fully(levels, settle(levels, starts[0], span), span)]
-    if not (explains(levels, found[0][1]) or largest_share(levels, found[0][1]) > REFUTED):
+    if EXPLAINED <= largest_share(levels, found[0][1]) <= REFUTED:
         # what is left before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16
         # sets of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts read 8
         # right
         others = sorted((try_start(levels, start, span) for start in starts[1:]), key=criterion)
         for _, start in others[: N_STARTS - 1]:
             found.append(extend_fully(levels, settle(levels, start, span), span))
-            if explains(levels, found[-1][1]):
+            if largest_share(levels, found[-1][1]) < EXPLAINED:
                 break
     return min(found, key=criterion)[1]
 
@@ -764,11 +764,6 @@ def extend_fully(
             break
         likelihood, candidate = further
     return likelihood, candidate
-
-
-def explains(levels: list[Motion], candidate: Candidate) -> bool:
-    """Whether a candidate leaves at most a share `EXPLAINED` of the force (or of Fs) at every level."""
-    return largest_share(levels, candidate) < EXPLAINED
 
 
 def largest_share(levels: list[Motion], candidate: Candidate) -> float:

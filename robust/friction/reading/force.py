@@ -104,8 +104,6 @@ class FrictionForce:
         Damping over stiffness while friction sticks [s], at most: creep looks like damping, too. nan as K0.
     creeps : bool
         Whether friction has damping where it sticks, or creeps there: Maxwell slip does neither.
-    level_peaks : (L,) ndarray
-        Peak of the friction force at every level that was read [N], the lowest level first.
     stribeck : (2,) ndarray
         Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan where the levels do not show it.
     reason : str
@@ -125,7 +123,6 @@ class FrictionForce:
     K0: np.ndarray
     bristle_time: float
     creeps: bool
-    level_peaks: np.ndarray
     stribeck: np.ndarray
     reason: str = ""
     contradiction: str = ""
@@ -179,7 +176,9 @@ def read_friction_force(
         As `identify_sliding`.
     """
     sliding = identify_sliding(moving, velocities)
-    kept = [one for one in levels if repeats(one) and not is_limited(np.abs(np.asarray(one.u[0]).ravel()))]
+    sizes = [np.abs(np.asarray(one.u[0])) for one in levels]
+    limited = [np.mean(size > (1 - 1e-9) * size.max()) > CLIPPED for size in sizes]
+    kept = [one for one, cut_off in zip(levels, limited, strict=True) if repeats(one) and not cut_off]
     peaks = sorted(peak_of_level(one, sliding) for one in kept)
     Fs, reason = break_away(peaks, abs(sliding.coulomb))
     K0, bristle_time, creeps = stiffness_at_rest(kept, sliding)
@@ -200,7 +199,6 @@ def read_friction_force(
         K0=K0,
         bristle_time=bristle_time,
         creeps=creeps,
-        level_peaks=np.array([one.peak for one in peaks]),
         stribeck=stribeck_velocity(f, v),
         reason=reason,
         contradiction=contradiction,
@@ -212,11 +210,6 @@ def repeats(record: nlfrf.Record) -> bool:
     y = np.asarray(record.y)[0]
     changes = np.std(y - y.mean(axis=0), axis=-1).max() + np.ptp(y.mean(axis=-1))
     return bool(changes < max(MOST_CHANGE * np.std(y.mean(axis=0)), 2 * encoder_step(record)))
-
-
-def is_limited(size: np.ndarray) -> bool:
-    """Whether a force was at a limit, from its modulus (n,)."""
-    return bool(np.mean(size > (1 - 1e-9) * size.max()) > CLIPPED)
 
 
 def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:

@@ -48,10 +48,6 @@ class SlidingFit:
         From the command to the force, a lag in it [s]; a mode above the band looks like a lag.
     stds : dict of str to float
         Standard deviation of each of these numbers.
-    slopes, slope_stds : (R,) ndarray
-        Damping around the velocity of each record, from its FRF [Ns/m]: viscous, and the slope of the Stribeck curve.
-    forces : (R,) ndarray
-        Mean force of each record [N].
     velocities : (R,) ndarray
         [m/s].
     misfit : float
@@ -78,9 +74,6 @@ class SlidingFit:
     offset: float
     delay: float
     stds: dict[str, float]
-    slopes: np.ndarray
-    slope_stds: np.ndarray
-    forces: np.ndarray
     velocities: np.ndarray
     misfit: float
     units: tuple[str, str] = ("N", "m")
@@ -178,9 +171,6 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
         offset=float(found[2]) if both else np.nan,
         delay=delay,
         stds=stds | ({"offset": float(spread[2])} if both else {}),
-        slopes=slopes,
-        slope_stds=slope_stds,
-        forces=forces,
         velocities=speeds,
         misfit=misfit,
         units=units_of(records[0]),

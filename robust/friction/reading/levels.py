@@ -180,7 +180,12 @@ def relative_std(bla: Bla) -> np.ndarray:
 
 def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
     """Fit one level, with and without a slipping element, and test it for misfit and delay."""
-    plain, solutions = fit_rates(reaction.omega, reaction.H, reaction.std)
+    omega, H, std = reaction.omega, reaction.H, reaction.std
+    plain = least_squares(regressors(omega, np.nan), H, std=std, rate=np.nan)
+    slipping = (
+        least_squares(regressors(omega, b), H, std=std, rate=b) for b in np.geomspace(omega[0], omega[-1], N_RATES)
+    )
+    solutions = [plain, *(one for one in slipping if one.found[3] >= 0)]
     best = min(solutions, key=lambda one: one.chi)
     free = 2 * reaction.omega.size - 5
     misfit = best.chi / free
@@ -208,15 +213,6 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
         softening=softening,
         softening_std=softening_std,
     )
-
-
-def fit_rates(omega: np.ndarray, H: np.ndarray, std: np.ndarray) -> tuple[Solution, list[Solution]]:
-    """Return the fit without a slipping element, and all that count: that one, and one for each rate with a >= 0."""
-    plain = least_squares(regressors(omega, np.nan), H, std=std, rate=np.nan)
-    slipping = (
-        least_squares(regressors(omega, b), H, std=std, rate=b) for b in np.geomspace(omega[0], omega[-1], N_RATES)
-    )
-    return plain, [plain, *(one for one in slipping if one.found[3] >= 0)]
 
 
 def regressors(omega: np.ndarray, rate: float) -> np.ndarray:
@@ -480,9 +476,7 @@ def class_from_blas(
     return FrictionClass(
         machine=machines[0],
         friction=friction,
-        evidence=describe_class(
-            fits, reading, margin=margin, friction=friction, has_nominal=description, band=common_band(blas)
-        ),
+        evidence=describe_class(fits, reading, margin=margin, friction=friction, has_nominal=description, blas=blas),
         mass=mass,
         stiffness=np.array([fit.stiffness for fit in fits]),
         damping=np.array([fit.damping for fit in fits]),
@@ -638,18 +632,19 @@ def weighted_mean(values: list[float], stds: list[float]) -> tuple[float, float]
     return mean, float(np.sqrt(max(1.0, excess) / weight.sum()))
 
 
-def common_band(blas: list[Bla]) -> str:
-    """Return the band in which all levels have lines; the machine is assumed to be the same beyond."""
-    low, high = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
-    return f"from {low:.3g} to {high:.4g} Hz (a mode beyond is not in it)"
-
-
 def describe_class(
-    fits: list[LevelFit], reading: LevelSummary, *, margin: float, friction: AnyFriction, has_nominal: str, band: str
+    fits: list[LevelFit],
+    reading: LevelSummary,
+    *,
+    margin: float,
+    friction: AnyFriction,
+    has_nominal: str,
+    blas: list[Bla],
 ) -> str:
     """Say what was read, what is assumed, and what the data cannot show."""
     low, rest = reading.stiffness_low / 1e3, reading.stiffness_rest / 1e3
     top, units = fits[0], friction.units
+    lowest, highest = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
     kilo = units.stiffness
     misfit = max(fit.misfit for fit in fits)
     fell = f" and {reading.fallen / 1e3:.2g} {kilo}, what it fell by when the force doubled," if reading.fallen else ""
@@ -660,8 +655,9 @@ def describe_class(
     else:
         machine = f"{mass}, k = {low:.4g} {kilo} ({widened}), c = 0 {units.damping}"
     return (
-        f"Assumed, read from {len(fits)} levels {band}: {machine}; K0 = {friction.K0 / 1e3:.4g} {kilo}, {margin:g} "
-        f"times what is between the highest level and {rest:.4g} {kilo} at rest, and what is below it down to k; "
+        f"Assumed, read from {len(fits)} levels from {lowest:.3g} to {highest:.4g} Hz (a mode beyond is not in it): "
+        f"{machine}; K0 = {friction.K0 / 1e3:.4g} {kilo}, {margin:g} times what is between the highest level and "
+        f"{rest:.4g} {kilo} at rest, and what is below it down to k; "
         f"misfit at most {misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no "
         f"level shows. {ASSUMPTION_NOTE}"
     )

@@ -17,7 +17,7 @@ import numpy as np
 from nlfrf._base.arguments import require_choice, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
-from robust.lti.connections import block_diagonal, upper_lft
+from robust.lti.connections import block_diagonal, in_series, upper_lft
 from robust.lti.realisation import multivariable
 from robust.lti.stability import is_stable
 from robust.lti.wiring import join_by_name, shared_timebase
@@ -255,10 +255,10 @@ def interconnection(
     read = [*(label for block in blocks.values() for label in block.reads), *outputs]
     external = [*(label for block in blocks.values() for label in block.drives), *inputs]
     require_known_signals(named_in, named_out, read=read, external=external)
-    N = join_by_name(parts, (), external=external, looked_at=read).system
+    N = join_by_name(parts, (), external=external, looked_at=read)
     if weights:
         size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
-        N = scale_outputs(size, N, dt)
+        N = in_series(N, size, dt=dt)
     return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
 
 
@@ -278,10 +278,3 @@ def require_known_signals(named_in: list[str], named_out: list[str], *, read: li
     for label in named_in:
         if label not in {*named_out, *external}:
             raise ValueError(f"systems must have every input driven, got nobody who drives {label!r}")
-
-
-def scale_outputs(size: control.StateSpace, N: control.StateSpace, dt: float) -> control.StateSpace:
-    """Return size N, all states kept."""
-    n, m = size.nstates, N.nstates
-    A = np.block([[N.A, np.zeros((m, n))], [size.B @ N.C, size.A]])
-    return control.StateSpace(A, np.vstack([N.B, size.B @ N.D]), np.hstack([size.D @ N.C, size.C]), size.D @ N.D, dt)

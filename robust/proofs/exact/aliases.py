@@ -15,12 +15,11 @@ upper bounds stays below one. An upper bound of one or more is no disproof: what
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import field, replace
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from itertools import pairwise
-from math import ceil, sqrt
+from math import ceil
 
 from flint import arb, arb_poly, fmpq
 
@@ -45,11 +44,8 @@ from robust.proofs.exact.stability import (
     squared_magnitudes,
 )
 from robust.proofs.exact.taylor_models import (
-    MAX_INTERVALS,
-    MIN_OMEGA_SHARE,
-    MIN_RELATIVE_WIDTH,
-    NARROW,
     TaylorModel,
+    bisect_axis,
     compose_polynomial,
     linear_model,
     lower_bound,
@@ -149,6 +145,53 @@ class Sums:
     F_max: arb
 
 
+@value(copy=False)
+class AliasBlocks:
+    """All aliases |k| above a number, in blocks that begin at `edges`; beyond the last one all the others."""
+
+    edges: tuple[int, ...]
+    step: arb
+    hold: arb
+
+    @classmethod
+    def beyond(cls, n: int, farthest: float, *, dt: arb) -> AliasBlocks:
+        """Return the blocks of the aliases |k| > n, up to far beyond the farthest root, in sampling frequencies."""
+        edges = [n + 1]
+        while edges[-1] < max(FAR * farthest, 2.0 * edges[0]):
+            edges.append(max(edges[-1] + 1, int(edges[-1] * LONGER)))
+        step = 2 * arb.pi() / dt
+        return cls(edges=tuple(edges), step=step, hold=2 / dt / step)
+
+    @property
+    def intervals(self) -> list[tuple[arb, arb]]:
+        """The frequencies [rad/s] of each block, for all omega up to Nyquist."""
+        return list(pairwise((edge - arb(1) / 2) * self.step for edge in self.edges))
+
+    @property
+    def end(self) -> arb:
+        """Where the last block ends [rad/s]."""
+        return (self.edges[-1] - arb(1) / 2) * self.step
+
+    def total(self, sizes: list[arb], c: arb, order: int, *, holds: int) -> arb:
+        """Sum |h_k|^holds times the sizes on the blocks and c omega_k^-order beyond, without |sin(omega T/2)|."""
+        halves, n = (-arb(1) / 2, arb(1) / 2), order + holds
+        found = arb(0)
+        for (a, b), size in zip(pairwise(self.edges), sizes, strict=True):
+            for x in halves:
+                share = arb(b - a)
+                if holds == 1:
+                    share = (b + x).digamma() - (a + x).digamma()
+                if holds == 2:
+                    share = arb(2).zeta(a + x) - arb(2).zeta(b + x)
+                found += share * self.hold**holds * size
+        if c == 0:
+            return found
+        if n <= 1:
+            return arb.pos_inf()
+        both = sum((arb(n).zeta(self.edges[-1] + x) for x in halves), arb(0))
+        return found + c * self.hold**holds * both / self.step**order
+
+
 class Aliases:
     """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
 
@@ -165,42 +208,19 @@ class Aliases:
 
     def of_the_rest(self, farthest: float) -> Sums:
         """Return the sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
-        first = self.n + 1
-        end = max(FAR * farthest, 2.0 * first)
-        edges = [first]
-        while edges[-1] < end:
-            edges.append(max(edges[-1] + 1, int(edges[-1] * LONGER)))
-        half, hold = arb(1) / 2, 2 / self.dt / self.step
-        zero = arb(0)
-        F, G, FF, GG, GF, F_max = zero, zero, zero, zero, zero, zero
-        for a, b in pairwise(edges):
-            low, high = (a - half) * self.step, (b - half) * self.step
-            f, g = max_magnitude(self.F, low, high), max_magnitude(self.G, low, high)
-            once = sum(((b + x).digamma() - (a + x).digamma() for x in (-half, half)), zero) * hold
-            twice = sum((arb(2).zeta(a + x) - arb(2).zeta(b + x) for x in (-half, half)), zero) * hold**2
-            F, G = F + once * f, G + once * g
-            FF, GG = FF + 2 * (b - a) * f * f, GG + twice * g * g
-            GF, F_max = GF + once * g * over_one_minus(f), larger(F_max, f)
-        last = (edges[-1] - half) * self.step
-        f, g = self.F.beyond(last), self.G.beyond(last)
-
-        def powers(c: arb, n: int, holds: int) -> arb:
-            """Return the sum of c omega_k^-n with so many holds beyond the blocks."""
-            if c == 0:
-                return zero
-            if n + holds <= 1:
-                return arb.pos_inf()
-            both = sum((arb(n + holds).zeta(edges[-1] + x) for x in (-half, half)), zero)
-            return c * (2 / self.dt) ** holds * both / self.step ** (n + holds)
-
-        f_last = f / last**self.F.order
+        blocks = AliasBlocks.beyond(self.n, farthest, dt=self.dt)
+        F, G = ([max_magnitude(X, *block) for block in blocks.intervals] for X in (self.F, self.G))
+        f, g, n_F, n_G = self.F.beyond(blocks.end), self.G.beyond(blocks.end), self.F.order, self.G.order
+        f_last = f / blocks.end**n_F
         return Sums(
-            F=F + powers(f, self.F.order, 1),
-            G=G + powers(g, self.G.order, 1),
-            FF=FF + powers(f * f, 2 * self.F.order, 0),
-            GG=GG + powers(g * g, 2 * self.G.order, 2),
-            GF=GF + powers(g * over_one_minus(f_last), self.G.order, 1),
-            F_max=larger(F_max, f_last),
+            F=blocks.total(F, f, n_F, holds=1),
+            G=blocks.total(G, g, n_G, holds=1),
+            FF=blocks.total([x * x for x in F], f * f, 2 * n_F, holds=0),
+            GG=blocks.total([x * x for x in G], g * g, 2 * n_G, holds=2),
+            GF=blocks.total(
+                [y * over_one_minus(x) for x, y in zip(F, G, strict=True)], g * over_one_minus(f_last), n_G, holds=1
+            ),
+            F_max=reduce(arb.max, F, f_last),
         )
 
     def sums(self, low: arb, high: arb) -> Sums:
@@ -437,24 +457,10 @@ def prove_with_aliases(
         )
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
-    return {name: bisect_until_below_one(partial(holds, name), top, deadline) for name in names}
 
+    def at_point(name: str, omega: float) -> Decision:
+        return (
+            proved() if holds(name, omega, omega) else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
+        )
 
-def bisect_until_below_one(holds: Callable[[float, float], bool], top: float, deadline: float) -> Decision:
-    """Cut the axis until a claim holds on every interval."""
-    todo = [(0.0, top)]
-    for count in range(MAX_INTERVALS):
-        if not todo:
-            return proved()
-        low, high = todo.pop()
-        if holds(low, high):
-            continue
-        middle = (low + high) / 2
-        open_at_point = high - low <= NARROW * high and not holds(middle, middle)  # then around it too
-        if open_at_point or high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
-            return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
-        if time.thread_time() > deadline:
-            return undecided(f"undecided after {count} intervals, as time was up")
-        cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
-        todo += [(cut, high), (low, cut)]
-    return undecided(f"undecided after {MAX_INTERVALS} intervals")
+    return {name: bisect_axis(partial(holds, name), partial(at_point, name), top, deadline) for name in names}

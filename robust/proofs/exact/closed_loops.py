@@ -23,7 +23,7 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.loops import Verification, summarise_claims
-from robust.proofs.exact.matrices import ldl_pivots
+from robust.proofs.exact.matrices import ldl_pivots, stack
 from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
 
 BITS = (320, 1024)
@@ -135,13 +135,13 @@ def closed_loop(plant: Matrices, controller: Matrices) -> Balls:
     D11, D12, D21, D22 = (to_balls(D) for D in (plant.D[:z, :w], plant.D[:z, w:], plant.D[z:, :w], plant.D[z:, w:]))
     A_K, B_K, C_K, D_K = (to_balls(getattr(controller, name)) for name in "ABCD")
     loop_inverse = (identity_balls(n_u) - D_K * D22).inv()
-    gain, direct = loop_inverse * stack_columns(D_K * C2, C_K), loop_inverse * D_K * D21  # u = gain (x, x_K) + direct w
+    gain, direct = loop_inverse * stack([[D_K * C2, C_K]]), loop_inverse * D_K * D21  # u = gain (x, x_K) + direct w
     n, m = plant.order, controller.order
-    through = stack_rows(B2, B_K * D22)
+    through = stack([[B2], [B_K * D22]])
     return (
-        stack_rows(stack_columns(A, arb_mat(n, m)), stack_columns(B_K * C2, A_K)) + through * gain,
-        stack_rows(B1, B_K * D21) + through * direct,
-        stack_columns(C1, arb_mat(z, m)) + D12 * gain,
+        stack([[A, arb_mat(n, m)], [B_K * C2, A_K]]) + through * gain,
+        stack([[B1], [B_K * D21]]) + through * direct,
+        stack([[C1, arb_mat(z, m)]]) + D12 * gain,
         D11 + D12 * direct,
     )
 
@@ -179,7 +179,7 @@ def decide_norm_at_precision(
     else:
         top, side, corner = A.transpose() * P + P * A, P * B, direct
     top, side = top + C.transpose() * C, side + C.transpose() * D
-    M = symmetric_part(stack_rows(stack_columns(-top, -side), stack_columns(-side.transpose(), corner)))
+    M = symmetric_part(stack([[-top, -side], [-side.transpose(), corner]]))
     if all(p > 0 for p in ldl_pivots(P.tolist())) and all(p > 0 for p in ldl_pivots(M.tolist())):
         return proved()
     return undecided("the energy that was found does not pass", needs_digits=True)
@@ -263,7 +263,7 @@ def hamiltonian(loop: Balls, square: arb, more: arb) -> arb_mat:
     F = A + across * C
     Q = C.transpose() * C + C.transpose() * D * inverse * D.transpose() * C
     Q = Q + identity_balls(A.nrows()) * (more * (frobenius_norm(C) ** 2))
-    return stack_rows(stack_columns(F, B * inverse * B.transpose()), stack_columns(-Q, -F.transpose())).mid()
+    return stack([[F, B * inverse * B.transpose()], [-Q, -F.transpose()]]).mid()
 
 
 def peak_gain(loop: Balls) -> tuple[float, float]:
@@ -385,14 +385,3 @@ def diagonal_balls(numbers: list[arb]) -> arb_mat:
     """Return a diagonal matrix."""
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])
-
-
-def stack_columns(left: arb_mat, right: arb_mat) -> arb_mat:
-    """Return two matrices side by side."""
-    rows = [a + b for a, b in zip(left.tolist(), right.tolist(), strict=True)]
-    return arb_mat(left.nrows(), left.ncols() + right.ncols(), [x for row in rows for x in row])
-
-
-def stack_rows(upper: arb_mat, under: arb_mat) -> arb_mat:
-    """Return one matrix on top of another."""
-    return arb_mat(upper.nrows() + under.nrows(), upper.ncols(), [*upper.entries(), *under.entries()])

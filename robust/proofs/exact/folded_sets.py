@@ -16,7 +16,7 @@ taken one by one, the others by upper bounds of |h_k| |G_k W_l,k| in blocks and 
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
+from functools import reduce
 from math import ceil, prod
 from typing import TypeAlias
 
@@ -26,15 +26,15 @@ from flint import acb, acb_series, arb, arb_series, ctx, fmpq_poly
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust.proofs.exact.aliases import (
-    FAR,
-    LONGER,
     MOST_SINGLE,
     SINGLE,
+    AliasBlocks,
     Ratio,
     magnitude_ratio,
     max_magnitude,
     product_of_systems,
     root_radius,
+    upper_end,
 )
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.loops import Verification, summarise_claims
@@ -485,45 +485,23 @@ class FoldedSum:
         self.singles = (0, FEW_SINGLE, min(max(SINGLE, ceil(min(self.farthest, 1e6)) + 2), MOST_SINGLE))
         through = map(product_of_systems, plant, lefts * len(lefts)) if plant else lefts
         F, right = [magnitude_ratio(path) for path in through if path.num], [magnitude_ratio(w) for w in rights]
-        self.tails = {k: self.tail(F, k + 1) for k in self.singles}
-        self.highest = {k: [self.largest_beyond(w, k + 1) for w in right] for k in self.singles}
-        self.plant_tail = self.tail([magnitude_ratio(g) for g in plant if g.num], 1)
+        self.tails = {k: self.tail(F, k) for k in self.singles}
+        self.highest = {k: [self.largest_beyond(w, k) for w in right] for k in self.singles}
+        self.plant_tail = self.tail([magnitude_ratio(g) for g in plant if g.num], 0)
 
-    def edges(self, first: int) -> list[int]:
-        """Return where the blocks of aliases begin, from the first one on."""
-        found = [first]
-        while found[-1] < max(FAR * self.farthest, 2.0 * first):
-            found.append(max(found[-1] + 1, int(found[-1] * LONGER)))
-        return found
-
-    def blocks(self, first: int) -> tuple[list[tuple[arb, arb]], arb]:
-        """Return the intervals of frequency of the blocks, and where the last one ends."""
-        at = [(edge - arb(1) / 2) * self.step for edge in self.edges(first)]
-        return list(pairwise(at)), at[-1]
-
-    def tail(self, paths: list[Ratio], first: int) -> arb:
-        """Upper bound of the sum of |h_k F_k| over |k| >= first and over all F, without |sin(omega dt/2)|."""
-        edges, halves, total = self.edges(first), (-arb(1) / 2, arb(1) / 2), arb(0)
-        blocks, last = self.blocks(first)
-        for (a, b), block in zip(pairwise(edges), blocks, strict=True):
-            holds = sum(((b + x).digamma() - (a + x).digamma() for x in halves), arb(0)) * 2 / self.dt / self.step
-            total += holds * sum((max_magnitude(F, *block) for F in paths), arb(0))
+    def tail(self, paths: list[Ratio], n: int) -> arb:
+        """Upper bound of the sum of |h_k F_k| over |k| > n and over all F, without |sin(omega dt/2)|."""
+        blocks, total = AliasBlocks.beyond(n, self.farthest, dt=self.dt), arb(0)
         for F in paths:
-            c, n = F.beyond(last), F.order + 1
-            if c == 0:
-                continue
-            both = sum((arb(n).zeta(edges[-1] + x) for x in halves), arb(0)) if n > 1 else arb.pos_inf()
-            total += c * 2 / self.dt * both / self.step**n
-        return total.abs_upper() if total.is_finite() else arb.pos_inf()
+            sizes = [max_magnitude(F, *block) for block in blocks.intervals]
+            total += blocks.total(sizes, F.beyond(blocks.end), F.order, holds=1)
+        return upper_end(total)
 
-    def largest_beyond(self, w: Ratio, first: int) -> arb:
-        """Upper bound of |w| beyond the lowest of the aliases |k| >= first."""
-        blocks, last = self.blocks(first)
-        sizes = [max_magnitude(w, *block) for block in blocks] + [w.beyond(last) / last**w.order]
-        total = arb(0)
-        for size in sizes:
-            total = total.max(size)
-        return total.abs_upper() if total.is_finite() else arb.pos_inf()
+    def largest_beyond(self, w: Ratio, n: int) -> arb:
+        """Upper bound of |w| beyond the lowest of the aliases |k| > n."""
+        blocks = AliasBlocks.beyond(n, self.farthest, dt=self.dt)
+        sizes = (max_magnitude(w, *block) for block in blocks.intervals)
+        return upper_end(reduce(arb.max, sizes, w.beyond(blocks.end) / blocks.end**w.order))
 
     def decide(self, at: Interval, singles: int) -> tuple[bool, float]:
         """Return whether both sums stay below one on an interval, and about what they reach at its middle.

@@ -23,7 +23,7 @@ from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import SQUARE
 from robust.proofs.exact.loops import Verification, summarise_claims
-from robust.proofs.exact.matrices import identity, positive_definite
+from robust.proofs.exact.matrices import identity, positive_definite, stack
 from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
 from robust.proofs.exact.scaled_kyp import (
     LEVEL,
@@ -102,12 +102,6 @@ class ExactMatrix:
     def is_positive(self) -> bool:
         """Whether it is Hermitian and positive definite: [re, -im; im, re] is."""
         return self.is_hermitian and positive_definite(stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]))
-
-
-def stack(parts: list[list[fmpq_mat]]) -> fmpq_mat:
-    """Return one matrix of rows of matrices."""
-    lines = [list(zip(*(M.tolist() for M in line), strict=True)) for line in parts]
-    return fmpq_mat([[x for part in row for x in part] for line in lines for row in line])
 
 
 @value

@@ -7,8 +7,9 @@ from `to_rational_matrix` and exact sums and products, and ask for each.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
-from flint import arb, arb_poly, ctx, fmpq_mat
+from flint import arb, arb_mat, arb_poly, ctx, fmpq_mat
 
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.polynomials import (
@@ -24,6 +25,7 @@ from robust.proofs.exact.polynomials import (
 from robust.proofs.exact.stability import routh
 
 BITS = (128, 512)
+AnyMatrix = TypeVar("AnyMatrix", fmpq_mat, arb_mat)
 
 
 def positive_definite(matrix: fmpq_mat) -> bool:
@@ -111,9 +113,7 @@ def gain_below_level(A: fmpq_mat, B: fmpq_mat, *, C: fmpq_mat, D: fmpq_mat, leve
     inverse = R.inv()
     F = A + B * inverse * D.transpose() * C
     upper, lower = B * inverse * B.transpose(), C.transpose() * C + C.transpose() * D * inverse * D.transpose() * C
-    rows = [x + y for x, y in zip(F.tolist(), upper.tolist(), strict=True)]
-    rows += [x + y for x, y in zip((-lower).tolist(), (-F.transpose()).tolist(), strict=True)]
-    p = fmpq_mat(rows).charpoly().coeffs()[::2]  # in s^2 = -y
+    p = stack([[F, upper], [-lower, -F.transpose()]]).charpoly().coeffs()[::2]  # in s^2 = -y
     on_axis = [c if (k + n) % 2 == 0 else -c for k, c in enumerate(p)]
     found = undecided("not looked at")
     for bits in NORM_BITS:
@@ -127,3 +127,11 @@ def gain_below_level(A: fmpq_mat, B: fmpq_mat, *, C: fmpq_mat, D: fmpq_mat, leve
 def identity(n: int) -> fmpq_mat:
     """Return the identity over the rationals."""
     return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+
+
+def stack(parts: Sequence[Sequence[AnyMatrix]]) -> AnyMatrix:
+    """Return one matrix of rows of matrices, over the rationals or in balls."""
+    lines = (zip(*(M.tolist() for M in line), strict=True) for line in parts)
+    rows = [[x for row in across for x in row] for line in lines for across in line]
+    kind = type(parts[0][0])
+    return kind(len(rows), sum(M.ncols() for M in parts[0]), [x for row in rows for x in row])

@@ -16,12 +16,12 @@ from collections.abc import Sequence
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from flint import fmpq, fmpq_mat
+from flint import fmpq
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import SQUARE
-from robust.proofs.exact.matrices import positive_definite
+from robust.proofs.exact.matrices import positive_definite, stack
 from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
 
 KINDS = ("full", "repeated", "real")
@@ -119,7 +119,7 @@ def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
     side += C.transpose() * (X_L * D - G.transpose())
     across = G * D
     corner += D.transpose() * X_L * D - across - across.transpose() - X_R * to_rational(claim.level) ** 2
-    M = stack(top, side, corner)
+    M = stack([[top, side], [side.transpose(), corner]])
     return {STABLE: proved(), LEVEL: proved() if positive_definite(-M) else refused[LEVEL]}
 
 
@@ -148,11 +148,3 @@ def place_scalings(
             skew[into, at] = G
         r, c = r + rows, c + cols
     return left, right, skew
-
-
-def stack(top: fmpq_mat, side: fmpq_mat, corner: fmpq_mat) -> fmpq_mat:
-    """Return the symmetric matrix [top, side; side', corner]."""
-    upper = [a + b for a, b in zip(top.tolist(), side.tolist(), strict=True)] if top.nrows() else []
-    lower = [a + b for a, b in zip(side.transpose().tolist(), corner.tolist(), strict=True)]
-    n = top.nrows() + corner.nrows()
-    return fmpq_mat(n, n, [x for row in [*upper, *lower] for x in row])

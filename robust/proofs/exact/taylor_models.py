@@ -146,27 +146,37 @@ def positive_on_intervals(axis: Axis, found: Squares, *, inequalities: Inequalit
         if top == inf:
             return undecided("undecided at infinite frequency", needs_digits=True)
         terms = delayed_terms(axis, found)
-    for expression in inequalities(terms(arb(0), arb(0))):
-        if not expression.p[0] > 0:
-            text = "not positive at zero"
-            return refuted(text, 0.0) if expression.p[0] <= 0 else undecided(text, needs_digits=True)
+
+    def holds(low: float, high: float) -> bool:
+        middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
+        return all(lower_bound(jet) > 0 for jet in inequalities(terms(middle, half)))
+
+    def at_point(omega: float) -> Decision:
+        at = [jet.p[0] for jet in inequalities(terms(arb(omega), arb(0)))]
+        if any(x <= 0 for x in at):
+            return refuted("negative there", omega)
+        return proved() if all(x > 0 for x in at) else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
+
+    at_zero = at_point(0.0)
+    return bisect_axis(holds, at_point, top, deadline) if at_zero.holds else at_zero
+
+
+def bisect_axis(
+    holds: Callable[[float, float], bool], at_point: Callable[[float], Decision], top: float, deadline: float
+) -> Decision:
+    """Cut the axis until a claim holds on every interval; the middle of a narrow one may refute it or leave it open."""
     todo = [(0.0, top)]
     for count in range(MAX_INTERVALS):
         if not todo:
             return proved()
         low, high = todo.pop()
-        middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
-        if all(lower_bound(jet) > 0 for jet in inequalities(terms(middle, half))):
+        if holds(low, high):
             continue
-        if high - low <= NARROW * high:
-            at = [jet.p[0] for jet in inequalities(terms(middle, arb(0)))]
-            if any(x <= 0 for x in at):
-                return refuted("negative there", (low + high) / 2)
-            if not all(x > 0 for x in at):  # what a point leaves open no interval around it decides
-                return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
+        if high - low <= NARROW * high and not (found := at_point((low + high) / 2)).holds:
+            return found  # what a point leaves open no interval around it decides
         if high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
-        if count % 64 == 63 and time.thread_time() > deadline:
+        if time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]

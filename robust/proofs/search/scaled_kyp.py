@@ -7,6 +7,7 @@ nearer to the level. No status of a solver is looked at: `robust.proofs.exact.sc
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -20,7 +21,15 @@ from robust.proofs.exact import claim as exact
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.interval_kyp import verify_level
 from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim, decide_scaled
-from robust.proofs.search.certificate import SCALED_KYP, SCS_STEPS, SOLVERS, Certificate, solve_program
+from robust.proofs.search.certificate import (
+    SCALED_KYP,
+    SCS_STEPS,
+    SOLVERS,
+    Certificate,
+    failed_certificate,
+    solve_program,
+)
+from robust.proofs.search.intervals import SLACK
 
 MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
 WHOLE = 20  # states up to which SCS takes all its steps; beyond them as many as take about as long
@@ -78,6 +87,16 @@ def certify_scaled(
                     again=verify_level,
                 )
     return None
+
+
+def certify_with_one_scaling(
+    system: control.StateSpace, blocks: Sequence[Block], *, solver: str | None, subject: str
+) -> Certificate:
+    """Return the certificate that mu stays below one with one scaling for all frequencies, or that none was found."""
+    found = certify_scaled(system, blocks, 1 - SLACK, solver=solver, subject=subject)
+    if found is None:
+        return failed_certificate(subject, 1.0, "no P was found with one scaling for all frequencies")
+    return replace(found, level=1.0)
 
 
 @value(copy=False)

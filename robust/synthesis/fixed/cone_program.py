@@ -13,15 +13,10 @@ Automatica 85 (2017), eq. 22 to 26).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.proofs.search.certificate import solve_program
-
-if TYPE_CHECKING:
-    import cvxpy
+from robust.synthesis.conic import solve_conic
 
 MAX_STEP_RATIO = 100.0
 
@@ -66,66 +61,60 @@ class Step:
 
 
 def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
-    """eta, or None and what went wrong; whether it is any good is judged by whoever asked."""
-    import cvxpy as cp
+    """eta, or None and what went wrong; whether it is any good is judged by whoever asked.
 
-    n = step.Y.shape[1]
-    eta = cp.Variable(n)
-    both = {kind: (rows.a > 0) & (rows.b > 0) for kind, rows in (("hard", step.hard), ("aim", step.aim))}
-    lines = np.unique(np.concatenate([step.hard.line[both["hard"]], step.aim.line[both["aim"]]]))
+    Unknown are eta, |Y| and |X| on the lines where a demand adds the two, and the level. An expression is a matrix over
+    these and one; a cone is a list of expressions, and says line by line that the first is the modulus of the others at
+    least.
+    """
+    hard, aim, n = step.hard, step.aim, step.eta.size
+    adds_hard, adds_aim = ((rows.a > 0) & (rows.b > 0) for rows in (hard, aim))
+    lines = np.unique(np.concatenate([hard.line[adds_hard], aim.line[adds_aim]]))
     place = np.zeros(step.Y.shape[0], dtype=int)
     place[lines] = np.arange(lines.size)
-    constraints = [
-        cp.norm(eta) <= MAX_STEP_RATIO * np.linalg.norm(step.eta)
-    ]  # a step, where there is no end to improvement
-    constraints += [step.linear @ eta >= 0] if step.linear.size else []
-    sizes: list[cvxpy.Variable] = []
-    for part in (step.Y, step.X):
-        if lines.size:
-            size = cp.Variable(lines.size)
-            constraints.append(cp.SOC(size, cp.vstack([part[lines].real @ eta, part[lines].imag @ eta]), axis=0))
-            sizes.append(size)
+    unknown = np.eye(n + 2 * lines.size + 2)
+    sizes = unknown[n : n + lines.size], unknown[n + lines.size : -2]
+    level, one = unknown[[-2]], unknown[[-1]]
 
-    def small(rows: Rows, pick: np.ndarray) -> cvxpy.Expression:
-        return cp.multiply(rows.a[pick], sizes[0][place[rows.line[pick]]]) + cp.multiply(
-            rows.b[pick], sizes[1][place[rows.line[pick]]]
-        )
+    def of_eta(matrix: np.ndarray) -> np.ndarray:
+        return np.asarray(matrix @ unknown[:n])
 
-    def alone(rows: Rows, pick: np.ndarray) -> list[cvxpy.Expression]:
-        part = np.where(
-            rows.a[pick, None] > 0,
-            rows.a[pick, None] * step.Y[rows.line[pick]],
-            rows.b[pick, None] * step.X[rows.line[pick]],
-        )
-        return [part.real @ eta, part.imag @ eta]
+    def parts(matrix: np.ndarray) -> list[np.ndarray]:
+        return [of_eta(matrix.real), of_eta(matrix.imag)]
 
-    for pick in (both["hard"], ~both["hard"]):
-        if pick.any():
-            right_side = step.hard.R[pick] @ eta
-            constraints.append(
-                small(step.hard, pick) <= right_side
-                if pick is both["hard"]
-                else cp.SOC(right_side, cp.vstack(alone(step.hard, pick)), axis=0)
-            )
-    if step.aim.line.size:
-        level = cp.Variable()
-        for pick in (both["aim"], ~both["aim"]):
-            if pick.any():
-                square = 2 * (step.aim.R[pick] @ eta) - 1
-                parts = [small(step.aim, pick)] if pick is both["aim"] else alone(step.aim, pick)
-                if np.any(step.aim.c[pick] > 0):
-                    third = step.aim.c[pick, None] * step.X[step.aim.line[pick]]
-                    parts += [third.real @ eta, third.imag @ eta]
-                wide = level * np.ones(int(pick.sum()))
-                constraints.append(cp.SOC(wide + square, cp.vstack([2 * p for p in parts] + [wide - square]), axis=0))
-        goal: cvxpy.Minimize | cvxpy.Maximize = cp.Minimize(level)
-    else:
-        constraints.append(step.scale @ eta == 1)
-        goal = cp.Maximize(step.gain @ eta)
-    problem = cp.Problem(goal, constraints)
-    failed = solve_program(problem, "CLARABEL")
-    if failed:
-        return None, failed
-    if eta.value is None or not np.isfinite(eta.value).all():
-        return None, f"the solver gave no step ({problem.status})"
-    return np.asarray(eta.value, dtype=float), ""
+    def added(rows: Rows, pick: np.ndarray) -> np.ndarray:
+        at = place[rows.line[pick]]
+        return np.asarray(rows.a[pick, None] * sizes[0][at] + rows.b[pick, None] * sizes[1][at])
+
+    def alone(rows: Rows, pick: np.ndarray) -> list[np.ndarray]:
+        a, line = rows.a[pick, None], rows.line[pick]
+        return parts(np.where(a > 0, a * step.Y[line], rows.b[pick, None] * step.X[line]))
+
+    # a step, where there is no end to improvement
+    cones = [[MAX_STEP_RATIO * float(np.linalg.norm(step.eta)) * one, *(unknown[[k]] for k in range(n))]]
+    cones += [[size, *parts(part[lines])] for size, part in zip(sizes, (step.Y, step.X), strict=True)]
+    cones.append([of_eta(hard.R[~adds_hard]), *alone(hard, ~adds_hard)])
+    positive = [of_eta(step.linear), of_eta(hard.R[adds_hard]) - added(hard, adds_hard)]
+    zero = of_eta(step.scale[None]) - one
+    goal = -of_eta(step.gain)
+    if aim.line.size:
+        goal, zero = level[0], zero[:0]
+        for pick, small in ((adds_aim, [added(aim, adds_aim)]), (~adds_aim, alone(aim, ~adds_aim))):
+            ones = np.zeros(np.count_nonzero(pick), dtype=int)
+            square, wide = 2 * of_eta(aim.R[pick]) - one[ones], level[ones]
+            if np.any(aim.c[pick] > 0):
+                small = small + parts(aim.c[pick, None] * step.X[aim.line[pick]])
+            cones.append([wide + square, *(2 * part for part in small), wide - square])
+    cones = [cone for cone in cones if len(cone[0])]
+    by_line = [np.stack(cone, axis=1).reshape(-1, len(one[0])) for cone in cones]
+    rows = np.vstack([zero, *positive, *by_line])
+    x, _, failed = solve_conic(
+        np.zeros((len(unknown) - 1,) * 2),
+        goal[:-1],
+        A=-rows[:, :-1],
+        b=rows[:, -1],
+        zero=len(zero),
+        positive=sum(len(part) for part in positive),
+        cones=[len(cone) for cone in cones for _ in cone[0]],
+    )
+    return (None, failed) if failed else (x[:n], "")

@@ -10,7 +10,7 @@ from robust._base.channels import is_matrix
 from robust._base.types import Controller, Weight
 from robust.models.sets.model import has_several_channels
 from robust.synthesis.fixed.demands import Bound
-from robust.synthesis.fixed.one_loop import LoopOptions, Proved, design_loop
+from robust.synthesis.fixed.one_loop import Proved, design_loop
 from robust.synthesis.fixed.plants import DesignPlant
 from robust.synthesis.fixed.sequential import close_in_turn
 from robust.synthesis.fixed.structures import ControllerStructure
@@ -160,7 +160,7 @@ def design_frf(
         "integrators": integrators,
         "filter_time": filter_time,
         "stable": stable,
-        "positive_gains": positive,
+        "positive": positive,
         "start": start,
         "n_starts": n_starts,
         "n_unstable": n_unstable,
@@ -169,10 +169,10 @@ def design_frf(
         "progress": progress,
     }
     if has_several_channels(plant) or is_matrix(plant):
-        return close_in_turn(plant, structure, cast("LoopOptions", asked))
+        return close_in_turn(plant, structure, asked)
     if isinstance(plant, list | tuple) and any(has_several_channels(one) or is_matrix(one) for one in plant):
         raise ValueError(
             "plant must be one Bla or UncertaintyModel of several channels or a list of single loops, got a list of "
             "matrices"
         )
-    return design_loop(plant, cast("str", structure), **cast("LoopOptions", asked))
+    return design_loop(plant, cast("str", structure), asked)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TypeAlias, TypedDict, Unpack
+from typing import Any, TypeAlias
 
 import control
 import numpy as np
@@ -22,19 +22,19 @@ from nlfrf._base.arguments import (
 )
 from robust._base.channels import is_single
 from robust._base.states import Stability
-from robust._base.types import Controller, Weight
+from robust._base.types import Controller
 from robust._base.warnings import DesignWarning
 from robust.analysis.performance import classical_margins
 from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.levels import FrictionClass, machines_of
-from robust.lti.lti import is_clockless, is_constant, one_sampling_time, response, timebase
+from robust.lti.lti import is_constant, one_sampling_time, require_sampling_time, response
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
-from robust.synthesis.fixed.demands import Bound, Demand, end_row, limit_rows, objective_row, weight_rows
+from robust.synthesis.fixed.demands import Demand, end_row, limit_rows, objective_row, weight_rows
 from robust.synthesis.fixed.plants import DesignPlant, DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
 from robust.synthesis.fixed.starts import find_start, loops_stable, start_from_controller
 from robust.synthesis.fixed.structures import (
@@ -64,46 +64,14 @@ PROOF_GAINS, PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
 Proved: TypeAlias = FrictionClass | tuple[FrictionPlant, AnyFriction]
 
 
-class LoopOptions(TypedDict):
-    """What `design_frf` was asked of one loop, by the names of its arguments."""
-
-    w_P: Weight | None
-    w_T: Weight | None
-    w_u: Weight | None
-    M_S: Bound | None
-    M_T: Bound | None
-    M_u: Bound | None
-    omega_c: float | tuple[float, float] | None
-    gain: tuple[float, float] | None
-    aim: str
-    dt: float
-    delay: float
-    fixed: Controller
-    end_gain: float
-    integrators: int
-    filter_time: float | None
-    stable: bool
-    positive_gains: bool
-    start: Controller | None
-    n_starts: int
-    n_unstable: int
-    prove: Proved | None
-    n_iterations: int
-    progress: Callable[[int, float], object] | None
-
-
-class LoopSeen(TypedDict):
-    """What a `Design` says of its loop, by the names of its fields."""
-
-    crossovers: tuple[float, ...]
-    peak_S: float
-    peak_T: float
+#: What `design_frf` was asked of one loop, by the names of its arguments.
+LoopOptions: TypeAlias = dict[str, Any]
 
 
 def design_loop(
     plant: DesignPlant | Sequence[DesignPlant],
     structure: str | int | ControllerStructure,
-    **options: Unpack[LoopOptions],
+    options: LoopOptions,
 ) -> Design:
     """`design_frf` of a plant of one input and output."""
     aim = require_choice("aim", options["aim"], ("auto", "gamma", "gain"))
@@ -121,7 +89,7 @@ def design_loop(
     wanted = tuple(require_real("omega_c", w) for w in named)
     sizes = (options["w_P"], options["w_T"], options["w_u"], options["M_S"], options["M_T"], options["M_u"])
     look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=sizes)
-    end_gain, positive_gains = require_positive("end_gain", options["end_gain"]), options["positive_gains"]
+    end_gain, positive_gains = require_positive("end_gain", options["end_gain"]), options["positive"]
     family = [look(p) for p in plants]
     basis = structure_basis(shape, stacked_plants(family), dt=dt, fixed=options["fixed"])
     if positive_gains and shape.name not in PID_PARTS:
@@ -190,8 +158,7 @@ def best_filter(
     """
     found: list[tuple[tuple[bool, float], Design]] = []
     refused: ValueError | None = None
-    free: LoopOptions = {**options, "positive_gains": False}
-    freely = design_loop(plant, structure, **free)
+    freely = design_loop(plant, structure, {**options, "positive": False})
     if has_positive_gains(freely.K, basis.dt):
         return freely
     omega = np.array([1e-3 * basis.omega_mid])
@@ -199,9 +166,8 @@ def best_filter(
     def merit(log_pole: float) -> float:
         """Return gamma, or minus the gain at low frequency; inf without a start or with a missed limit."""
         nonlocal refused
-        with_filter: LoopOptions = {**options, "filter_time": float(np.exp(-log_pole))}
         try:
-            design = design_loop(plant, structure, **with_filter)
+            design = design_loop(plant, structure, {**options, "filter_time": float(np.exp(-log_pole))})
         except ValueError as error:  # no start, with this filter
             refused = error
             return np.inf
@@ -404,8 +370,7 @@ def loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
 def structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller) -> Basis:
     """Return the structure on the band of the lines."""
     F = state_space("fixed", fixed)
-    if not is_clockless(F) and timebase(F) != dt:
-        raise ValueError(f"fixed must have the sampling time of the controller, {dt:g} s, got {timebase(F):g} s")
+    require_sampling_time("fixed", F, reference="the controller", wanted=dt)
     F = control.StateSpace(F.A, F.B, F.C, F.D, dt)
     omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]
     s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
@@ -434,15 +399,23 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float
         v = row.measure(ones, k)
         if v.max() > 1 + LIMIT_TOLERANCE:
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
-    seen = describe_loop(task, K)
-    if failed:
-        failed.sort(reverse=True)
-        text = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
-        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {text} ({why})", history=history, **seen)
-    return Design(K=K, gamma=gamma, met=True, reason=why, history=history, **seen)
+    failed.sort(reverse=True)
+    text = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
+    reason = f"not found: {text} ({why})" if failed else why
+    crossovers, peak_S, peak_T = describe_loop(task, K)
+    return Design(
+        K=K,
+        gamma=gamma,
+        met=not failed,
+        reason=reason,
+        history=history,
+        crossovers=crossovers,
+        peak_S=peak_S,
+        peak_T=peak_T,
+    )
 
 
-def describe_loop(task: DesignTask, K: control.StateSpace) -> LoopSeen:
+def describe_loop(task: DesignTask, K: control.StateSpace) -> tuple[tuple[float, ...], float, float]:
     """Return where the nominal loops of the family cross over, and their largest |S| and |T| on the lines."""
     crossovers: list[float] = []
     peaks = []
@@ -452,4 +425,4 @@ def describe_loop(task: DesignTask, K: control.StateSpace) -> LoopSeen:
         crossovers += classical_margins(own.omega[own.known], L).crossovers
         peaks.append((np.abs(1 / (1 + L)).max(), np.abs(L / (1 + L)).max()))
     peak_S, peak_T = np.max(peaks, axis=0)
-    return LoopSeen(crossovers=tuple(sorted(crossovers)), peak_S=float(peak_S), peak_T=float(peak_T))
+    return tuple(sorted(crossovers)), float(peak_S), float(peak_T)

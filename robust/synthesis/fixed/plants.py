@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import control
 import numpy as np
@@ -106,49 +106,43 @@ def plant_on_lines(
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
     """
     if isinstance(plant, DiscsOnLines) or is_known_on_lines(plant):
-        seen = measured_lines(plant, dt, delay, K)
-    else:
-        seen = modelled_lines(plant, dt, delay, extra=extra, weights=weights, K=K)
-    size = np.abs(seen.G)
-    inverse, w = FORMS[seen.form].inverse, relative_radius(seen.form, seen.w, size)
+        return measured_lines(plant, dt, delay, K)
+    return modelled_lines(plant, dt, delay, extra=extra, weights=weights, K=K)
+
+
+def with_discs(
+    form: str,
+    omega: np.ndarray,
+    *,
+    G: np.ndarray,
+    w: np.ndarray,
+    known: np.ndarray,
+    n_integrators: int,
+    band: tuple[float, float],
+    loop: Loop | None = None,
+) -> PlantOnLines:
+    """Return a plant with the discs that a form of set makes of responses and weights (W,) on its lines."""
+    size = np.abs(G)
+    inverse, w = FORMS[form].inverse, relative_radius(form, w, size)
     disc = w < LARGEST_DISC
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
-    radius = np.where(outside > 0, 0.0, size * w * shrink)
-    loop = seen.loop
-    if isinstance(plant, UncertaintyModel) and loop is not None and loop.aliases is not None:
-        every = loop.aliases.sampled_radius(seen.omega, seen.G)
-        radius = np.where(np.isfinite(every), every, radius)  # without a bound it is left to the check
     return PlantOnLines(
-        omega=seen.omega,
-        G=seen.G,
-        centre=seen.G * shrink,
-        radius=radius,
+        omega=omega,
+        G=G,
+        centre=G * shrink,
+        radius=np.where(outside > 0, 0.0, size * w * shrink),
         outside=outside,
         inverse=np.where(inverse, w, 0.0),
         loop=loop,
-        n_integrators=seen.n_integrators,
-        known=seen.known,
-        lowest=seen.lowest,
-        highest=seen.highest,
+        n_integrators=n_integrators,
+        known=known,
+        lowest=band[0],
+        highest=band[1],
     )
 
 
-class Lines(NamedTuple):
-    """Response and weight (W,) of a plant on its lines, the form of its set, and the rest as `PlantOnLines` has it."""
-
-    omega: np.ndarray
-    G: np.ndarray
-    w: np.ndarray
-    form: str
-    known: np.ndarray
-    n_integrators: int
-    lowest: float
-    highest: float
-    loop: Loop | None = None
-
-
-def measured_lines(plant: Any, dt: float, delay: float, K: Sequence[control.StateSpace]) -> Lines:
+def measured_lines(plant: Any, dt: float, delay: float, K: Sequence[control.StateSpace]) -> PlantOnLines:
     """Return an FRF, carried on below its first line and above its last one."""
     if isinstance(plant, DiscsOnLines):
         omega, G, form, w = plant.omega, plant.G, ADDITIVE, plant.radius
@@ -158,8 +152,7 @@ def measured_lines(plant: Any, dt: float, delay: float, K: Sequence[control.Stat
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
     G = G if isinstance(plant, DiscsOnLines) else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
-    n_integrators, lowest, highest = slope_at_start(omega, G), float(omega[0]), float(omega[-1])
-    n = omega.size
+    n_integrators, n, band = slope_at_start(omega, G), omega.size, (float(omega[0]), float(omega[-1]))
     omega, G = extend_below(omega, G, n=n_integrators, decades=3.0, points=60)
     below = np.ones(omega.size - n) if FORMS[form].vanishes_with_plant else np.abs(G[:-n] / G[-n])
     w = np.concatenate([w[0] * below, w])
@@ -169,7 +162,7 @@ def measured_lines(plant: Any, dt: float, delay: float, K: Sequence[control.Stat
     omega = np.concatenate([omega, above])
     G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
     omega, G, w, known = add_mode_lines(K, omega, G=G, w=w, known=known)
-    return Lines(omega, G, w, form, known, n_integrators, lowest, highest)
+    return with_discs(form, omega, G=G, w=w, known=known, n_integrators=n_integrators, band=band)
 
 
 def modelled_lines(
@@ -180,7 +173,7 @@ def modelled_lines(
     extra: tuple[float, ...],
     weights: tuple[object, ...],
     K: Sequence[control.StateSpace],
-) -> Lines:
+) -> PlantOnLines:
     """Return a parametric plant where it, its weight, demands or controllers have features, and far above."""
     source: Any = plant  # a set, or what has as much of one as a loop without uncertainty reads
     if not isinstance(plant, UncertaintyModel):
@@ -195,13 +188,18 @@ def modelled_lines(
         warn_of_unknown_hold(plant, dt)
     loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay)
     omega = design_grid(loop, source.omega, extra=extra, weights=weights, K=K)
-    lowest, highest = float(omega[0]), float(omega[-1])
-    above = np.geomspace(1, FAR, N_FAR)[1:] * highest
+    band = float(omega[0]), float(omega[-1])
+    above = np.geomspace(1, FAR, N_FAR)[1:] * band[1]
     omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
     G = loop.plant_response(omega)
     omega, G = omega[np.isfinite(G)], G[np.isfinite(G)]  # a line on an undamped mode has no response
     w, known = np.abs(response(loop.weight, omega)), np.ones(omega.size, dtype=bool)
-    return Lines(omega, G, w, source.form, known, integrator_poles(loop.G, loop.dt), lowest, highest, loop)
+    n = integrator_poles(loop.G, loop.dt)
+    seen = with_discs(source.form, omega, G=G, w=w, known=known, n_integrators=n, band=band, loop=loop)
+    if not isinstance(plant, UncertaintyModel) or loop.aliases is None:
+        return seen
+    every = loop.aliases.sampled_radius(omega, G)
+    return replace(seen, radius=np.where(np.isfinite(every), every, seen.radius))  # without a bound the check judges
 
 
 def add_mode_lines(

@@ -11,7 +11,7 @@ loops see the same dG) is left to the check of the whole: where it fails, the di
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -113,7 +113,7 @@ def close_in_turn(
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
     dt = require_plant(plant, options)
     n = plant.n_inputs
-    of_loops: LoopOptions = {**options, "dt": dt, "delay": 0.0}
+    of_loops = {**options, "dt": dt, "delay": 0.0}
     each = [loop_demands(k, n, structure=structure, options=of_loops) for k in range(n)]
     on_lines = matrix_on_lines(plant, dt, options["delay"])
     order = sorted(range(n), key=lambda k: -crossover_of(each[k][1]["omega_c"]))
@@ -185,7 +185,7 @@ def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
 def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
     """Structure and demands of one loop: of a list the one that is its own."""
 
-    def own(name: str, given: object) -> object:
+    def own(name: str, given: Any) -> Any:
         if not isinstance(given, list):
             return given
         if len(given) != n:
@@ -193,7 +193,7 @@ def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], opti
         return given[k]
 
     rest = {name: own(name, given) if name in PER_LOOP_OPTIONS else given for name, given in options.items()}
-    return cast("Structure", own("structure", structure)), cast("LoopOptions", rest)
+    return own("structure", structure), rest
 
 
 def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
@@ -260,7 +260,7 @@ def design_loop_k(
     try:
         if K[k] is not None:
             options = {**options, "start": K[k]}
-        return design_loop(discs, structure, **options)
+        return design_loop(discs, structure, options)
     except ValueError as error:
         closed = ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
         raise ValueError(
@@ -288,8 +288,8 @@ def evaluate_loop(
 ) -> Design:
     """Loop k as it is, with all others closed."""
     structure, options = own
-    as_it_is: LoopOptions = {**options, "start": K[k], "n_iterations": 0}
-    return design_loop(on_lines.seen_from(k, K, wider), structure, **as_it_is)
+    as_it_is = {**options, "start": K[k], "n_iterations": 0}
+    return design_loop(on_lines.seen_from(k, K, wider), structure, as_it_is)
 
 
 def check_whole_set(

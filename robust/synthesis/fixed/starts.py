@@ -13,7 +13,7 @@ from robust._base.states import Stability
 from robust._base.types import Controller
 from robust.analysis.loop import Loop, decide_nominal_stability
 from robust.lti.connections import closed_loop
-from robust.lti.lti import response, timebase
+from robust.lti.lti import require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import count_half_turns, extend_below, integrator_poles, unstable_poles, winding_number
 from robust.synthesis.fixed.demands import Demand
@@ -227,8 +227,7 @@ def barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:
 def start_from_controller(basis: Basis, start: Controller, at: PlantOnLines) -> np.ndarray:
     """Parameters of a controller the user gave, or a refusal when it does not have the structure."""
     K0 = state_space("start", start)
-    if K0.nstates and timebase(K0) != basis.dt:
-        raise ValueError(f"start must have the sampling time of the design, {basis.dt:g} s, got {timebase(K0):g} s")
+    require_sampling_time("start", K0, reference="the design", wanted=basis.dt)
     omega = at.omega[at.omega <= at.highest * (1 + 1e-9)]
     theta = project_on_structure(basis, K0, omega)
     K, k = basis.controller(theta), response(K0, omega)

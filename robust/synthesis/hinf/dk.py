@@ -114,8 +114,8 @@ class DkDesign:
         return iter((self.K, self.CL, self.mu, self))
 
 
-#: A function that scales a block, and its inverse where it has states.
-Scaling: TypeAlias = control.StateSpace | tuple[control.StateSpace, control.StateSpace]
+#: A function that scales a block, and its inverse.
+Scaling: TypeAlias = tuple[control.StateSpace, control.StateSpace]
 
 
 def dk_iteration(
@@ -303,7 +303,7 @@ def start_descent(
         near[0] = found if np.isfinite(found) else near[0]
         return found
 
-    return descend(least_norm, [d[0] if isinstance(d, tuple) else d for d in best.scaling])
+    return descend(least_norm, [d for d, _ in best.scaling])
 
 
 def move_scalings(
@@ -436,33 +436,21 @@ def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks,
     return DkDesign(K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason="")
 
 
-def identity_scaling(dt: float) -> control.StateSpace:
+def identity_scaling(dt: float) -> Scaling:
     """Return the scaling to begin with."""
-    return control.StateSpace([], [], [], [[1.0]], dt)
-
-
-def scaling_systems(
-    scaling: list[Scaling], s: BlockStructure, dt: float
-) -> tuple[control.StateSpace, control.StateSpace]:
-    """D_L and D_R^-1 from one function per block (given with its inverse where it has states)."""
-    pairs = [d if isinstance(d, tuple) else (d, d) for d in scaling]
-    left = [d for (d, _), row in zip(pairs, s.rows, strict=True) for _ in range(row.stop - row.start)]
-    right = [d for (_, d), col in zip(pairs, s.cols, strict=True) for _ in range(col.stop - col.start)]
-    return block_diagonal(left, dt), block_diagonal(right, dt)
+    one = control.StateSpace([], [], [], [[1.0]], dt)
+    return one, one
 
 
 def scaled_plant(
     P: control.StateSpace, scaling: list[Scaling], s: BlockStructure, sizes: tuple[int, int]
 ) -> control.StateSpace:
-    """D_L P D_R^-1, y and u as they are."""
+    """D_L P D_R^-1 from one function per block with its inverse, y and u as they are."""
     dt = timebase(P)
-    left, right = scaling_systems(scaling, s, dt)
-    return append_passthrough(left, sizes[0], dt) * P * append_passthrough(right, sizes[1], dt)
-
-
-def append_passthrough(system: control.StateSpace, n: int, dt: float) -> control.StateSpace:
-    """Return the system beside n signals that pass."""
-    return block_diagonal([system, control.StateSpace([], [], [], np.eye(n), dt)], dt)
+    left = [d for (d, _), row in zip(scaling, s.rows, strict=True) for _ in range(row.stop - row.start)]
+    right = [d for (_, d), col in zip(scaling, s.cols, strict=True) for _ in range(col.stop - col.start)]
+    passed = [control.StateSpace([], [], [], np.eye(n), dt) for n in sizes]
+    return block_diagonal([*left, passed[0]], dt) * P * block_diagonal([*right, passed[1]], dt)
 
 
 def fit_scalings(
@@ -485,9 +473,7 @@ def fit_scalings(
     at, wanted = resample_scalings(omega, d)
     best: tuple[float, list[Scaling], int] = (np.inf, [], 0)
     for k in range(min(order, 12) + 1):
-        fits = [minimum_phase(at, each, dt=dt, order=k) for each in wanted[:-1]] + [
-            (identity_scaling(dt), identity_scaling(dt))
-        ]
+        fits = [minimum_phase(at, each, dt=dt, order=k) for each in wanted[:-1]] + [identity_scaling(dt)]
         misfit = float(np.linalg.norm(np.log(scaling_sizes(fits, at) / wanted)))
         if misfit < best[0]:  # a fit of higher order may have ended in a worse local optimum
             best = misfit, fits, k
@@ -509,7 +495,7 @@ def resample_scalings(omega: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.
 
 def scaling_sizes(scaling: list[Scaling], omega: np.ndarray) -> np.ndarray:
     """Return (blocks, W) moduli of one function per block."""
-    return np.array([np.abs(response(d[0] if isinstance(d, tuple) else d, omega)) for d in scaling])
+    return np.array([np.abs(response(d, omega)) for d, _ in scaling])
 
 
 def scaled_gains(response_: np.ndarray, d: np.ndarray, s: BlockStructure) -> np.ndarray:

@@ -213,8 +213,6 @@ class CircleResult:
         No controller reaches less, by what none changes and by the discs inside; 0 where they say nothing.
     level : float
         Least level of the last problem tried.
-    size, tried : float
-        Distance of the circle from the axis relative to the slowest pole: K is of, and at the moment.
     n_steps : int
         Levels tried.
     """
@@ -223,8 +221,6 @@ class CircleResult:
     gamma: float = np.inf
     low: float = 0.0
     level: float = LARGEST_GAMMA
-    size: float = 0.0
-    tried: float = 0.0
     n_steps: int = 0
 
 
@@ -246,7 +242,6 @@ def synthesise_between_circles(
         if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.low:
             continue
         for problem in regular_outside(plant, *rung):
-            found = replace(found, tried=10.0 ** -rung[0])
             found = try_levels(P, plant, problem=problem, found=found, step=step, n_steps=n_steps)
         if found.K is not None:
             found = raise_lower_bound(plant, rung, found=found, n_steps=n_steps)
@@ -373,7 +368,7 @@ def keep_if_better(
         return found
     where = (np.tan(peak * plant.dt / 2) if plant.dt else peak) / plant.speed
     low = max(found.low, unchangeable_gain(plant, np.array([where])))
-    return replace(found, K=loop[0], gamma=achieved, size=found.tried, low=low)
+    return replace(found, K=loop[0], gamma=achieved, low=low)
 
 
 def norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
@@ -454,9 +449,6 @@ class Synthesis:
     gamma_min, gamma_low : float
         Least gamma at which the existence conditions were met, and a level that no controller reaches: the largest at
         which they were seen to fail. Where the problem is singular both are that level, of the problem as it was given.
-    regularisation : float
-        Distance of the circle that took the place of the axis in a singular problem, relative to the slowest pole
-        (0: the problem is regular). gamma is the norm without it.
     n_steps : int
         Values of gamma tried.
     reason : str
@@ -482,7 +474,6 @@ class Synthesis:
     gamma: float
     gamma_min: float
     gamma_low: float
-    regularisation: float
     n_steps: int
     reason: str
     certificate: Certificate | None = None
@@ -613,7 +604,7 @@ def synthesise(
     if hidden:
         raise ValueError(f"P must be one that a controller can stabilise, got one where {hidden}")
     nothing = control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt)
-    best = Synthesis(K=nothing, gamma=np.inf, gamma_min=np.inf, gamma_low=0.0, regularisation=0.0, n_steps=0, reason="")
+    best = Synthesis(K=nothing, gamma=np.inf, gamma_min=np.inf, gamma_low=0.0, n_steps=0, reason="")
     problem = normalise_plant(plant)
     if problem is not None and not any(map(has_zero_on_axis, (problem, dual_plant(problem)))):
         best = synthesise_regular(P, problem, nothing=best, wanted=(gamma_min, tolerance, factor), n_steps=n_steps)
@@ -643,7 +634,6 @@ def synthesise_singular(
         gamma=found.gamma,
         gamma_min=low,
         gamma_low=low,
-        regularisation=found.size,
         n_steps=nothing.n_steps + found.n_steps,
         reason=reason,
     )

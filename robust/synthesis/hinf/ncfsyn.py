@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import control
 import numpy as np
-from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import require_positive, require_real
 from robust._base.types import Controller, LinearSystem, Weight
 from robust.lti.connections import block_diagonal, closed_loop, in_series
 from robust.lti.lti import is_clockless, response, response_by_channel, timebase, with_names
-from robust.lti.norms import hinf_norm, to_continuous, to_discrete
+from robust.lti.norms import hinf_norm, stabilising_riccati, to_continuous, to_discrete
 from robust.lti.realisation import from_roots, multivariable
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import certify_closed_loop
@@ -101,18 +100,15 @@ def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
 
 def riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """X and Z of the shaped plant: those of control and of filtering."""
-    if not A.size:
-        return A, A
-    S, R = np.eye(D.shape[1]) + D.T @ D, np.eye(D.shape[0]) + D @ D.T
-    drift = A - B @ np.linalg.solve(S, D.T @ C)
-    try:
-        X = solve_continuous_are(drift, B, C.T @ np.linalg.solve(R, C), S)
-        Z = solve_continuous_are(drift.T, C.T, B @ np.linalg.solve(S, B.T), R)
-    except (np.linalg.LinAlgError, ValueError) as error:
+    X, Z = (
+        stabilising_riccati(a, b, Q=c.T @ c, R=np.eye(d.shape[1]) + d.T @ d, S=c.T @ d)
+        for a, b, c, d in ((A, B, C, D), (A.T, C.T, B.T, D.T))
+    )
+    if X is None or Z is None:
         raise ValueError(
-            "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations have no solution "
-            f"({error}). Does W1 or W2 cancel an unstable or undamped mode?"
-        ) from None
+            "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations have no solution. "
+            "Does W1 or W2 cancel an unstable or undamped mode?"
+        )
     return X, Z
 
 

@@ -206,7 +206,7 @@ class TunedDesign:
     ) -> control.StateSpace:
         """Return fixed parts, blocks and whatever else joined by name."""
         parts = [*self.system, *(block.system(self.dt) for block in self.blocks.values()), *more]
-        return with_names(join_by_name(parts, [], external=inputs, looked_at=outputs).system, inputs, outputs)
+        return with_names(join_by_name(parts, [], external=inputs, looked_at=outputs), inputs, outputs)
 
     def __str__(self) -> str:
         met = "met, on lines or as norms as said" if self.met else "NOT MET"

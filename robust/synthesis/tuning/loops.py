@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import control
 import numpy as np
@@ -108,8 +109,9 @@ class ModelledLoop:
         self.lines = bilinear_frequency(lines[lines * dt < np.pi] if dt else lines, dt)
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
-        """Return the loop with the blocks M."""
-        return self.fixed.close(M)
+        """Return the loop with the blocks M; None where it has no solution, or none of finite numbers."""
+        loop = self.fixed.close(M)
+        return loop if loop is not None and np.isfinite(loop.A).all() else None
 
     def band(self, channel: AnyChannel) -> tuple[float, float]:
         """Return the band of a limit in the plane of the bilinear map [rad/s]."""
@@ -217,10 +219,7 @@ class ModelledLoop:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Refine local maxima: brackets are closed to a quarter, so many times; exact: as reported."""
         respond = loop.responses_by_elimination if exact else self.respond(loop)
-        padded = np.concatenate([[-np.inf], level, [-np.inf]])
-        top = (level >= padded[:-2]) & (level >= padded[2:])
-        places = np.flatnonzero(top & (level >= NEAR_PEAK_RATIO * level.max(initial=0.0)))
-        places = places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
+        places = highest_places(level)
         best, value_ = omega[places], level[places]
         left, right = omega[np.maximum(places - 1, 0)], omega[np.minimum(places + 1, omega.size - 1)]
         inner = np.isfinite(best) & np.isfinite(right) & (left < best) & (best < right)
@@ -292,10 +291,8 @@ class ModelledLoop:
             found[channel.index] = (best, where, certain)
         return found
 
-    def look_closely(self, M: np.ndarray) -> dict[int, CloseLook]:
+    def look_closely(self, loop: ClosedLoop) -> dict[int, CloseLook]:
         """Return every limit: as a norm where it is one, else on lines much denser than those of the search."""
-        loop = self.close(M)
-        assert loop is not None
         norms, looks = self.raise_norms(loop), {}
         for channel in self.channels:
             level, omega, certain = norms[channel.index]
@@ -345,17 +342,12 @@ class ModelledLoop:
             found[part] = self.levels(channel, omega[part], H[part], exact=True)
         return found
 
-    def curve(self, channel: AnyChannel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def curve(self, channel: AnyChannel, loop: ClosedLoop, omega: np.ndarray) -> np.ndarray:
         """Return (W,) ratio of a limit over frequencies of the plane."""
-        loop = self.close(M)
-        if loop is None:
-            return np.full(omega.size, np.nan)
         return self.levels(channel, omega, loop.responses_by_elimination(omega), exact=True)
 
-    def frequencies(self, channel: AnyChannel, M: np.ndarray) -> np.ndarray:
+    def frequencies(self, channel: AnyChannel, loop: ClosedLoop) -> np.ndarray:
         """Return frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
-        loop = self.close(M)
-        assert loop is not None
         size = np.abs(loop.poles)[np.abs(loop.poles) > 0] if loop.poles.size else np.ones(1)
         low, high = self.band(channel)
         high = min(high, 20 * float(size.max()))
@@ -369,6 +361,14 @@ class ModelledLoop:
         if np.isfinite(omega) and omega > 0 and not any(abs(omega - one) <= 1e-6 * omega for one in kept):
             kept.append(omega)
             del kept[:-MAX_KEPT]
+
+
+def highest_places(level: np.ndarray) -> np.ndarray:
+    """Return where the highest local maxima of a level (W,) are, the highest first."""
+    padded = np.concatenate([[-np.inf], level, [-np.inf]])
+    top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEAR_PEAK_RATIO * level.max(initial=0.0))
+    places = np.flatnonzero(top)
+    return places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
 
 
 def weighted_channel(
@@ -448,6 +448,15 @@ def peaks_of_gains(
     return peaks
 
 
+@value(copy=False)
+class ClosedLines:
+    """A stable loop around an FRF: the matrix M of its blocks, and H (W, outputs, inputs) on the lines."""
+
+    M: np.ndarray
+    H: np.ndarray
+    poles: ClassVar[np.ndarray] = np.zeros(0, complex)
+
+
 class MeasuredLoop:
     """Evaluate the loop of a plant that is known on lines: nothing is computed between them."""
 
@@ -473,26 +482,12 @@ class MeasuredLoop:
         P = evaluate_transfer(*matrices, 1j * self.image)
         # close the plant: u' = u_p + du, y_p = G u' + dy; then (w, du, dy, u) -> (z, u', y)
         G = np.moveaxis(plant.G, 2, 0)
-        w, y_p, u_b = np.s_[:n_external], np.s_[n_external : n_external + n_y], np.s_[n_external + n_y :]
-        z, u_p, y_b = np.s_[:n_looked_at], np.s_[n_looked_at : n_looked_at + n_u], np.s_[n_looked_at + n_u :]
-        one = np.eye(n_u)
-        inner = np.linalg.inv(one - P[:, u_p, y_p] @ G)
-        # u' = inner (P_uw w + du + P_uy dy + P_ub u)
-        into = np.concatenate(
-            [P[:, u_p, w], np.broadcast_to(one, (len(P), n_u, n_u)), P[:, u_p, y_p], P[:, u_p, u_b]], axis=2
-        )
-        u_seen = inner @ into
-        direct = np.zeros((len(P), n_y, into.shape[2]), complex)
-        direct[:, :, n_external + n_u : n_external + n_u + n_y] = np.eye(n_y)
-        y_seen = G @ u_seen + direct
-
-        def looked(rows: slice) -> np.ndarray:
-            own = np.zeros((len(P), P[:, rows].shape[1], into.shape[2]), complex)
-            own[:, :, w] = P[:, rows, w]
-            own[:, :, n_external + n_u + n_y :] = P[:, rows, u_b]
-            return own + P[:, rows, y_p] @ y_seen
-
-        full = np.concatenate([looked(z), u_seen, looked(y_b)], axis=1)
+        y_p, u_p = np.s_[n_external : n_external + n_y], np.s_[n_looked_at : n_looked_at + n_u]
+        du = np.zeros((len(P), P.shape[1], n_u))
+        du[:, u_p] = np.eye(n_u)
+        inner = np.linalg.inv(np.eye(n_u) - P[:, u_p, y_p] @ G)
+        around = np.concatenate([P[:, :, :n_external], du, P[:, :, n_external:]], axis=2)
+        full = around + P[:, :, y_p] @ G @ inner @ around[:, u_p]
         n_w, n_z = n_external + n_u + n_y, n_looked_at + n_u
         self.P11, self.P12 = full[:, :n_z, :n_w], full[:, :n_z, n_w:]
         self.P21, self.P22 = full[:, n_z:, :n_w], full[:, n_z:, n_w:]
@@ -535,31 +530,29 @@ class MeasuredLoop:
         """Return the scalings (W, K) that the search has kept; None where the limit has none."""
         return np.exp(self.scalings[channel.index].log_d.T) if channel.is_scaled else None
 
-    def refit_scalings(self, M: np.ndarray) -> None:
+    def close(self, M: np.ndarray) -> ClosedLines | None:
+        """Return the loop with the blocks M; None where it has no solution, or the lines do not show it stable."""
+        H = self.responses(M) if all(self.stability_by_winding(M)) else None
+        return None if H is None else ClosedLines(M=M, H=H)
+
+    def refit_scalings(self, loop: ClosedLines) -> None:
         """Find the scalings of the worst cases again for a loop."""
-        H = self.responses(M)
         for channel in self.channels:
-            if channel.is_scaled and H is not None:
+            if channel.is_scaled:
                 assert self.plant.perturbation is not None
                 level = 1 / np.maximum(channel.limit.factor(self.plant.omega), 1e-300)
-                found = channel.best_scalings(self.plant.omega, H, self.plant.perturbation, level)
+                found = channel.best_scalings(self.plant.omega, loop.H, self.plant.perturbation, level)
                 self.scalings[channel.index] = found
 
-    def peaks(self, M: np.ndarray, slopes: np.ndarray) -> list[Peak]:
+    def peaks(self, loop: ClosedLines, slopes: np.ndarray) -> list[Peak]:
         """Return peaks on the lines with their gradients."""
-        H = self.responses(M)
-        if H is None:
-            return []
-        K, left, right = self.blocks_at(M)
+        K, left, right = self.blocks_at(loop.M)
         if any(channel.is_scaled and channel.index not in self.scalings for channel in self.channels):
-            self.refit_scalings(M)
+            self.refit_scalings(loop)
         found = []
         for channel in self.channels:
-            level = self.levels(channel, H)
-            padded = np.concatenate([[-np.inf], level, [-np.inf]])
-            top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEAR_PEAK_RATIO * level.max())
-            places = np.flatnonzero(top)
-            for k in places[np.argsort(-level[places], kind="stable")][:N_PEAKS]:
+            level = self.levels(channel, loop.H)
+            for k in highest_places(level):
                 if level[k] <= 0:
                     continue
                 inner = np.linalg.inv(np.eye(self.n_in) - self.P22[k] @ K[k])
@@ -568,7 +561,7 @@ class MeasuredLoop:
                 perturbation, d = self.plant.perturbation, self.scalings_on_lines(channel)
                 factor = float(channel.limit.factor(self.plant.omega[[k]])[0])
                 slope = channel.slopes(
-                    H[k], None if perturbation is None else perturbation.at(k), None if d is None else d[k]
+                    loop.H[k], None if perturbation is None else perturbation.at(k), None if d is None else d[k]
                 )
                 found += peaks_of_gains(
                     channel,
@@ -581,30 +574,28 @@ class MeasuredLoop:
                 )
         return found
 
-    def raise_norms(self, M: np.ndarray) -> dict[int, tuple[float, float, bool]]:
+    def raise_norms(self, loop: ClosedLines) -> dict[int, tuple[float, float, bool]]:
         """Return the largest level of each limit on the lines, and where in the plane of the bilinear map."""
-        H = self.responses(M)
         found = {}
         for channel in self.channels:
-            level = np.full(1, np.inf) if H is None else self.levels(channel, H, exact=True)
+            level = self.levels(channel, loop.H, exact=True)
             k = int(np.argmax(level))
             found[channel.index] = (float(level[k]), float(self.image[k]), False)
         return found
 
-    def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """Return (W,) ratio of a limit on its lines."""
-        H = self.responses(M)
-        return np.full(omega.size, np.nan) if H is None else self.levels(channel, H, exact=True)[self.band(channel)]
+    def curve(self, channel: Channel, loop: ClosedLines, omega: np.ndarray) -> np.ndarray:
+        """Return (W,) ratio of a limit on its lines omega."""
+        return self.levels(channel, loop.H, exact=True)[self.band(channel)]
 
-    def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
+    def frequencies(self, channel: Channel, loop: ClosedLines) -> np.ndarray:
         """Return lines of a limit, in the plane of the bilinear map [rad/s]."""
         return self.image[self.band(channel)]
 
-    def look_closely(self, M: np.ndarray) -> dict[int, CloseLook]:
+    def look_closely(self, loop: ClosedLines) -> dict[int, CloseLook]:
         """Return every limit on the lines of its band."""
         return {
             channel.index: CloseLook(ratio=level, omega=omega, n_lines=int(self.band(channel).sum()))
-            for channel, (level, omega, _) in zip(self.channels, self.raise_norms(M).values(), strict=True)
+            for channel, (level, omega, _) in zip(self.channels, self.raise_norms(loop).values(), strict=True)
         }
 
     def seen_by_plant(self, M: np.ndarray) -> control.StateSpace | None:

@@ -9,12 +9,11 @@ A quadratic program stalls where peaks come and go, BFGS is slow where they stay
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
+from robust.synthesis.conic import solve_conic
 from robust.synthesis.tuning.loops import Peak
 from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, TuningProblem
 
@@ -336,10 +335,11 @@ def quadratic_program(
     P = np.zeros((A.shape[1], A.shape[1]))
     P[:n, :n] = (H + H.T) / 2
     q = np.concatenate([np.zeros(n), [1.0], np.full(len(groups), rho)])
-    solution = solve_quadratic(P, q, A=np.vstack([A, edges]), b=np.concatenate([b, high, -low]))
-    if solution is None:
+    x, z, failed = solve_conic(
+        P, q, A=np.vstack([A, edges]), b=np.concatenate([b, high, -low]), positive=len(b) + 2 * len(high)
+    )
+    if failed:
         return None
-    x, z = solution
     d = np.clip(x[:n], low, high)
     after = model_merit(peaks, d, groups=groups, rho=rho)
     predicted = model_merit(peaks, np.zeros(n), groups=groups, rho=rho) - after
@@ -372,29 +372,6 @@ def linear_constraints(
             scale = max(abs(pole.excess), 1e-9)
             rows.append((row(pole.gradient / scale, None), 0.9 * max(-pole.excess, 0.0) / scale))
     return np.array([one for one, _ in rows]), np.array([right for _, right in rows])
-
-
-def solve_quadratic(
-    P: np.ndarray, q: np.ndarray, *, A: np.ndarray, b: np.ndarray
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return x and multipliers of min x'P x/2 + q'x with A x <= b; None where the solver finds none."""
-    import clarabel
-
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            solver = clarabel.DefaultSolver(
-                sparse.csc_matrix(np.triu(P)), q, sparse.csc_matrix(A), b, [clarabel.NonnegativeConeT(len(b))], settings
-            )
-            solution = solver.solve()
-    except BaseException as error:  # the solver panics with an exception of its own
-        if isinstance(error, KeyboardInterrupt | SystemExit):
-            raise
-        return None
-    x, z = np.array(solution.x), np.array(solution.z)
-    return (x, z) if np.isfinite(x).all() and np.isfinite(z).all() else None
 
 
 def model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -131,9 +132,8 @@ class TuningProblem:
             return Evaluation(x=x, excess=np.inf, poles=[], peaks=[])
         rows: list[tuple[float, int, int]] = []
         for k, loop in enumerate(loops):
-            if loop is not None:
-                excesses = self.real_parts(loop.poles) + self.decay
-                rows += [(float(excesses[place]), k, int(place)) for place in self.movable_poles(k, loop.poles)]
+            excesses = self.real_parts(loop.poles) + self.decay
+            rows += [(float(excesses[place]), k, int(place)) for place in self.movable_poles(k, loop.poles)]
         rows.sort(reverse=True)
         excess = rows[0][0] if rows else -np.inf
         slopes = self.controller.slopes(x) if (peaks or pole_slopes) else None
@@ -147,23 +147,21 @@ class TuningProblem:
         assert slopes is not None
         found: list[Peak] = []
         for scene, loop in zip(self.scenes, loops, strict=True):
-            found += scene.peaks(M, slopes) if isinstance(scene, MeasuredLoop) else scene.peaks(loop, slopes)  # type: ignore[arg-type]
+            found += scene.peaks(loop, slopes)
         return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=found)
 
-    def close_loops(self, M: np.ndarray) -> list[ClosedLoop | None] | None:
-        """Return the loops, None for one on lines; None where one has no solution, or does not wind as a stable one."""
+    def close_loops(self, M: np.ndarray) -> list[Any] | None:
+        """Return the loops as their scenes have them; None where one has no solution, or winds as no stable one."""
         if not np.isfinite(M).all():
             return None
-        loops: list[ClosedLoop | None] = []
-        for scene in self.scenes:
-            loop = None
-            if isinstance(scene, MeasuredLoop):
-                if not all(scene.stability_by_winding(M)):
-                    return None
-            elif (loop := scene.close(M)) is None or not np.isfinite(loop.A).all():
-                return None
-            loops.append(loop)
-        return loops
+        loops = [scene.close(M) for scene in self.scenes]
+        return None if any(loop is None for loop in loops) else loops
+
+    def loops_at(self, x: np.ndarray) -> list[tuple[ModelledLoop | MeasuredLoop, Any]]:
+        """Return every scene with its loop, at coordinates where there is one."""
+        loops = self.close_loops(self.controller.matrix(x))
+        assert loops is not None
+        return list(zip(self.scenes, loops, strict=True))
 
     def real_parts(self, poles: np.ndarray) -> np.ndarray:
         """Return real parts in s of poles in the plane of the bilinear map."""
@@ -184,9 +182,8 @@ class TuningProblem:
                 left[k] = False
         return np.flatnonzero(left)
 
-    def pole_gradient(self, loop: ClosedLoop | None, place: int, excess: float, slopes: np.ndarray | None) -> PoleRow:
+    def pole_gradient(self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray | None) -> PoleRow:
         """Return the slope of a pole: d pole = l dM r, carried on to s."""
-        assert loop is not None
         assert slopes is not None
         right, left = loop.pole_sensitivity_factors(place)
         slope = slopes.reshape(len(slopes), -1) @ (right @ left).T.ravel()
@@ -243,16 +240,7 @@ class TuningProblem:
 
     def norms(self, x: np.ndarray) -> list[dict[int, tuple[float, float, bool]]]:
         """Of each plant the largest level of each limit, where, and whether no frequency has a higher one."""
-        M = self.controller.matrix(x)
-        found = []
-        for scene in self.scenes:
-            if isinstance(scene, MeasuredLoop):
-                found.append(scene.raise_norms(M))
-            else:
-                loop = scene.close(M)
-                assert loop is not None
-                found.append(scene.raise_norms(loop))
-        return found
+        return [scene.raise_norms(loop) for scene, loop in self.loops_at(x)]
 
     @property
     def has_scalings(self) -> bool:
@@ -261,19 +249,12 @@ class TuningProblem:
 
     def refit_scalings(self, x: np.ndarray) -> None:
         """Find the scalings of the worst cases for the design at x."""
-        M = self.controller.matrix(x)
-        for scene in self.scenes:
-            if isinstance(scene, MeasuredLoop):
-                scene.refit_scalings(M)
-                continue
-            loop = scene.close(M)
-            assert loop is not None
+        for scene, loop in self.loops_at(x):
             scene.refit_scalings(loop)
 
     def look_closely(self, x: np.ndarray) -> list[dict[int, CloseLook]]:
         """Of each plant every limit, as it is said in the end."""
-        M = self.controller.matrix(x)
-        return [scene.look_closely(M) for scene in self.scenes]
+        return [scene.look_closely(loop) for scene, loop in self.loops_at(x)]
 
     def report(self, evaluation: Evaluation, rho: float) -> None:
         """Keep the best, and say how far the search is."""

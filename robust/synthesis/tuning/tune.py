@@ -19,7 +19,7 @@ from nlfrf._base.arguments import (
     require_positive,
     short_form,
 )
-from robust.lti.lti import is_constant, timebase, to_s_plane
+from robust.lti.lti import require_sampling_time, to_s_plane, with_names
 from robust.lti.norms import discrete_matrices
 from robust.lti.realisation import multivariable
 from robust.lti.stability import assess_stability, poles_with_rounding
@@ -179,16 +179,10 @@ def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
         raise ValueError(f"system must hold control systems, as a list, got {short_form(system)}")
     parts = []
     for k, part in enumerate(system):
-        name = f"system[{k}]"
-        part = multivariable(name, part)
-        if not is_constant(part) and abs(timebase(part) - dt) > 1e-9 * max(dt, 1e-300):
-            cure = "Discretize it (robust.lti.discretize)" if not timebase(part) else "Give dt"
-            raise ValueError(
-                f"{name} must have the sampling time of the design, {dt:g} s (0 is continuous), got "
-                f"{timebase(part):g} s. {cure}"
-            )
-        names = {"inputs": part.input_labels, "outputs": part.output_labels}
-        parts.append(control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False, **names))
+        part = multivariable(f"system[{k}]", part)
+        require_sampling_time(f"system[{k}]", part, reference="the design", wanted=dt)
+        on_clock = control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False)
+        parts.append(with_names(on_clock, part.input_labels, part.output_labels))
     return parts
 
 
@@ -212,11 +206,10 @@ def make_loops(
     scenes: list[ModelledLoop | MeasuredLoop] = []
     for k, seen in enumerate(see_plants(plants, dt, delay=delay, worst=worst)):
         if isinstance(seen, ModelledPlant):
-            G = with_perturbation(seen.system, plants, dt) if worst else named_plant(seen.system, plants, dt)
-            more_in = perturbation_names(n_u, n_y)[0] if worst else []
-            more_out = perturbation_names(n_u, n_y)[1] if worst else []
-            joined = join_by_name([*parts, G], ports, external=external + more_in, looked_at=looked_at + more_out)
-            fixed = state_plant(joined.system, *sizes, dt)
+            G = with_perturbation(seen.system, plants, dt)
+            into, out = perturbation_names(n_u, n_y) if worst else ([], [])
+            joined = join_by_name([*parts, G], ports, external=external + into, looked_at=looked_at + out)
+            fixed = state_plant(joined, *sizes, dt)
             channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
@@ -226,12 +219,12 @@ def make_loops(
             scenes.append(
                 MeasuredLoop(
                     k,
-                    joined.system,
+                    joined,
                     seen,
                     channels,
                     dt=dt,
-                    n_external=joined.n_external,
-                    n_looked_at=joined.n_looked_at,
+                    n_external=len(external),
+                    n_looked_at=len(looked_at),
                     sizes=sizes,
                 )
             )
@@ -254,7 +247,7 @@ def make_loops(
                 delay=delay + machine.delay,
                 plant=seen.system,
             )
-            fixed = state_plant(joined.system, *sizes, dt)
+            fixed = state_plant(joined, *sizes, dt)
             scenes.append(ModelledLoop(len(scenes), fixed, seen, [channel], dt))
     return scenes
 
@@ -263,12 +256,6 @@ def perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
     """Return signals through which a perturbation acts, and those it reads."""
     into = [f"{AT_INPUT}{i}" for i in range(n_u)] + [f"{AT_OUTPUT}{j}" for j in range(n_y)]
     return into, [f"{PLANT_INPUT}{i}" for i in range(n_u)]
-
-
-def named_plant(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
-    """Return the plant with the names of its signals."""
-    names = {"inputs": list(plants.inputs), "outputs": list(plants.outputs)}
-    return control.StateSpace(G.A, G.B, G.C, G.D, dt, remove_useless_states=False, **names)
 
 
 def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
@@ -513,14 +500,14 @@ def limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarra
     """Return the ratio of a limit over frequency, of the design and of the blocks as they were given."""
     scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
-    M, start = problem.controller.matrix(x), problem.controller.start
-    omega = scene.frequencies(channel, M)
+    loop, start = scene.close(problem.controller.matrix(x)), problem.controller.start
+    omega = scene.frequencies(channel, loop)
     before = np.full(omega.size, np.nan)
     if problem.evaluate(start, peaks=False, pole_slopes=False).stable:
-        before = scene.curve(channel, problem.controller.matrix(start), omega)
+        before = scene.curve(channel, scene.close(problem.controller.matrix(start)), omega)
     return {
         "omegas": true_frequency(omega, problem.dt),
-        "curve": scene.curve(channel, M, omega),
+        "curve": scene.curve(channel, loop, omega),
         "before": before,
     }
 

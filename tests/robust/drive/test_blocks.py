@@ -48,7 +48,7 @@ def joined(settings, unit, inputs, output):
     """The drive from these inputs to its plant input, made of parts and blocks."""
     system, blocks = to_blocks(settings, output_unit=unit)
     parts = [*system, *(block.system(settings.dt) for block in blocks.values())]
-    return join_by_name(parts, [], external=inputs, looked_at=[output]).system
+    return join_by_name(parts, [], external=inputs, looked_at=[output])
 
 
 @pytest.mark.parametrize(

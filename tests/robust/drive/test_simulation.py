@@ -36,9 +36,6 @@ def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=Fa
         offset=np.nan,
         delay=5e-4,
         stds={"mass": 0.005, "damping": 0.05, "coulomb": 0.02, "delay": 1e-6},
-        slopes=np.array([0.5]),
-        slope_stds=np.array([0.05]),
-        forces=np.array([1.05]),
         velocities=np.array([0.1]),
         misfit=1.0,
     )
@@ -48,7 +45,6 @@ def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=Fa
         K0=np.array(K0),
         bristle_time=np.nan,
         creeps=creeps,
-        level_peaks=np.zeros(0),
         stribeck=np.array(stribeck),
     )
 

@@ -162,7 +162,7 @@ def test_a_proof_of_several_channels_is_verified_from_its_file(form, dt, tmp_pat
     aliases = ("every alias in the weights",) * bool(dt)
     assert found.proved == ("nominal stability", "robust stability", "robust performance", *aliases)
     other = robust.io.verify_certificate(path, model=one, K=1.01 * C)
-    assert "model and controller: NOT verified: their loop is not the one of the certificate" in str(other)
+    assert "the loop of model and controller: NOT verified: not the one of the certificate" in str(other)
     with pytest.raises(ValueError, match="model and K must be given together"):
         robust.io.verify_certificate(path, K=C)
     text = path.read_text()

@@ -102,7 +102,7 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     for model, K, parts, message in (
         (MODEL, SMALL, {"report": alone}, "report must be what check gave of this model and this K"),
         (MODEL, SMALL, {"bla": FRM.entry(0, 0)}, "of several inputs or outputs, got one of one input"),
-        (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of class NominalFit"),
+        (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of type NominalFit"),
         (single, 2.0, {"report": report}, "report must be what check gave of this model and this K"),
         (single, 2.0, {"bla": FRM}, "of one input and output, got one of 2 x 2"),
     ):

@@ -120,5 +120,5 @@ def test_both_verdicts_stand_side_by_side(tmp_path):
     assert f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s" in text
     write_report(tmp_path / "without.html", stuck, K, report=report)
     assert "Two verdicts" not in plain(tmp_path / "without.html")
-    with pytest.raises(ValueError, match="friction must be of class FrictionProof for this model, got 1"):
+    with pytest.raises(ValueError, match="friction must be of type FrictionProof or NoneType, got 1"):
         write_report(tmp_path / "bad.html", stuck, K, report=report, friction=1)

@@ -109,10 +109,8 @@ def test_the_friction_of_the_paper_lies_only_here():
 def test_limits_of_a_bristle():
     """A spring alone as controller: stiction until what the microdamping gives back takes all of c = 20 Ns/m."""
     machine = friction_plant(1.0, 80e3, 20.0)
-    proof = prove_friction(machine, 0.0, RIG_FRICTION, limits=True)
-    assert proof.K0_max >= 64e3
-    assert 1 / 0.7 < proof.stiction_max < 1 + 20 / 13
-    assert prove_friction(machine, 0.0, any_bristle(proof.K0_max, 1 / 0.7, 13.0)).verdict == "proved"
+    for stiction, verdict in ((1 / 0.7, "proved"), (1 + 20 / 13, "not decided")):
+        assert prove_friction(machine, 0.0, any_bristle(64e3, stiction, 13.0)).verdict == verdict
 
 
 def test_energy_falls_along_a_motion_with_lugre():
@@ -121,21 +119,19 @@ def test_energy_falls_along_a_motion_with_lugre():
     loop = friction_loop(RIG, pd(20e3, 60.0))
     omega, rates = loop_frequencies(loop, 300), filter_rates(1.5 * RIG.resonance, np.inf)[0]
     table = bristle_terms(mobility(loop, omega), omega, rates=rates, K0=K0, microdamping=sigma)
-    weights = bristle_multipliers(table, rho)
-    theta = [weights.mu, *weights.nu, *(weights.block[i, j] for i, j in BLOCK_ENTRIES)]
-    assert (np.linalg.eigvalsh(np.einsum("wcij,c->wij", table, theta)) < 0).all()
-    form = bristle_dissipation(loop, rates, weights=weights, K0=K0, microdamping=sigma)
+    weights = bristle_multipliers(table, rates, rho)
+    used = np.isin(rates, weights.rates)
+    theta = [weights.free, *weights.weights, *(weights.block[i, j] for i, j in BLOCK_ENTRIES)]
+    assert (np.linalg.eigvalsh(np.einsum("wcij,c->wij", table[:, np.r_[True, used, [True] * 6]], theta)) < 0).all()
+    form = bristle_dissipation(loop, weights, K0=K0, microdamping=sigma)
     judged = in_balanced_coordinates(form)
     found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
     storages = (
-        build_storage(judged.form, P, slack=slack, n_intervals=N)
-        for slack, P in found
-        if P is not None
-        for N in (8, 128)
+        build_storage(judged, P, slack=slack, n_intervals=N) for slack, P in found if P is not None for N in (8, 128)
     )
     storage = next(storage for storage in storages if not judge_storage(judged, storage)[0])
-    back, used = np.linalg.inv(judged.V), rates[weights.nu > 0]
-    P, n, rest = back.T @ storage.coefficients[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]
+    back, used = np.linalg.inv(judged.V), weights.rates
+    P, n, rest = back.T @ storage.P[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]
 
     def motion(_, s):
         xi, F, Fh = s[:n], s[n], s[n + 1 :]

@@ -79,9 +79,9 @@ def test_largest_presliding_stiffness_of_the_weights(name):
 @pytest.mark.parametrize("name", ORACLES)
 def test_certificates_reach_near_the_weights(name):
     (Kp, Ki, Kd, delay), (weights_reach, *_), _ = ORACLES[name]
-    proof = prove_friction(RIG, pid(Kp, Ki, Kd), any_maxwell_slip(64e3, 1.05), delay=delay, limits=True)
-    assert proof.verdict == "proved"
-    assert 0.4 * weights_reach < proof.K0_max <= 1.03 * weights_reach
+    for share in (0.4, 1.05):
+        proof = prove_friction(RIG, pid(Kp, Ki, Kd), any_maxwell_slip(share * weights_reach, 1.05), delay=delay)
+        assert (proof.verdict == "proved") is (share < 1)
 
 
 def test_hunting_bound():

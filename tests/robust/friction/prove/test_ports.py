@@ -299,7 +299,6 @@ def test_a_load_encoder_is_not_decided_with_its_reason():
         ({"friction": (any_maxwell_slip(1e3, position_unit="rad"),) * 2}, "in the units of the machine, m, got rad"),
         ({"Fs": 100.0}, "Fs must be a force for each friction port, 2, got 1"),
         ({"Fs": (100.0, -1.0)}, "Fs must be"),
-        ({"limits": True}, "limits must be False with friction at several ports"),
     ],
 )
 def test_refusals(given, message):

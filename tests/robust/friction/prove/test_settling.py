@@ -96,7 +96,7 @@ def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path
     assert not verify_friction(replace(claim, K0=3 * claim.K0)).verified
     assert not verify_friction(replace(claim, free=1.0)).verified
     assert "it does not" in dict(verify_friction(replace(claim, P=1.5 * claim.P)).failed).values()
-    with pytest.raises(ValueError, match="settling must have finite numbers"):
+    with pytest.raises(ValueError, match="decay must be finite"):
         replace(claim, settling=Settling(decay=np.nan, Fs=1.0, error=1.0))
 
 

@@ -89,9 +89,9 @@ def test_what_is_said_of_the_loops_is_what_was_done(monkeypatch):
     """Loops that meet their demands with all others closed are not designed again, and not said to be."""
     made = []
 
-    def counted(discs, structure, **asked):
+    def counted(discs, structure, asked):
         made.append(asked["n_iterations"])
-        return design_loop(discs, structure, **asked)
+        return design_loop(discs, structure, asked)
 
     monkeypatch.setattr(sequential, "design_loop", counted)
     apart = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), np.eye(2), np.zeros((2, 2)))

@@ -143,7 +143,7 @@ def test_wiring_is_that_of_python_control(seed):
     block = random_system(rng, [driven[int(rng.integers(len(driven)))]], ["s5"])
     reading = random_system(rng, ["s5"], ["z"])
     port = Port(reads=tuple(block.input_labels), drives=tuple(block.output_labels))
-    open_loop = join_by_name([*parts, reading], [port], external=["w"], looked_at=["z", driven[-1]]).system
+    open_loop = join_by_name([*parts, reading], [port], external=["w"], looked_at=["z", driven[-1]])
     s = 0.7j
     P, K = open_loop(s, squeeze=False), block(s, squeeze=False)
     closed = P[:2, :1] + P[:2, 1:] @ K @ np.linalg.inv(np.eye(1) - P[2:, 1:] @ K) @ P[2:, :1]

@@ -256,7 +256,7 @@ def test_one_clear_line(message, changed):
         ("filter_time must be positive", lambda: tuning.Pid(kp=1.0, kd=1.0, **PI)),
         ("fixed must name parameters", lambda: tuning.Pid(kp=1.0, fixed=("kx",), **PI)),
         ("lower must bound parameters", lambda: tuning.Pid(kp=1.0, lower={"kx": 1.0}, **PI)),
-        ("lower must be bounds by name", lambda: tuning.Pid(kp=1.0, lower=1.0, **PI)),
+        ("lower must bound parameters by name", lambda: tuning.Pid(kp=1.0, lower=1.0, **PI)),
         ("K must be 1 by 1", lambda: tuning.Gain(K=[[1.0, 2.0]], **PI)),
         ("K must be finite", lambda: tuning.Gain(K=float("nan"), **PI)),
         ("omega must be positive", lambda: tuning.Notch(omega=-1.0, **PI)),

@@ -1,0 +1,40 @@
+"""Convex programs in cones as the solver takes them: of small ones a modelling layer takes longer than the solution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+
+
+def solve_conic(
+    P: np.ndarray,
+    q: np.ndarray,
+    *,
+    A: np.ndarray,
+    b: np.ndarray,
+    positive: int,
+    zero: int = 0,
+    cones: Sequence[int] = (),
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return x and multipliers of min x'P x/2 + q'x, and "" or why they are none.
+
+    Of b - A x the first `zero` rows are zero and the next `positive` are not negative; the others are second-order
+    cones of these sizes, the first of each no less than the modulus of its others.
+    """
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    kinds = [clarabel.ZeroConeT(zero), clarabel.NonnegativeConeT(positive), *map(clarabel.SecondOrderConeT, cones)]
+    try:
+        solver = clarabel.DefaultSolver(sparse.csc_matrix(np.triu(P)), q, sparse.csc_matrix(A), b, kinds, settings)
+        solution = solver.solve()
+    except BaseException as error:  # the solver panics with an exception of its own
+        if isinstance(error, KeyboardInterrupt | SystemExit):
+            raise
+        return np.zeros(0), np.zeros(0), f"the solver CLARABEL failed: {type(error).__name__}"
+    x, z, status = np.array(solution.x), np.array(solution.z), str(solution.status)
+    failed = "Infeasible" in status or not (np.isfinite(x).all() and np.isfinite(z).all())
+    return x, z, f"the solver gave no step ({status})" if failed else ""
