@@ -194,7 +194,7 @@ class Aliases:
             return np.full(omega.size, np.nan)
         one = np.ones(omega.size)
         point = evaluate_aliases(self, omega, S=one, KS=one, sampled=sampled)
-        return stability_measure(self, point.magnitudes, point.alias_sums())
+        return point.stability_measure(point.alias_sums())
 
     def alias_terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return h_k, h_k G_k and |F_k|, (W, 1 + k) each, of the frequency itself and of the aliases summed one by one.
@@ -215,82 +215,6 @@ class Aliases:
         hG[row[dominant], largest[dominant]] = replace_infinite(sampled[dominant]) - alone[dominant].sum(1)
         F = np.abs(hG / hold) if self.F_includes_plant else 1.0
         return h, hG, F * np.abs(w)
-
-
-def sum_over_aliases(
-    hold: np.ndarray,
-    hG: np.ndarray,
-    *,
-    F: np.ndarray,
-    tails: AliasSums,
-    sin_half_angle: np.ndarray,
-    inside: np.ndarray | bool = True,
-) -> AliasSums:
-    """Add |h_k|, |h_k G_k|, |F_k| (I, k) of the aliases `inside` and the bounds of all others times |sin|."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        over = np.where(F < 1, F / (1 - F), np.inf)
-        GF = np.where((hG > 0) & inside, hG * over, 0.0)
-    hG, F = hG * inside, F * inside
-    return AliasSums(
-        F=(hold * F).sum(1) + sin_half_angle * tails.F,
-        G=hG.sum(1) + sin_half_angle * tails.G,
-        FF=(F**2).sum(1) + tails.FF,
-        GG=(hG**2).sum(1) + sin_half_angle**2 * tails.GG,
-        GF=GF.sum(1) + sin_half_angle * tails.GF,
-        product=(hG * F).sum(1) + sin_half_angle * tails.product,
-        F_max=np.maximum(F.max(1), tails.F_max),
-    )
-
-
-@value
-class LoopMagnitudes:
-    """Hold the magnitudes that the conditions are made of, (I,) each.
-
-    Fields
-    ------
-    KS, FS, FKS, GKS : (I,) ndarray
-        |K S|, |F S|, |F K S| and |h_0 G K S|, F and G those at the frequency itself.
-    hold : (I,) ndarray
-        |h_0|.
-    """
-
-    KS: np.ndarray
-    FS: np.ndarray
-    FKS: np.ndarray
-    GKS: np.ndarray
-    hold: np.ndarray
-
-
-def stability_measure(aliases: Aliases, magnitudes: LoopMagnitudes, others: AliasSums) -> np.ndarray:
-    """Return the measure (I,) that is below one where stability is robust: the table above, or a bound (LTI inverse).
-
-    For the inverse forms 1 + K G_p is put over 1 + F Delta_0, and every alias moves it by |h_k G_k| |F_k|/(1 - |F_k|)
-    at most. In blocks of the frequency itself and the rest, the matrix of an operator has the norm of its blocks.
-    """
-    with np.errstate(invalid="ignore", over="ignore"):
-        if not aliases.inverse and aliases.operator:
-            return np.sqrt(magnitudes.FKS**2 + multiply_or_zero(magnitudes.KS, np.sqrt(others.FF)) ** 2)
-        if not aliases.inverse:
-            return magnitudes.hold * magnitudes.FKS + multiply_or_zero(magnitudes.KS, others.F)
-        own = magnitudes.FS + magnitudes.FKS * others.G
-        if not aliases.operator:
-            return own + multiply_or_zero(magnitudes.KS + magnitudes.FKS, others.GF)
-        F, G = np.sqrt(others.FF), np.sqrt(others.GG)
-        return largest_singular_value_2x2(
-            own, magnitudes.GKS * F, c=magnitudes.FKS * G, d=others.F_max + magnitudes.KS * G * F
-        )
-
-
-def squared_performance_gain(
-    magnitudes: LoopMagnitudes, others: AliasSums, *, PS: np.ndarray, PFS: np.ndarray, scaling: float
-) -> np.ndarray:
-    """Return the squared gain (I,) from (p, r) to (input of Delta, w_P e) under one scaling; not for inverse forms.
-
-    PS, PFS are |w_P S| and |w_P F S|. The matrix is a column times a row, so its gain is the product of their sizes.
-    """
-    d = scaling**2
-    gain = magnitudes.FKS**2 + multiply_or_zero(magnitudes.KS**2, others.FF)
-    return np.asarray(gain + magnitudes.KS**2 * d + PS**2 + (PFS**2 + multiply_or_zero(PS**2, others.FF)) / d)
 
 
 def multiply_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
@@ -325,11 +249,35 @@ class AliasedLoop:
         """Return |sin(omega T/2)| (W,)."""
         return np.sin(np.minimum(self.omega * self.aliases.dt / 2, np.pi / 2))
 
-    @property
-    def magnitudes(self) -> LoopMagnitudes:
-        """Return the magnitudes at the frequency itself that the conditions are made of."""
-        F, KS, hold = self.F[:, 0], np.abs(self.KS), self.hold[:, 0]
-        return LoopMagnitudes(KS=KS, FS=F * np.abs(self.S), FKS=F * KS, GKS=np.abs(self.hG[:, 0]) * KS, hold=hold)
+    def stability_measure(self, others: AliasSums) -> np.ndarray:
+        """Return (W,) what is below one where stability is robust: the table above, or a bound (LTI inverse).
+
+        For the inverse forms 1 + K G_p is put over 1 + F Delta_0, and every alias moves it by |h_k G_k| |F_k|/(1 -
+        |F_k|) at most. In blocks of the frequency itself and the rest, the matrix of an operator has the norm of its
+        blocks.
+        """
+        KS, FS = np.abs(self.KS), self.F[:, 0] * np.abs(self.S)
+        FKS = self.F[:, 0] * KS
+        with np.errstate(invalid="ignore", over="ignore"):
+            if not self.aliases.inverse and self.aliases.operator:
+                return np.sqrt(FKS**2 + multiply_or_zero(KS, np.sqrt(others.FF)) ** 2)
+            if not self.aliases.inverse:
+                return self.hold[:, 0] * FKS + multiply_or_zero(KS, others.F)
+            own = FS + FKS * others.G
+            if not self.aliases.operator:
+                return own + multiply_or_zero(KS + FKS, others.GF)
+            F, G = np.sqrt(others.FF), np.sqrt(others.GG)
+            GKS = np.abs(self.hG[:, 0]) * KS
+            return largest_singular_value_2x2(own, GKS * F, c=FKS * G, d=others.F_max + KS * G * F)
+
+    def squared_performance_gain(self, others: AliasSums, *, PS: np.ndarray, scaling: float) -> np.ndarray:
+        """Return the squared gain (W,) from (p, r) to (input of Delta, w_P e) under one scaling; not for inverse forms.
+
+        PS is |w_P S|. The matrix is a column times a row, so its gain is the product of their sizes.
+        """
+        d, KS, F = scaling**2, np.abs(self.KS), self.F[:, 0]
+        gain = (F * KS) ** 2 + multiply_or_zero(KS**2, others.FF)
+        return np.asarray(gain + KS**2 * d + PS**2 + ((F * PS) ** 2 + multiply_or_zero(PS**2, others.FF)) / d)
 
     def alias_sums(self, band: tuple[float, float] | None = None) -> AliasSums:
         """Add up the other aliases; only those in a band [rad/s] if given."""
@@ -337,13 +285,19 @@ class AliasedLoop:
         if band is not None:
             at = np.abs(self.omega[:, None] + self.aliases.spacing * self.aliases.single_indices)
             beyond, inside = NO_ALIASES, (at >= band[0]) & (at <= band[1])
-        return sum_over_aliases(
-            self.hold[:, 1:],
-            np.abs(self.hG[:, 1:]),
-            F=self.F[:, 1:],
-            tails=beyond,
-            sin_half_angle=self.sin_half_angle,
-            inside=inside,
+        hG, F, sine = np.abs(self.hG[:, 1:]), self.F[:, 1:], self.sin_half_angle
+        with np.errstate(divide="ignore", invalid="ignore"):
+            over = np.where(F < 1, F / (1 - F), np.inf)
+            GF = np.where((hG > 0) & inside, hG * over, 0.0)
+        hG, F = hG * inside, F * inside
+        return AliasSums(
+            F=(self.hold[:, 1:] * F).sum(1) + sine * beyond.F,
+            G=hG.sum(1) + sine * beyond.G,
+            FF=(F**2).sum(1) + beyond.FF,
+            GG=(hG**2).sum(1) + sine**2 * beyond.GG,
+            GF=GF.sum(1) + sine * beyond.GF,
+            product=(hG * F).sum(1) + sine * beyond.product,
+            F_max=np.maximum(F.max(1), beyond.F_max),
         )
 
     def least_return_difference(self, m: np.ndarray) -> np.ndarray:
@@ -402,7 +356,7 @@ def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> tuple[np.ndarr
     wanted = None if w_P is None else np.abs(w_P) * S
     with np.errstate(divide="ignore", invalid="ignore"):
         if not aliases.inverse or aliases.operator:
-            rs = stability_measure(aliases, aliased.magnitudes, aliased.alias_sums())
+            rs = aliased.stability_measure(aliased.alias_sums())
         else:
             rs = 1 / aliased.largest_uncertainty_factor(np.zeros(S.size))
         if not aliases.inverse:
@@ -465,14 +419,14 @@ def worst_alias_phases(aliased: AliasedLoop) -> tuple[np.ndarray, np.ndarray]:
 
 def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) -> RsBreakdown:
     """Split rs, which is `total`, at the one frequency of a loop."""
-    aliases, omega, sizes = aliased.aliases, float(aliased.omega[0]), aliased.magnitudes
-    own = float(stability_measure(aliases, sizes, NO_ALIASES)[0])
-    member = sizes.hold * sizes.FKS
+    aliases, omega = aliased.aliases, float(aliased.omega[0])
+    own = float(aliased.stability_measure(NO_ALIASES)[0])
+    member = aliased.hold[:, 0] * aliased.F[:, 0] * np.abs(aliased.KS)
     if aliases.inverse:
         member = aliased.F[:, 0] * np.abs(1 - aliased.hG[:, 0] * aliased.KS)
     inside = band[0] <= omega <= band[1]
-    here = sizes if inside else replace(sizes, FS=np.zeros(1), FKS=np.zeros(1))
-    measured = float(stability_measure(aliases, here, aliased.alias_sums(band))[0])
+    here = aliased if inside else replace(aliased, F=np.where(np.arange(aliased.F.shape[1]) > 0, aliased.F, 0.0))
+    measured = float(here.stability_measure(aliased.alias_sums(band))[0])
     each = aliased.F[0] * (1.0 if aliases.operator else aliased.hold[0])
     each = each * (np.abs(aliased.hG[0]) / aliased.hold[0] if aliases.inverse and not aliases.F_includes_plant else 1.0)
     each = (each * abs(complex(aliased.KS[0])))[1:]

@@ -10,7 +10,7 @@ import control
 import numpy as np
 
 from robust._base.types import Controller
-from robust.lti.connections import closed_loop
+from robust.lti.connections import closed_loop, in_series
 from robust.lti.lti import Matrices, is_constant, sampling_times_differ, timebase, zeros
 from robust.lti.norms import hinf_norm
 from robust.lti.realisation import multivariable
@@ -65,12 +65,10 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
     (right_1, _), (right_2, _) = coprime_factors("G1", first), coprime_factors("G2", second)
     # the left factors of G2 on the right ones of G1: M2 N1 - N2 M1
     turned = np.block([[np.zeros((n_u, n_y)), -np.eye(n_u)], [np.eye(n_y), np.zeros((n_y, n_u))]])
-    distance, _ = hinf_norm(
-        control.StateSpace(*cascade_through(right_1, turned, left_coprime_factors(second, right_2)), 0)
-    )
+    distance, _ = hinf_norm(cascade_through(right_1, turned, left_coprime_factors(second, right_2)))
     # [N2; M2]~ [N1; M1] is to have as many unstable zeros as the first factor has poles, all of them unstable
     A, B, C, D = transpose_system(right_2)
-    inside = zeros(control.StateSpace(*cascade_through(right_1, np.eye(n_y + n_u), (-A, -B, C, D)), 0))
+    inside = zeros(cascade_through(right_1, np.eye(n_y + n_u), (-A, -B, C, D)))
     if int(np.sum(inside.real > 0)) != len(A):
         return 1.0
     return float(min(distance, 1.0))
@@ -133,10 +131,7 @@ def transpose_system(matrices: Matrices) -> Matrices:
     return A.T, C.T, B.T, D.T
 
 
-def cascade_through(first: Matrices, between: np.ndarray, last: Matrices) -> Matrices:
+def cascade_through(first: Matrices, between: np.ndarray, last: Matrices) -> control.StateSpace:
     """Return the series connection of `first`, a constant matrix and `last`."""
-    A1, B1, C1, D1 = first
-    A2, B2, C2, D2 = last
-    C, D = between @ C1, between @ D1
-    A = np.block([[A1, np.zeros((A1.shape[0], A2.shape[0]))], [B2 @ C, A2]])
-    return A, np.vstack([B1, B2 @ D]), np.hstack([D2 @ C, C2]), D2 @ D
+    through = control.StateSpace([], [], [], between, 0)
+    return in_series(control.StateSpace(*first, 0), through, control.StateSpace(*last, 0))

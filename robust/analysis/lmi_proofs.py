@@ -7,6 +7,7 @@ scaling for it, which are verified over the rationals (`robust.proofs.exact.scal
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import control
 
@@ -38,13 +39,9 @@ def certificates_by_lmi(loop: Loop, solver: str | None) -> tuple[Certificate, ..
     """Return the certificate of stability, and of performance where it is asked for and stability holds."""
     if reason := loop.reason_against_system:
         return (failed_certificate(STABILITY, 1.0, reason),)
-    N = loop.perturbation_loop
-    stability = certify_channels(control.StateSpace(N.A, N.B[:, :1], N.C[:1], N.D[:1, :1], N.dt), STABILITY, solver)
+    N, prove = loop.perturbation_loop, partial(certify_with_one_scaling, solver=solver or "CLARABEL")
+    inner = control.StateSpace(N.A, N.B[:, :1], N.C[:1], N.D[:1, :1], N.dt)
+    stability = prove(inner, [(1, 1, "full")], subject=STABILITY)
     if loop.w_P is None or not stability.holds:
         return (stability,)
-    return stability, certify_channels(N, PERFORMANCE, solver)
-
-
-def certify_channels(N: control.StateSpace, subject: str, solver: str | None) -> Certificate:
-    """Return the proof that mu of scalar blocks stays below one."""
-    return certify_with_one_scaling(N, [(1, 1, "full")] * N.noutputs, solver=solver or "CLARABEL", subject=subject)
+    return stability, prove(N, [(1, 1, "full")] * 2, subject=PERFORMANCE)

@@ -15,7 +15,6 @@ from scipy.optimize import minimize_scalar
 from nlfrf._base.arguments import format_hertz
 from robust._base.states import Outcome
 from robust._base.types import Controller
-from robust.analysis.aliases import squared_performance_gain
 from robust.analysis.curves import Curves
 from robust.analysis.findings import Proofs
 from robust.analysis.loop import Loop
@@ -126,10 +125,10 @@ def best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float
     """Find the one scaling of all frequencies with the least gain of an operator's loop (convex in its log)."""
     if loop.aliases is not None:
         point, PS = loop.with_aliases(curves), np.abs(curves.w_P * curves.S)
-        sizes, others, PFS = point.magnitudes, point.alias_sums(), point.F[:, 0] * PS
+        others = point.alias_sums()
 
         def largest(log: float) -> float:
-            return float(squared_performance_gain(sizes, others, PS=PS, PFS=PFS, scaling=float(np.exp(log))).max())
+            return float(point.squared_performance_gain(others, PS=PS, scaling=float(np.exp(log))).max())
     else:
         terms = terms_of_curves(curves)
 

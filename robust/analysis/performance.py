@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import control
 import numpy as np
-from scipy.linalg import expm
 
 from nlfrf._base.arguments import (
     format_hertz,
@@ -415,30 +414,22 @@ def simulate_step(system: control.StateSpace, duration: float | None = None) -> 
         t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, MAX_SAMPLES))) * dt
         x = propagate_states(A, B, np.zeros(A.shape[0]), t.size)
     else:
-        t, x = simulate_in_growing_steps(A, B, step=1 / (STEPS_PER_RADIAN * fast) if fast else 1.0, horizon=horizon)
+        t, x = simulate_in_growing_steps(system, step=1 / (STEPS_PER_RADIAN * fast) if fast else 1.0, horizon=horizon)
     return t, C @ x + D
 
 
 def simulate_in_growing_steps(
-    A: np.ndarray, B: np.ndarray, *, step: float, horizon: float
+    system: control.StateSpace, *, step: float, horizon: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Simulate a step of a continuous loop exactly, in steps that double: a fast rise and a slow tail are both seen."""
-    t, x = [np.zeros(1)], [np.zeros((A.shape[0], 1))]
+    t, x = [np.zeros(1)], [np.zeros((system.nstates, 1))]
     while t[-1][-1] < horizon:
         n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, STEPS_PER_SIZE)) + 1
-        x.append(propagate_states(*discretize_with_hold(A, B, step), x[-1][:, -1], n)[:, 1:])
+        held = sampled(system, step)
+        x.append(propagate_states(held.A, held.B, x[-1][:, -1], n)[:, 1:])
         t.append(t[-1][-1] + step * np.arange(1, n))
         step *= 2
     return np.concatenate(t), np.hstack(x)
-
-
-def discretize_with_hold(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Discretise (A, B) over one step with zero-order hold."""
-    n = A.shape[0]
-    both = np.zeros((n + 1, n + 1))
-    both[:n, :n], both[:n, n:] = A, B
-    both = expm(both * step)
-    return both[:n, :n], both[:n, n:]
 
 
 def propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:

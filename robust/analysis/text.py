@@ -235,7 +235,7 @@ def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
         return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
     other = (
         "what the perturbation may move to other frequencies"
-        if moves_frequencies(model)
+        if model.perturbation == "operator"
         else "what folds down from the aliases"
     )
     rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
@@ -250,11 +250,6 @@ def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     return f"{text}; inside the measured band alone it would be {found.in_band:.3f}, the rest is assumed"
 
 
-def moves_frequencies(model: UncertaintyModel) -> bool:
-    """Return whether a perturbation may respond at other frequencies than those of its input."""
-    return bool(model.perturbation == "operator")
-
-
 def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     """Return why the aliases keep a loop from being certified, and what helps."""
     if not found.is_bounded:
@@ -263,14 +258,14 @@ def advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
             "and what folds down has no bound. A multiplicative set falls off with the plant. Or roll this weight off "
             "there, as the guide on aliases shows, or put the anti-alias filter into the nominal"
         )
-    if FORMS[model.form].inverse and not moves_frequencies(model) and found.F_max >= 1:
+    if FORMS[model.form].inverse and model.perturbation != "operator" and found.F_max >= 1:
         return (
             f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency: of one or more there it "
             "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
         )
     other = (
         "moves to other frequencies"
-        if moves_frequencies(model)
+        if model.perturbation == "operator"
         else "does above the Nyquist frequency, which folds down,"
     )
     text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {format_hertz(found.omega)} "

@@ -16,6 +16,7 @@ from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import timebase
 from robust.lti.sampling import hold_correction
 from robust.models.fit.nominal import bla_behind_hold, require_same_channels
+from robust.models.fit.shared_poles import hermitian_power
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance
 from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
@@ -430,9 +431,7 @@ def welch_satterthwaite_dof(a: np.ndarray, b: np.ndarray, *, dof_a: np.ndarray, 
 
 def inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
     """Return (F, n, n) X^-1/2 of Hermitian matrices."""
-    values, vectors = np.linalg.eigh(X)
-    values = np.maximum(values, VARIANCE_FLOOR * values[:, -1:] + np.finfo(float).tiny)
-    return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
+    return hermitian_power(X, -0.5, share=VARIANCE_FLOOR, least=np.finfo(float).tiny)
 
 
 def entry_changes(first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray) -> Change:

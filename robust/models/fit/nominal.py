@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import control
 import numpy as np
@@ -44,24 +44,13 @@ from robust.models.fit.shared_poles import (
     fit_shared_poles,
     refine_shared_poles,
     response_derivatives,
+    whiten,
     whitening_roots,
 )
 from robust.models.fit.weights import MAX_CHOSEN_ORDER, MAX_ORDER
 
 #: A BLA, several of them, or an FRF from elsewhere.
 Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
-
-
-class HasChannels(Protocol):
-    """What has named inputs and outputs."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
 
 
 Given = TypeVar("Given")
@@ -128,7 +117,7 @@ def matrices_given(bla: object) -> list[Bla]:
     return matrices
 
 
-def require_same_channels(frm: Bla, known: HasChannels, of: str) -> None:
+def require_same_channels(frm: Bla, known: object, of: str) -> None:
     """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
     for name, letter in (("inputs", "u"), ("outputs", "y")):
         first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))
@@ -156,15 +145,9 @@ def fit_matrix(
     tau = np.zeros(frm.n_inputs) if isinstance(delay, str) else checked_delays(delay, frm.n_inputs, dt)
     if estimated and delay != "estimate":
         raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {short_form(delay)}')
-    if n_poles > MAX_POLES:
-        raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
+    require_fittable(n_poles, omega, dt)
     if n_zeros not in (None, n_poles):
         raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for several channels, got {n_zeros}")
-    if dt and omega.max() * dt >= np.pi:
-        raise ValueError(
-            f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g} Hz, got dt = {dt:g} s "
-            f"with Nyquist {0.5 / dt:g} Hz"
-        )
     measured = np.concatenate([one.G for one in frms], axis=2)
     left, right = (np.concatenate(roots) for roots in zip(*map(whitening_roots, frms), strict=True))
     sought = MatrixFitProblem(
@@ -282,14 +265,9 @@ def delay_step(sought: MatrixFitProblem, model: SharedPoles, tau: np.ndarray) ->
     by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
     by_model = response_derivatives(points, model, direct=sought.options["direct"], stable=sought.options["stable"])
 
-    def whitened(X: np.ndarray) -> np.ndarray:
-        """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
-        flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
-        return np.concatenate([flat.real, flat.imag], axis=-1)
-
-    J = whitened(np.concatenate([-by_delay, by_model])).T
+    J = whiten(left, np.concatenate([-by_delay, by_model]), right).T
     scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
-    step = np.linalg.lstsq(J / scale, whitened(G - model.response(points)), rcond=1e-12)[0] / scale
+    step = np.linalg.lstsq(J / scale, whiten(left, G - model.response(points), right), rcond=1e-12)[0] / scale
     return np.asarray(step[: tau.size])
 
 
@@ -621,11 +599,14 @@ def bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | Non
             "nlfrf.bla_from_frf of it, which takes coherence, too"
         )
     G = np.asarray(frf.frdata, dtype=complex)
-    one = G.shape[:2] == (1, 1)
-    f = np.asarray(frf.omega, dtype=float) / (2 * np.pi)
-    if one:
-        return bla_from_frf(f, G[0, 0], std=std)
-    return bla_from_frf(f, G, std=std, inputs=tuple(frf.input_labels), outputs=tuple(frf.output_labels))
+    several = G.shape[:2] != (1, 1)
+    return bla_from_frf(
+        np.asarray(frf.omega, dtype=float) / (2 * np.pi),
+        G if several else G[0, 0],
+        std=std,
+        inputs=tuple(frf.input_labels) if several else (),
+        outputs=tuple(frf.output_labels) if several else (),
+    )
 
 
 def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
@@ -642,25 +623,28 @@ def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
 
 def checked_orders(search: FitSearch, n_poles: int, n_zeros: int | None) -> tuple[int, int]:
     """Return numbers of poles and zeros that fit each other and the lines."""
-    lines, dt = search.lines, search.dt
     n_poles = require_integer("n_poles", n_poles, least=0)
     n_zeros = require_integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
-    if n_poles > MAX_POLES:
-        raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
+    require_fittable(n_poles, search.lines.omega, search.dt)
     if n_zeros > n_poles:
         raise ValueError(f"n_zeros must be at most n_poles = {n_poles}, got {n_zeros}: the model must be proper")
-    n_parameters = n_poles + n_zeros + 1 + (search.delay is None)
-    if n_parameters > 2 * lines.omega.size:
+    n_parameters, most = n_poles + n_zeros + 1 + (search.delay is None), 2 * search.lines.omega.size
+    if n_parameters > most:
         raise ValueError(
-            f"n_poles and n_zeros must leave at most {2 * lines.omega.size} parameters, twice the number of lines, "
-            f"got {n_parameters}"
-        )
-    if dt and lines.omega.max() * dt >= np.pi:
-        raise ValueError(
-            f"dt must put the Nyquist frequency above the last line, {lines.omega.max() / 2 / np.pi:g} Hz, "
-            f"got dt = {dt:g} s with Nyquist {0.5 / dt:g} Hz"
+            f"n_poles and n_zeros must leave at most {most} parameters, twice the number of lines, got {n_parameters}"
         )
     return n_poles, n_zeros
+
+
+def require_fittable(n_poles: int, omega: np.ndarray, dt: float) -> None:
+    """Refuse more poles than are fitted, or lines above the Nyquist frequency of the model."""
+    if n_poles > MAX_POLES:
+        raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
+    if dt and omega.max() * dt >= np.pi:
+        raise ValueError(
+            f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g} Hz, got dt = {dt:g} s "
+            f"with Nyquist {0.5 / dt:g} Hz"
+        )
 
 
 def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float) -> FrfData:

@@ -291,8 +291,18 @@ def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarr
     return zeros, poles
 
 
+def section_logarithms(roots: np.ndarray) -> np.ndarray:
+    """Return log frequency and log damping of each pair of stable roots, real ones paired too; of one left log size."""
+    pairs, rest = pair_roots(roots)
+    theta: list[float] = []
+    for a, b in pairs:
+        w = np.sqrt(max(abs(a * b), 1e-30))
+        theta += [np.log(w), np.log(max(-(a + b).real / (2 * w), 1e-7))]
+    return np.array(theta + [np.log(max(abs(r), 1e-15)) for r in rest])
+
+
 def roots_of_logarithms(theta: np.ndarray, n: int) -> np.ndarray:
-    """Return the stable roots of sections by logarithms: natural frequency and damping of each pair, a single root."""
+    """Return the stable roots of n such logarithms."""
     m, coefficients = n - n % 2, np.exp(theta)
     coefficients[:m:2], coefficients[1:m:2] = 2 * np.exp(theta[:m:2] + theta[1:m:2]), np.exp(2 * theta[:m:2])
     roots = roots_from(coefficients, n)

@@ -93,14 +93,23 @@ def whitening_roots(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
     gamma = np.moveaxis(frm.cov.gamma, 2, 0)
     size = np.einsum("jik->k", np.abs(frm.G) ** 2) / np.einsum("iik->k", frm.cov.gamma).real
     rounding = (1e-6) ** 2 * size + np.finfo(float).tiny
+    return (
+        hermitian_power(np.moveaxis(frm.cov.bound, 2, 0), -0.5, share=MIN_EIGENVALUE_RATIO, least=rounding[:, None]),
+        hermitian_power(gamma, -0.5, share=MIN_EIGENVALUE_RATIO),
+    )
 
-    def inverse_root(X: np.ndarray, least: np.ndarray | float) -> np.ndarray:
-        """Return (F, n, n) X^-1/2 of Hermitian matrices."""
-        values, vectors = np.linalg.eigh(X)
-        values = np.maximum(values, np.maximum(MIN_EIGENVALUE_RATIO * values[:, -1:], least))
-        return (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
 
-    return inverse_root(np.moveaxis(frm.cov.bound, 2, 0), rounding[:, None]), inverse_root(gamma, 0.0)
+def hermitian_power(X: np.ndarray, power: float, *, share: float = 0.0, least: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return (F, n, n) powers of Hermitian matrices with eigenvalues of at least a share of the largest, and least."""
+    values, vectors = np.linalg.eigh(X)
+    values = np.maximum(values, np.maximum(share * values[:, -1:], least))
+    return np.asarray(vectors * values[:, None] ** power @ np.swapaxes(vectors, 1, 2).conj())
+
+
+def whiten(left: np.ndarray, X: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
+    flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
+    return np.concatenate([flat.real, flat.imag], axis=-1)
 
 
 class FitOptions(TypedDict):
@@ -242,15 +251,10 @@ def refine_shared_poles(
 ) -> tuple[SharedPoles, float]:
     """Refine by Levenberg-Marquardt on poles, residues and D; the real part of a stable pole by its logarithm."""
 
-    def whitened(X: np.ndarray) -> np.ndarray:
-        """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
-        flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
-        return np.concatenate([flat.real, flat.imag], axis=-1)
-
-    residual = whitened(G - model.response(omega))
+    residual = whiten(left, G - model.response(omega), right)
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(N_STEPS):
-        J = whitened(response_derivatives(omega, model, direct=direct, stable=stable)).T
+        J = whiten(left, response_derivatives(omega, model, direct=direct, stable=stable), right).T
         scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
         U, sizes, Vh = np.linalg.svd(J / scale, full_matrices=False)
         along, improved = U.T @ residual, False
@@ -258,7 +262,7 @@ def refine_shared_poles(
             filtered = sizes / (sizes**2 + damping * sizes[0] ** 2) if sizes.size else sizes
             step = (Vh.T @ (np.where(sizes > 1e-12 * sizes[0], filtered, 0.0) * along)) / scale
             trial = step_parameters(model, step, direct=direct, stable=stable)
-            new = whitened(G - trial.response(omega))
+            new = whiten(left, G - trial.response(omega), right)
             new_cost = float(new @ new)
             if np.isfinite(new_cost) and new_cost < cost:
                 improved = True

@@ -21,9 +21,8 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from nlfrf._base.values import value
-from robust.lti.connections import in_series
 from robust.lti.lti import response
-from robust.lti.realisation import from_roots, order_roots, pair_roots
+from robust.lti.realisation import from_roots, order_roots
 from robust.lti.sampling import discretize
 from robust.models.fit.rational import fit_numerator, map_to_model_plane, starting_poles, vector_fit
 from robust.models.fit.refinement import (
@@ -32,6 +31,7 @@ from robust.models.fit.refinement import (
     log_sections,
     magnitude_problem,
     polish_by_barrier,
+    section_logarithms,
     slope_at_zero,
     zeros_and_poles,
 )
@@ -184,8 +184,8 @@ def makeweight(
     return discretize(W, dt, prewarp=omega) if dt else W
 
 
-def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.StateSpace:
-    """Return a multiplicative weight that covers any delay up to a maximum and any gain error up to a fraction.
+def delay_weight(delay: float, *, gain: float = 0.0) -> control.StateSpace:
+    """Return a third-order multiplicative weight for any delay up to a maximum and any gain error up to a fraction.
 
     Covers |k exp(-s theta) - 1| for 0 <= theta <= delay, 1 - gain <= k <= 1 + gain. The book's rational weights touch
     the exact radius from below in places; here they are lifted until they cover it.
@@ -196,18 +196,16 @@ def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.
         Longest delay [s] the nominal model leaves out.
     gain : float
         Relative gain error, below 1.
-    order : int
-        1 (simple, up to 1.5 dB above) or 3 (within a few tenths of a dB).
 
     Returns
     -------
     control.StateSpace
-        Without gain error it vanishes at zero frequency.
+        Within a few tenths of a dB of the exact radius. Without gain error it vanishes at zero frequency.
 
     Raises
     ------
     ValueError
-        A delay that is not positive, a gain error out of [0, 1), an order other than one or three.
+        A delay that is not positive, a gain error out of [0, 1).
 
     References
     ----------
@@ -222,15 +220,11 @@ def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.
     delay, gain = require_positive("delay", delay), require_nonnegative("gain", gain)
     if gain >= 1:
         raise ValueError(f"gain must be below 1: with 100 % error the plant may vanish, got {gain:g}")
-    if order not in (1, 3):
-        raise ValueError(f"order must be 1 or 3, got {order!r}")
-    top = 1 + gain / 2
-    W = from_roots(np.array([-gain / (top * delay)]), np.array([-2 / delay]), 2 * top, 0.0)
-    if order == 3:
-        w0 = 2.363 / delay
-        pairs = [w0 * (-zeta + 1j * np.sqrt(1 - zeta**2)) for zeta in (0.838, 0.685)]
-        zeros, poles = (np.array([p, p.conjugate()]) for p in pairs)
-        W = in_series(W, from_roots(zeros, poles, 1.0, 0.0))
+    top, pairs = 1 + gain / 2, [2.363 / delay * (-zeta + 1j * np.sqrt(1 - zeta**2)) for zeta in (0.838, 0.685)]
+    zeros, poles = (
+        np.array([real, p, p.conjugate()]) for real, p in zip((-gain / (top * delay), -2 / delay), pairs, strict=True)
+    )
+    W = from_roots(zeros, poles, 2 * top, 0.0)
     omega = np.concatenate([np.geomspace(1e-4, 1, 200), np.linspace(1, 20, 4000), np.geomspace(20, 1e4, 200)]) / delay
     lift = float(np.max(delay_radius(omega * delay, gain) / np.abs(response(W, omega)))) * (1 + 1e-6)
     return control.StateSpace(W.A, W.B, W.C * max(lift, 1.0), W.D * max(lift, 1.0), 0)
@@ -379,12 +373,7 @@ def parameters_of_square(q: np.ndarray) -> np.ndarray:
     """Return parameters of the stable square roots of q; undamped ones, on the negative axis, get damping."""
     p = -np.sqrt(q.astype(complex))
     p = np.where(np.abs(p.real) < 1e-9 * np.abs(p), -np.abs(p), p)
-    pairs, rest = pair_roots(order_roots(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
-    theta: list[float] = []
-    for a, b in pairs:
-        w = np.sqrt(max(abs(a * b), 1e-30))
-        theta += [np.log(w), np.log(max(-(a + b).real / (2 * w), 1e-7))]
-    return np.array(theta + [np.log(max(abs(r), 1e-15)) for r in rest])
+    return section_logarithms(order_roots(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
 
 
 MAX_ORDER = 16

@@ -430,12 +430,12 @@ def make_family_set(
         )
     where = f"{omega.size} frequencies" if family.is_parametric else f"their {family.omega.size} lines"
     words = f"{n} plants that were given, each inside at {where}{chosen}"
-    return lift_set(model, max(lift, 1.0) * LIFT, source=words, extrapolation=describe_outside(family, rules))
-
-
-def describe_outside(family: Family, rules: Extrapolation) -> str:
-    """Describe what is known outside the lines."""
-    return "plants known at every frequency" if family.is_parametric else str(rules)
+    return lift_set(
+        model,
+        max(lift, 1.0) * LIFT,
+        source=words,
+        extrapolation="plants known at every frequency" if family.is_parametric else str(rules),
+    )
 
 
 def add_lines(family: Family, omega: np.ndarray) -> Family:
@@ -473,12 +473,12 @@ def fit_set(
     rows = np.sqrt([*np.einsum("wii->iw", L).real, *np.einsum("wii->iw", R).real])
     n = L.shape[1]
     if full:
-        lines = extend_lines(omega, rules, dt)
+        lines, nearest, factor = extend_lines(omega, rules, dt)
         W_l, W_r = fit_matrix_weights(
-            lines.omega,
-            E[:, lines.nearest] * lines.factor[:, None, None],
-            L=L[lines.nearest] * lines.factor[:, None, None] ** 2,
-            R=R[lines.nearest],
+            lines,
+            E[:, nearest] * factor[:, None, None],
+            L=L[nearest] * factor[:, None, None] ** 2,
+            R=R[nearest],
             order=order,
             dt=dt,
         )
@@ -492,22 +492,16 @@ def fit_set(
     )
 
 
-@value
-class ExtendedLines:
-    """Frequencies, the line that is nearest to each, and the factor by which a deviation is larger than there."""
+def extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return lines continued outside the band, the nearest one to each, and how much larger a deviation is there.
 
-    omega: np.ndarray
-    nearest: np.ndarray
-    factor: np.ndarray
-
-
-def extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> ExtendedLines:
-    """Return lines continued outside the band by a rule; as they are where it is flat, as the fit is by itself."""
+    As they are where the rule is flat, as the fit is by itself.
+    """
     if rules.below == rules.above == 0:
-        return ExtendedLines(omega=omega, nearest=np.arange(omega.size), factor=np.ones(omega.size))
+        return omega, np.arange(omega.size), np.ones(omega.size)
     wide, factor = rules.extrapolate(omega, np.ones(omega.size), dt)
     nearest = np.clip(np.arange(wide.size) - int(np.sum(wide < omega[0])), 0, omega.size - 1)
-    return ExtendedLines(omega=wide, nearest=nearest, factor=factor)
+    return wide, nearest, factor
 
 
 def gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> np.ndarray:

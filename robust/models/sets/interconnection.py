@@ -17,7 +17,7 @@ import numpy as np
 from nlfrf._base.arguments import require_choice, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
-from robust.lti.connections import block_diagonal, in_series, upper_lft
+from robust.lti.connections import block_diagonal, in_series
 from robust.lti.realisation import multivariable
 from robust.lti.stability import is_stable
 from robust.lti.wiring import join_by_name, shared_timebase
@@ -162,35 +162,6 @@ class UncertainSystem:
         N = self.N
         read, driven = self._signals()
         return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt, inputs=driven, outputs=read)
-
-    def at(self, **values: float) -> control.StateSpace:
-        """Return the system with numbers in [-1, 1] in place of perturbations of one signal; those not named are zero.
-
-        From inputs to outputs; where there are none, from what the blocks drive to what they read.
-
-        >>> mass = control.ss([[0, 1], [-1, -0.1]], [[0], [1]], [[1, 0]], [[0]], inputs="force", outputs="x")
-        >>> system = interconnection([mass], {"k": Block("x", "force", -0.5, kind="real")})
-        >>> system.at(k=1.0).poles().round(3).tolist()              # s^2 + 0.1 s + 1.5
-        [(-0.05+1.224j), (-0.05-1.224j)]
-        """
-        unknown = set(values) - set(self.blocks)
-        if unknown:
-            raise ValueError(f"values must be of the blocks {', '.join(self.blocks)}, got {', '.join(sorted(unknown))}")
-        rows, cols = sum(block[0] for block in self.structure), sum(block[1] for block in self.structure)
-        Delta, r, c = np.zeros((cols, rows)), 0, 0
-        for name, block in self.blocks.items():
-            n, m = block.shape[:2]
-            if name in values and block.kind == "full" and (n, m) != (1, 1):
-                raise ValueError(f"{name} must be a block of one signal to be a number, got {n} by {m}")
-            Delta[c : c + m, r : r + n] = values.get(name, 0.0) * np.eye(m, n)
-            r, c = r + n, c + m
-        N = self.N
-        if not self.inputs:
-            N = control.StateSpace(N.A, np.tile(N.B, (1, 2)), np.tile(N.C, (2, 1)), np.tile(N.D, (2, 2)), N.dt)
-        found = upper_lft(N, control.StateSpace([], [], [], Delta, N.dt))
-        read, driven = self._signals()
-        inputs, outputs = (self.inputs, self.outputs) if self.inputs else (driven, read)
-        return control.StateSpace(found, inputs=list(inputs), outputs=list(outputs))
 
 
 def interconnection(

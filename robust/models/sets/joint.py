@@ -21,6 +21,7 @@ from functools import partial
 import numpy as np
 
 from nlfrf import Bla
+from robust.models.fit.shared_poles import hermitian_power
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import entry_misfits, nominal_response
 from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, JointProbability, RecordSummary, summarize_record
@@ -88,9 +89,9 @@ def probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray)
     n = int(np.clip(N_NUMBERS // frm.G.size, MIN_DRAWS, N_DRAWS))
     rng = np.random.default_rng(0)
     g, common, z = (*draw_level_errors(n, F, rng), draw_complex_normals((n, F, n_y, n_u), rng))
-    bound, gamma = (hermitian_roots(np.moveaxis(C, 2, 0)) for C in (frm.cov.bound, frm.cov.gamma))
+    bound, gamma = (hermitian_power(np.moveaxis(C, 2, 0), 0.5) for C in (frm.cov.bound, frm.cov.gamma))
     # as a set scatters most likely, not as far as the peaks of its inputs allow it
-    extra = hermitian_roots(np.moveaxis(frm.covariance_of("realization") - frm.cov.bound, 2, 0) / frm.typical)
+    extra = hermitian_power(np.moveaxis(frm.covariance_of("realization") - frm.cov.bound, 2, 0) / frm.typical, 0.5)
     center, kept, nominal = (np.moveaxis(x, 2, 0) for x in (r * shrunk, np.sqrt(shrunk + follows), G0))
     size = np.sqrt(share / g)[..., None, None]
 
@@ -100,12 +101,6 @@ def probability_of_matrix(model: UncertaintyModel, frm: Bla, missed: np.ndarray)
     about = center + size * kept * (bound @ z @ gamma)
     new = size * np.sqrt(common)[..., None, None] * (extra @ draw_complex_normals(z.shape, rng) @ gamma)
     return held(about + new), held(about)
-
-
-def hermitian_roots(C: np.ndarray) -> np.ndarray:
-    """Return (F, n, n) Hermitian square roots of covariances."""
-    values, vectors = np.linalg.eigh(C)
-    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
 def draw_level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

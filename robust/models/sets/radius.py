@@ -26,10 +26,8 @@ from robust.models.sets.forms import INPUT, Form
 
 #: What a radius is made of.
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
-MISFIT_WINDOW = 9
-COVARIANCE_WINDOW = (
-    9  # lines over which a covariance is averaged, relative to |G|: an order of weights does not follow scatter
-)
+#: Lines over which misfits and covariances are averaged, relative to |G|: an order of weights does not follow scatter.
+WINDOW = 9
 DECADES_ABOVE = 2.0
 FLAT_RATIO = 1.06  # largest over smallest radius up to which a weight of several channels is a number
 #: Smallest over largest radius of plants that were given: one equal to the nominal on a line would leave a zero.
@@ -211,15 +209,19 @@ def model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
     """
     square = np.abs(bla.G - model) ** 2
     var = bla.var_bound
-    F = square.size
-    half = min(MISFIT_WINDOW, F) // 2
     size = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
-    sums = np.concatenate([[0.0], np.cumsum((square - var) / size)])
-    first = np.clip(np.arange(F) - half, 0, max(F - 2 * half - 1, 0))
-    last = np.minimum(first + 2 * half + 1, F)
-    around = size * (sums[last] - sums[first]) / (last - first)
+    around = size * window_means((square - var) / size)
     alone = np.where(square > bla.f_quantile(0.95, simultaneous=True) * var, square - var, 0.0)
     return np.sqrt(np.maximum(np.maximum(around, alone), 0.0))
+
+
+def window_means(x: np.ndarray) -> np.ndarray:
+    """Return (F, ...) means over the lines around each, in windows that stay inside at the ends."""
+    F = len(x)
+    sums = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
+    first = np.clip(np.arange(F) - WINDOW // 2, 0, max(F - WINDOW, 0))
+    last = np.minimum(first + WINDOW, F)
+    return np.asarray((sums[last] - sums[first]) / (last - first).reshape(-1, *[1] * (x.ndim - 1)))
 
 
 def larger_neighbour(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -376,12 +378,7 @@ def root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
 def smooth_covariance(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.ndarray:
     """Return (F, n_y, n_y) averaged over neighbouring lines, relative to the size of the nominal's rows."""
     size = np.sqrt(np.einsum("jif,if->fj", np.abs(model) ** 2, 1 / own))
-    relative = C / size[:, :, None] / size[:, None]
-    half, F = COVARIANCE_WINDOW // 2, len(C)
-    sums = np.concatenate([np.zeros((1, *C.shape[1:])), np.cumsum(relative, axis=0)])
-    first = np.clip(np.arange(F) - half, 0, max(F - COVARIANCE_WINDOW, 0))
-    last = np.minimum(first + COVARIANCE_WINDOW, F)
-    return (sums[last] - sums[first]) / (last - first)[:, None, None] * size[:, :, None] * size[:, None]
+    return window_means(C / size[:, :, None] / size[:, None]) * size[:, :, None] * size[:, None]
 
 
 def diagonal_bound(X: np.ndarray) -> np.ndarray:

@@ -49,6 +49,7 @@ from robust.proofs.exact.taylor_models import (
     compose_polynomial,
     linear_model,
     lower_bound,
+    reversed_polynomial,
     sampled_terms,
 )
 
@@ -91,7 +92,7 @@ class Ratio:
     def beyond(self, low: arb) -> arb:
         """c with |X| <= c omega^-order for all omega >= low; infinite where none is found."""
         v = arb(0).union(1 / (low * low))
-        top, bottom = (reversed_polynomial(p, v) for p in (self.num, self.den))
+        top, bottom = (reversed_polynomial(p, v, p.degree()) for p in (self.num, self.den))
         return sqrt_upper(top, bottom)
 
 
@@ -107,14 +108,6 @@ def sqrt_upper(top: arb, bottom: arb) -> arb:
         return arb.pos_inf()
     found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
     return found.sqrt().abs_upper() if found.is_finite() else arb.pos_inf()
-
-
-def reversed_polynomial(p: arb_poly, v: arb) -> arb:
-    """p(y) y^-degree at v = 1/y."""
-    total = arb(0)
-    for c in p.coeffs():
-        total = total * v + c
-    return total
 
 
 def magnitude_ratio(system: Quotient) -> Ratio:

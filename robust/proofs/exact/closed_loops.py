@@ -313,31 +313,15 @@ def continuous_image(loop: Balls) -> Balls:
 
 def balance_states(loop: Balls) -> Balls:
     """The loop with its states in units, powers of two, in which none acts on the others far more than they on it."""
+    from scipy.linalg import matrix_balance
+
     A, B, C, D = loop
-    sizes = [log_magnitudes(M) for M in (A, B, C)]
-    n = A.nrows()
-    logs = np.zeros(n)
-    total = np.full((n + 1, n + 1), -inf)
-    total[:n, :n] = sizes[0]
-    total[:n, n], total[n, :n] = sizes[1].max(axis=1, initial=-inf), sizes[2].max(axis=0, initial=-inf)
-    np.fill_diagonal(total, -inf)
-    for _ in range(20):
-        for i in range(n):
-            row, column = total[i].max(), total[:, i].max()
-            if np.isfinite(row) and np.isfinite(column):
-                step = (row - column) / 2
-                total[i] -= step
-                total[:, i] += step
-                logs[i] += step
-    units = [arb(2) ** round(log / np.log(2)) for log in logs]
+    n, (a, b, c) = A.nrows(), (np.abs(to_doubles(M)) for M in (A, B, C))
+    bordered = np.block([[a, b.max(axis=1, initial=0.0)[:, None]], [c.max(axis=0, initial=0.0), np.zeros(1)]])
+    sizes = matrix_balance(bordered, permute=False, separate=True)[1][0]
+    units = [arb(float(size / sizes[n])) for size in sizes[:n]]
     forth, back = diagonal_balls([1 / u for u in units]), diagonal_balls(units)
     return forth * A * back, forth * B, C * back, D
-
-
-def log_magnitudes(matrix: arb_mat) -> np.ndarray:
-    """Return the logarithms of the moduli of the entries, of zero minus infinity."""
-    rows = [[float(abs(x).log().mid()) if abs(x) > 0 else -inf for x in row] for row in matrix.tolist()]
-    return np.array(rows).reshape(matrix.nrows(), -1)
 
 
 def eigenvalues(matrix: arb_mat) -> list[acb]:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TypeAlias, TypeVar
 
 import numpy as np
-from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq, fmpq_poly
+from flint import acb, arb, arb_poly, ctx, fmpq, fmpq_poly
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import LoopClaim, Matrices
@@ -134,7 +134,7 @@ def delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
             return None
         omega = root.real.sqrt()
         s = acb(0, omega)
-        ratio = -value_at(num, s) / value_at(den, s)  # exp(s tau) at a crossing: tau = (angle + 2 pi k)/omega
+        ratio = -arb_poly(num)(s) / arb_poly(den)(s)  # exp(s tau) at a crossing: tau = (angle + 2 pi k)/omega
         angle = ratio.arg() if ratio.real > 0 else (-ratio).arg() + pi  # away from the cut of the argument
         turns = (omega * delay - angle) / (2 * pi)
         # crossings at tau > 0 have angle + 2 pi k > 0, those up to the delay k <= turns
@@ -148,16 +148,6 @@ def delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
                 return None
             count += 2 * (high - low) * rising
     return count
-
-
-def value_at(p: fmpq_poly, s: acb) -> acb:
-    """p(s) at a complex ball."""
-    return acb_poly([acb_coefficient(c) for c in p.coeffs()])(s)
-
-
-def acb_coefficient(c: fmpq) -> acb:
-    """Return a rational as a ball at the precision of the moment."""
-    return acb(arb(c))
 
 
 def floor_or_none(x: arb) -> int | None:
@@ -177,7 +167,6 @@ def sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
 # ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, its terms along the
 # axis.
 
-UNITY = Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=np.ones((1, 1)))
 WHOLE_SAMPLES, WHOLE_SAMPLES_DISCRETE, SAME_CLOCK = 1e-9, 1e-6, 1e-9
 
 
@@ -226,7 +215,7 @@ def shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
     """Return the product of the shaping functions, on the axis of the loop."""
     if dt and not claim.plant.dt:
         raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
-    num = den = transfer_quotient(UNITY).num
+    num = den = fmpq_poly([1])
     degree = 0
     for W in claim.shaping:
         part, timed = weight_quotient("shaping", W, dt)

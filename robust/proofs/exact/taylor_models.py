@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import comb, inf, sqrt
 from typing import TypeAlias
 
@@ -254,19 +254,26 @@ def polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
     return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
 
 
+def reversed_polynomial(p: arb_poly, v: arb, degree: int) -> arb:
+    """p(y) y^-degree at v = 1/y."""
+    total = arb(0)
+    for k in range(degree + 1):
+        total = total * v + p[k]
+    return total
+
+
+def ratio_at_infinity(part: SquaredPart, v: arb) -> tuple[arb, arb]:
+    """Return numerator and denominator over their formal degree."""
+    num, den, degree = part
+    return reversed_polynomial(num, v, degree), reversed_polynomial(den, v, degree)
+
+
 def tail_frequency(found: Squares, inequalities: Inequalities) -> float:
     """Return a frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
     omega = 1e-3
     while omega < MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)
-
-        def ratio(p: arb_poly, degree: int, v: arb = v) -> arb:  # p(y)/y^degree at v = 1/y
-            total = arb(0)
-            for k in range(degree + 1):
-                total = total * v + p[k]
-            return total
-
-        G, K, w, P, W = map_parts(found, lambda part: (ratio(part[0], part[2]), ratio(part[1], part[2])))
+        G, K, w, P, W = map_parts(found, partial(ratio_at_infinity, v=v))
         N, D = G[0] * K[0], G[1] * K[1]
         cross = arb(0, (N.abs_upper() * D.abs_upper()).sqrt().abs_upper())
         terms = loop_terms(G, K, w, P, W, cross=cross, closed=N + D + cross * 2)

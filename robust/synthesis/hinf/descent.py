@@ -12,9 +12,11 @@ from collections.abc import Callable, Iterator
 import control
 import numpy as np
 
-from robust.lti.connections import in_series
 from robust.lti.lti import timebase
-from robust.lti.norms import continuous_image, to_discrete
+from robust.lti.norms import continuous_image
+from robust.lti.realisation import from_roots
+from robust.models.fit.rational import map_to_model_plane
+from robust.models.fit.refinement import section_logarithms, zeros_and_poles
 from robust.synthesis.hinf.generalised_plant import dual_plant, has_zero_on_axis, normalise_plant, prepare_plant
 from robust.synthesis.hinf.hinfsyn import solve_riccati_pair
 
@@ -120,30 +122,11 @@ def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
     """Return the parameters of a stable minimum-phase system, log gain, zeros and poles, and its order."""
     A, B, C, D = continuous_image(system)
     zeros, poles = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)), np.linalg.eigvals(A)
-    parts = [np.log(np.abs(D[0])), root_parameters(zeros), root_parameters(poles)]
+    parts = [np.log(np.abs(D[0])), section_logarithms(zeros), section_logarithms(poles)]
     return np.concatenate(parts), len(A)
-
-
-def root_parameters(roots: np.ndarray) -> np.ndarray:
-    """Log frequency and log damping of each pair of stable roots, real ones paired too; log frequency of one left."""
-    pairs = roots[roots.imag > 0]
-    real = np.sort(-roots[roots.imag == 0].real)
-    found = [(np.abs(p), -p.real / np.abs(p)) for p in pairs]
-    found += [(np.sqrt(a * b), (a + b) / (2 * np.sqrt(a * b))) for a, b in zip(real[0::2], real[1::2], strict=False)]
-    logs = [np.log(x) for pair in found for x in pair]
-    return np.array(logs + ([np.log(real[-1])] if real.size % 2 else []))
 
 
 def system_of_sections(parameters: np.ndarray, order: int, dt: float) -> control.StateSpace:
     """Return the system of these parameters."""
-    whole = control.StateSpace([], [], [], [[np.exp(parameters[0])]], 0)
-    zeros, poles = np.exp(parameters[1 : 1 + order]), np.exp(parameters[1 + order :])
-    for k in range(0, order - 1, 2):
-        (w, z), (v, p) = zeros[k : k + 2], poles[k : k + 2]
-        A = [[0.0, v], [-v, -2 * p * v]]
-        C = [[(w**2 - v**2) / v, 2 * (z * w - p * v)]]
-        whole = in_series(whole, control.StateSpace(A, [[0.0], [1.0]], C, [[1.0]], 0))
-    if order % 2:
-        whole = in_series(whole, control.StateSpace([[-poles[-1]]], [[1.0]], [[zeros[-1] - poles[-1]]], [[1.0]], 0))
-    matrices = whole.A, whole.B, whole.C, whole.D
-    return control.StateSpace(*to_discrete(*matrices), dt) if dt else whole
+    roots = zeros_and_poles(parameters[1:], order)
+    return from_roots(*map_to_model_plane(*roots, float(np.exp(parameters[0])), 2.0 if dt else 0.0, 0), dt)

@@ -285,11 +285,31 @@ def alternate(
             if is_first
             else fit_scalings(last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest)
         )
-        K, gamma, failed = synthesise_scaled(P, wanted, s=s, sizes=sizes)
-        if not failed:
-            judged = judge_by_mu(P, K, blocks=blocks, omega=omega)
-            tried.append(Attempt(design=judged, gamma=gamma, scaling=wanted, order=used, share=share))
+        found, failed = attempt(P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share)
+        tried += found
     return tried, failed
+
+
+def attempt(
+    P: control.StateSpace,
+    scaling: list[Scaling],
+    *,
+    s: BlockStructure,
+    sizes: tuple[int, int],
+    blocks: Blocks,
+    omega: ArrayLike | None,
+    order: int,
+    share: float = 1.0,
+) -> tuple[list[Attempt], str]:
+    """Return the loop with the controller of the scaled plant, or why there is none."""
+    found = synthesise(scaled_plant(P, scaling, s, sizes), *sizes, factor=SYNTHESIS_FACTOR)
+    if not found.found:
+        return [], f"synthesis found nothing: {found.reason}"
+    plain = decide_stability(lower_lft(P, found.K))
+    if not plain.stable:
+        return [], f"the loop without its scalings is {plain}"
+    judged = judge_by_mu(P, found.K, blocks=blocks, omega=omega)
+    return [Attempt(design=judged, gamma=found.gamma, scaling=scaling, order=order, share=share)], ""
 
 
 def start_descent(
@@ -320,11 +340,8 @@ def move_scalings(
     if functions is None:
         return [], "mu did not fall any more"
     scaling: list[Scaling] = [(d, inverse_system(d)) for d in functions]
-    K, gamma, failed = synthesise_scaled(P, scaling, s=s, sizes=sizes)
-    if failed:
-        return [], failed
-    judged, order = judge_by_mu(P, K, blocks=blocks, omega=omega), max(d.nstates for d in functions)
-    return [Attempt(design=judged, gamma=gamma, scaling=scaling, order=order)], ""
+    order = max(d.nstates for d in functions)
+    return attempt(P, scaling, s=s, sizes=sizes, blocks=blocks, omega=omega, order=order)
 
 
 def reduce_by_mu(
@@ -415,17 +432,6 @@ def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
         certificate=None,
         reason="no controller was found",
     )
-
-
-def synthesise_scaled(
-    P: control.StateSpace, scaling: list[Scaling], *, s: BlockStructure, sizes: tuple[int, int]
-) -> tuple[control.StateSpace, float, str]:
-    """Return the controller of the scaled plant, the norm it reaches there, and why it is none."""
-    found = synthesise(scaled_plant(P, scaling, s, sizes), *sizes, factor=SYNTHESIS_FACTOR)
-    if not found.found:
-        return found.K, found.gamma, f"synthesis found nothing: {found.reason}"
-    plain = decide_stability(lower_lft(P, found.K))
-    return found.K, found.gamma, "" if plain.stable else f"the loop without its scalings is {plain}"
 
 
 def judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:

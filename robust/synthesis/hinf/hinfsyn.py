@@ -200,50 +200,26 @@ CHECKED_SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail 
 SINGULAR_STEPS_UP = (1.0, 1.003, 1.006, 1.01, 1.02, 1.05, 1.1, 1.3, 2.0, 5.0, 20.0)
 
 
-@value
-class CircleResult:
-    """What the circles gave so far.
-
-    Fields
-    ------
-    K : control.StateSpace or None
-    gamma : float
-        Norm of the problem that was asked with K; inf without one.
-    low : float
-        No controller reaches less, by what none changes and by the discs inside; 0 where they say nothing.
-    level : float
-        Least level of the last problem tried.
-    n_steps : int
-        Levels tried.
-    """
-
-    K: control.StateSpace | None = None
-    gamma: float = np.inf
-    low: float = 0.0
-    level: float = LARGEST_GAMMA
-    n_steps: int = 0
-
-
 def synthesise_between_circles(
-    P: control.StateSpace, plant: Plant, enough: float, factor: float, n_steps: int
-) -> CircleResult:
-    """The best controller by circles that close in on the axis, until it is within `factor` of the lower bound.
+    P: control.StateSpace, plant: Plant, nothing: Synthesis, *, wanted: tuple[float, float], n_steps: int
+) -> Synthesis:
+    """The best controller by circles that close in on the axis, until it is near enough to the lower bound.
 
-    The first one is K = 0, where that is stable.
+    The first one is K = 0, where that is stable. Until then gamma_min is the least level of the last problem tried.
     """
-    step = max(1.001, factor**0.5)
-    nothing = control.StateSpace([], [], [], np.zeros((len(plant.into_u), plant.out_of_y.shape[1])), P.dt)
-    found = CircleResult(low=unchangeable_gain(plant, usual_points(plant)))
-    found = keep_if_better(plant, close_stable_loop(P, nothing), found=found)
+    enough, factor = wanted
+    step, low = max(1.001, factor**0.5), unchangeable_gain(plant, usual_points(plant))
+    found = replace(nothing, gamma_min=LARGEST_GAMMA, gamma_low=low, n_steps=0)
+    found = keep_if_better(plant, close_stable_loop(P, nothing.K), found=found)
     for rung in (*CIRCLE_RUNGS, AXIS_RUNG) if plant.B2.shape[1] and plant.C2.shape[0] else ():
-        is_near = found.K is not None and found.gamma <= max(NEAR_ENOUGH * factor * found.low, enough)
+        is_near = found.found and found.gamma <= max(NEAR_ENOUGH * factor * found.gamma_low, enough)
         if is_near or found.n_steps >= n_steps:
             break
-        if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.low:
+        if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.gamma_low:
             continue
         for problem in regular_outside(plant, *rung):
             found = try_levels(P, plant, problem=problem, found=found, step=step, n_steps=n_steps)
-        if found.K is not None:
+        if found.found:
             found = raise_lower_bound(plant, rung, found=found, n_steps=n_steps)
     return found
 
@@ -273,7 +249,7 @@ def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     ]
 
 
-def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: CircleResult, n_steps: int) -> CircleResult:
+def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: Synthesis, n_steps: int) -> Synthesis:
     """With the level that fails inside a disc in the right half plane, which no controller reaches."""
     problem = map_region(plant, *circle_ends(plant, *rung))
     # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
@@ -292,13 +268,13 @@ def raise_lower_bound(plant: Plant, rung: tuple[int, int], *, found: CircleResul
     for side in sides:
         regular, reached = normalise_plant(side), found.gamma * ROUNDING_FACTOR
         # a level that a controller reaches cannot fail: then rounding has the word, and nothing is learnt
-        if regular is None or reached <= found.low or not test(regular, reached):
+        if regular is None or reached <= found.gamma_low or not test(regular, reached):
             continue
-        ends = found.low, reached
+        ends = found.gamma_low, reached
         left = n_steps - found.n_steps
         low, _, n_tried = bisect_level(partial(test, regular), ends, tolerance=TOLERANCE, n_steps=left)
-        if low > found.low and not any(test(regular, share * low) for share in CHECKED_SHARES):
-            found = replace(found, low=low)
+        if low > found.gamma_low and not any(test(regular, share * low) for share in CHECKED_SHARES):
+            found = replace(found, gamma_low=low)
         found = replace(found, n_steps=found.n_steps + n_tried + 1 + len(CHECKED_SHARES))
     return found
 
@@ -310,27 +286,27 @@ def full_information_plant(plant: Plant) -> Plant:
 
 
 def try_levels(
-    P: control.StateSpace, plant: Plant, *, problem: Plant, found: CircleResult, step: float, n_steps: int
-) -> CircleResult:
+    P: control.StateSpace, plant: Plant, *, problem: Plant, found: Synthesis, step: float, n_steps: int
+) -> Synthesis:
     """With the controllers a little above the least level of a problem, and what was found before.
 
     Near the least level rounding may let the equations hold where none is reached: higher ones are tried until the loop
     itself keeps one.
     """
     test = partial(solve_riccati_pair, problem, quick=not problem.added)
-    ends = max(direct_term_bound(problem), found.low), found.level if test(found.level) else np.inf
+    ends = max(direct_term_bound(problem), found.gamma_low), found.gamma_min if test(found.gamma_min) else np.inf
     _, level, n_tried = bisect_level(test, ends, tolerance=TOLERANCE, n_steps=n_steps - found.n_steps)
     found = replace(found, n_steps=found.n_steps + n_tried + 1)
     if not np.isfinite(level):
         return found
-    found = replace(found, level=level)
+    found = replace(found, gamma_min=level)
 
     def is_kept(gamma: float) -> bool:
         nonlocal found
-        nobody = replace(found, K=None, gamma=np.inf, n_steps=found.n_steps + 1)
+        nobody = replace(found, gamma=np.inf, n_steps=found.n_steps + 1)
         reached = keep_if_better(plant, controlled_loop(P, problem, gamma), found=nobody)
         better = reached if reached.gamma < found.gamma else found
-        found = replace(better, low=reached.low, n_steps=reached.n_steps)
+        found = replace(better, gamma_low=reached.gamma_low, n_steps=reached.n_steps)
         return reached.gamma <= gamma * 1.001
 
     any(is_kept(gamma) for gamma in level * step * np.array(SINGULAR_STEPS_UP)[: max(0, n_steps - found.n_steps)])
@@ -360,15 +336,15 @@ def close_stable_loop(
 
 
 def keep_if_better(
-    plant: Plant, loop: tuple[control.StateSpace, control.StateSpace] | None, *, found: CircleResult
-) -> CircleResult:
+    plant: Plant, loop: tuple[control.StateSpace, control.StateSpace] | None, *, found: Synthesis
+) -> Synthesis:
     """With a controller and its loop if it is better, by the norm that was asked, and the lower bound at its peak."""
     achieved, peak = norm_as_given(loop[1]) if loop else (np.inf, np.nan)
     if loop is None or achieved >= found.gamma:
         return found
     where = (np.tan(peak * plant.dt / 2) if plant.dt else peak) / plant.speed
-    low = max(found.low, unchangeable_gain(plant, np.array([where])))
-    return replace(found, K=loop[0], gamma=achieved, low=low)
+    low = max(found.gamma_low, unchangeable_gain(plant, np.array([where])))
+    return replace(found, K=loop[0], gamma=achieved, gamma_low=low)
 
 
 def norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
@@ -617,26 +593,18 @@ def synthesise_singular(
     P: control.StateSpace, plant: Plant, *, nothing: Synthesis, wanted: tuple[float, float], n_steps: int
 ) -> Synthesis:
     """Return the best controller of a singular problem, with a lower bound of the problem itself."""
-    found = synthesise_between_circles(P, plant, *wanted, n_steps)
-    late = found.n_steps >= n_steps
-    if found.K is None:
+    found = synthesise_between_circles(P, plant, nothing, wanted=wanted, n_steps=n_steps)
+    late, n_tried = found.n_steps >= n_steps, nothing.n_steps + found.n_steps
+    if not found.found:
         why = ALL_STEPS_MADE if late else "no level met the existence conditions, however regularised"
-        return replace(nothing, n_steps=nothing.n_steps + found.n_steps, reason=why)
-    low = min(found.low, found.gamma) if found.low > KERNEL_TOLERANCE * found.gamma else 0.0
+        return replace(nothing, n_steps=n_tried, reason=why)
+    low = min(found.gamma_low, found.gamma) if found.gamma_low > KERNEL_TOLERANCE * found.gamma else 0.0
     reason = ""
     if found.gamma > SINGULAR_TOLERANCE * low and found.gamma > wanted[0]:
         why = ALL_STEPS_MADE if late else "the problem is singular"
         known = f"no controller reaches less than {low:.4g}" if low > 0 else "no lower bound was found"
         reason = f"{why}: gamma {found.gamma:.4g} was reached, {known}"
-    return replace(
-        nothing,
-        K=found.K,
-        gamma=found.gamma,
-        gamma_min=low,
-        gamma_low=low,
-        n_steps=nothing.n_steps + found.n_steps,
-        reason=reason,
-    )
+    return replace(found, gamma_min=low, gamma_low=low, n_steps=n_tried, reason=reason)
 
 
 def synthesise_regular(

@@ -88,7 +88,7 @@ def test_performance_is_a_block_like_any_other():
         assert (report.margins.rp > 1) is met
 
 
-def test_at_agrees_with_joining_by_python_control():
+def test_an_interconnection_agrees_with_joining_by_python_control():
     rng = np.random.default_rng(0)
     A, B, C = -np.eye(3) + 0.3 * rng.standard_normal((3, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
     G = control.ss(A, B, C, np.zeros((2, 2)), inputs=["u", "f"], outputs=["y", "v"])
@@ -99,7 +99,8 @@ def test_at_agrees_with_joining_by_python_control():
         spring = control.ss([], [], [], [[0.4 * d]], inputs="v", outputs="f")
         other = control.interconnect([G, K, error, spring], inputs="r", outputs="y")
         s = 1j * np.array([0.1, 1.0, 10.0])
-        assert system.at(d=d)(s) == pytest.approx(other(s), rel=1e-9)
+        closed = upper_lft(system.N, control.ss([], [], [], [[d]]))
+        assert closed(s) == pytest.approx(other(s), rel=1e-9)
 
 
 def test_the_worst_perturbation_does_break_the_loop():
@@ -163,12 +164,6 @@ def test_real_numbers_in_a_sampled_loop():
     assert report.verdict == "not robust"
 
 
-def test_numbers_put_into_a_first_order_loop():
-    closed = lag_loop(2.0, 0.5).at(pole=1.0, actuator=-1.0)  # -5 + 2 + 2 as in the closed form above
-    assert closed.poles().real == pytest.approx([-1.0])
-    assert (closed.ninputs, closed.noutputs) == (2, 2)
-
-
 def test_discrete_loops():
     lag = control.ss([[0.5]], [[0.5, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "p"], outputs="y")
     K = control.ss([], [], [], [[-1.0]], 0.1, inputs="y", outputs="u")
@@ -197,7 +192,6 @@ G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
         (lambda: Block("y", "u", control.tf([1, 0], [1])), "size must be proper"),
         (lambda: Block("y", "u", kind="imaginary"), "kind must be one of"),
         (lambda: check_structure(G), "system must be an UncertainSystem"),
-        (lambda: interconnection([G], {"d": Block("y", "u")}).at(e=1.0), "values must be of the blocks d, got e"),
         (
             lambda: interconnection([G, control.ss(0.5, 1, 1, 0, 0.1, inputs="y", outputs="u")], {}),
             "systems must have one sampling time .*, got 0 s and 0.1 s",
