@@ -40,8 +40,8 @@ def plot_loop_bounds(
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    ax, omega = axes_or_new(ax), model.omega
     low, high = loop_bounds(model, w_P)
+    ax, omega = axes_or_new(ax), model.omega
     report = check(model, K, w_P=w_P, delay=delay, certify=False)
     known = np.log(np.abs(report.curves.L))
     L = np.exp(np.interp(np.log(omega), np.log(report.curves.omega), known, right=np.nan))  # nan above Nyquist
