@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Callable
 from csv import reader as csv_reader
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -61,6 +62,7 @@ UNFINISHED = "unfinished_realizations"  # folder in that of the findings, until 
 MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
 SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+Identify = Callable[..., Any]  # `nlfrf.identify` with its options: of one record a Bla, of several a list of them
 
 
 axis = Commands(
@@ -159,10 +161,8 @@ def simulate(
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
-    if mass is not None:
-        rig = replace(rig, mass=mass)
-    if stiffness is not None:
-        rig = replace(rig, stiffness=stiffness)
+    changed: dict[str, Any] = {name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None}
+    rig = replace(rig, **changed)
     noise = require_nonnegative("noise", noise)
     with progress_display("simulating") as advance:
         record = nlfrf.simulate(
@@ -254,7 +254,8 @@ def identify(
         split_names(output or ["y"]),
         split_names(reference or []),
     )
-    how: HowToIdentify = {"transient": transient, "level_from": level_from, "n_detection": detection}
+    how = partial(nlfrf.identify, transient=transient, level_from=level_from, n_detection=detection)
+    another = partial(nlfrf.second_opinion, transient=transient, n_detection=detection) if opinion else None
     cut: ReadOptions = {
         "fs": fs,
         "n_samples": period,
@@ -274,9 +275,9 @@ def identify(
         identify_matrix(record, how, out=out, csv=csv, json=json, decimal=decimal)
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
-        refuse_options_of_design(
-            period=period, discard=discard, resample=resample, reference=references, opinion=opinion, units=units
-        )
+        given = {"period": period, "discard": discard, "resample": resample, "reference": references}
+        if extra := [name for name, one in {**given, "opinion": opinion, "units": units}.items() if one]:
+            raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return
@@ -284,31 +285,14 @@ def identify(
     require_writable(*targets, *map(table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     if units is not None:
-        records = with_units_each(records, split_names(units))
+        unit, *others = split_names(units)
+        if len(others) != len(records):
+            raise ValueError(
+                f"units must be one for the input and one for each output, got {', '.join([unit, *others])}"
+            )
+        records = [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
     named = dict(zip(outputs, targets, strict=True))
-    identify_each(records, how, named, opinion=opinion, csv=csv, json=json, decimal=decimal)
-
-
-def refuse_options_of_design(**given: object) -> None:
-    """Refuse options that say what the design of an experiment on a drive says."""
-    if extra := [name for name, one in given.items() if one]:
-        raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
-
-
-def with_units_each(records: list[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
-    """Return records of one input with its unit, and each with that of its output."""
-    unit, *others = units
-    if len(others) != len(records):
-        raise ValueError(f"units must be one for the input and one for each output, got {', '.join(units)}")
-    return [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
-
-
-class HowToIdentify(TypedDict):
-    """How a record is identified, by the names of the arguments of `nlfrf.identify`."""
-
-    transient: str
-    level_from: str
-    n_detection: int
+    identify_each(records, how, named, opinion=another, csv=csv, json=json, decimal=decimal)
 
 
 def identify_experiment(
@@ -317,7 +301,7 @@ def identify_experiment(
     *,
     names: tuple[str, str],
     fs: float | None,
-    how: HowToIdentify,
+    how: Identify,
     out: Path,
     csv: bool,
     json: bool,
@@ -333,21 +317,21 @@ def identify_experiment(
 
 def identify_each(
     records: list[nlfrf.Record],
-    how: HowToIdentify,
+    how: Identify,
     targets: dict[str, Path],
     *,
-    opinion: bool = False,
+    opinion: Callable[[nlfrf.Record], object] | None = None,
     csv: bool,
     json: bool,
     decimal: str,
 ) -> None:
     """Identify records of one input and output; write each to the file of its label, and a table where `csv` is set."""
-    blas = dict(zip(targets, nlfrf.identify(records, **how), strict=True))
+    blas = dict(zip(targets, how(records), strict=True))
     for record, (label, bla) in zip(records, blas.items(), strict=True):
         nlfrf.save(bla, targets[label])
         printer(json)(f"{label}: {bla}")
         if opinion:
-            printer(json)(nlfrf.second_opinion(record, transient=how["transient"], n_detection=how["n_detection"]))
+            printer(json)(opinion(record))
         if csv:
             nlfrf.export_csv(bla, table_path(targets[label]), decimal=decimal)
     finish_command(blas, True, json)
@@ -469,11 +453,9 @@ def levels(
 
 def read_axis(path: Path) -> nlfrf.rig.ServoAxis:
     """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
-    if path.suffix.lower() != ".toml":
-        if path.suffix:
-            raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
-        return nlfrf.servo_axis(str(path))
-    return load_axis(path)
+    if path.suffix.lower() not in ("", ".toml"):
+        raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: a trace needs --first")
+    return load_axis(path) if path.suffix else nlfrf.servo_axis(str(path))
 
 
 @app.command()
@@ -498,20 +480,24 @@ def plot(
     elif isinstance(content, nlfrf.axis.AxisExperiment):
         content = content.ms
     size = (9, 9)
-    if isinstance(content, nlfrf.Bla) and not content.is_single:
-        size = 3 * content.n_inputs + 3, 2 * content.n_outputs + 6
-    single = isinstance(content, nlfrf.Bla) and content.is_single
-    figure, (top, *middle, bottom) = plt.subplots(2 + single, 1, figsize=size, layout="constrained")
-    if isinstance(content, nlfrf.Bla) and not content.is_single:
-        pictures.plot_frm(content, confidence=confidence, ax=top)
-        pictures.plot_singular_values(content, confidence=confidence, ax=bottom)
-    elif isinstance(content, nlfrf.Multisine):
-        pictures.plot_excitation(content, ax=top)
-        pictures.plot_spectrum(content, ax=bottom)
+    drawn: list[Callable[..., object]]
+    if isinstance(content, nlfrf.Multisine):
+        drawn = [pictures.plot_excitation, pictures.plot_spectrum]
+    elif content.is_single:
+        drawn = [
+            partial(pictures.plot_bla, confidence=confidence),
+            partial(pictures.plot_phase, confidence=confidence),
+            pictures.plot_levels,
+        ]
     else:
-        pictures.plot_bla(content, confidence=confidence, ax=top)
-        pictures.plot_phase(content, confidence=confidence, ax=middle[0])
-        pictures.plot_levels(content, ax=bottom)
+        drawn = [
+            partial(pictures.plot_frm, confidence=confidence),
+            partial(pictures.plot_singular_values, confidence=confidence),
+        ]
+        size = 3 * content.n_inputs + 3, 2 * content.n_outputs + 6
+    figure, places = plt.subplots(len(drawn), 1, figsize=size, layout="constrained")
+    for draw, ax in zip(drawn, places, strict=True):
+        draw(content, ax=ax)
     save_figure(out, figure, dpi=120)
     plt.close(figure)
 
@@ -588,14 +574,12 @@ def suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     )
 
 
-def identify_matrix(
-    record: nlfrf.Record, how: HowToIdentify, *, out: Path, csv: bool, json: bool, decimal: str
-) -> None:
+def identify_matrix(record: nlfrf.Record, how: Identify, *, out: Path, csv: bool, json: bool, decimal: str) -> None:
     """Identify a record of several inputs; write the matrix, and a table where `csv` is set."""
     is_table = out.suffix.lower() == ".csv"
     targets = [out, *[table_path(out)] * (csv and not is_table)]
     require_writable(*targets)
-    frm = nlfrf.identify(record, **how)
+    frm = how(record)
     printer(json)(frm)
     for target in targets:
         if target.suffix.lower() == ".csv":
@@ -626,10 +610,8 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
 
 def output_paths(out: Path, outputs: list[str]) -> list[Path]:
     """Return the path for each output, all of them different."""
-    targets = [
-        out if len(outputs) == 1 else out.with_name(f"{out.stem}-{file_name_part(name)}{out.suffix}")
-        for name in outputs
-    ]
+    parts = [re.sub(r"[^\w.-]+", "_", name).strip("_") for name in outputs]  # of names of files
+    targets = [out if len(parts) == 1 else out.with_name(f"{out.stem}-{part}{out.suffix}") for part in parts]
     if len(set(targets)) < len(targets):
         raise ValueError(
             f"output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
@@ -641,11 +623,6 @@ def output_paths(out: Path, outputs: list[str]) -> list[Path]:
 def split_names(given: list[str]) -> list[str]:
     """Split names at commas; a name with a comma of its own stands in quotes, as in a table."""
     return [name for text in given for name in next(csv_reader([text], skipinitialspace=True)) or [text]]
-
-
-def file_name_part(name: str) -> str:
-    """Return the name of a channel as part of a file name."""
-    return re.sub(r"[^\w.-]+", "_", name).strip("_")
 
 
 def main() -> None:

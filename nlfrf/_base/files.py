@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
@@ -52,7 +52,8 @@ TABLE_HEADERS = (
     (r"t \[s\](,u\d+( experiment \d+)?)+", DESIGN_MARK),
     (r"t \[s\],.*", ""),  # a record: it looks like anybody's measurement
 )
-TEXT_SIGNATURE = re.compile(r"^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$", re.M)
+TEXT_SIGNATURE = rb"(?m)^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$"
+PAGE_SIGNATURE = rb'<meta name="generator" content="(robust: [^"]+)">'
 HEAD_BYTES = 1 << 12  # bytes at either end of a file in which it says what it is
 
 
@@ -143,9 +144,10 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
         target = resolve_target(path)
         for taken in () if running is None else running.inputs:
             if is_same_file(target, taken):
+                which = "" if str(path) == str(taken) else f", which is {taken}"
                 raise ValueError(
-                    f"a file to write must not be one that the command reads, got {describe_path(path, taken)}: what "
-                    "it holds would be lost; take another name"
+                    f"a file to write must not be one that the command reads, got {path}{which}: what it holds would "
+                    "be lost; take another name"
                 )
         for taken in () if running is None else running.written:
             if is_same_file(target, taken):
@@ -214,11 +216,6 @@ def is_same_file(one: Path, other: Path) -> bool:
     except OSError:  # one of them is not there
         pass
     return str(resolve_target(one)).casefold() == str(resolve_target(other)).casefold()
-
-
-def describe_path(path: Path, taken: Path) -> str:
-    """Return a path, and the input it is another name of."""
-    return str(path) if str(path) == str(taken) else f"{path}, which is {taken}"
 
 
 def is_replaceable(target: Path, path: Path) -> bool:
@@ -328,10 +325,6 @@ def kind_of_schema(schema: str, simulated: bool) -> str | None:
     return schema if schema.startswith(("nlfrf-", "robust-")) else None
 
 
-def kind_of_json(path: Path) -> str | None:
-    return kind_of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False)
-
-
 def kind_of_table(path: Path) -> str | None:
     with path.open("rb") as stream:
         first = stream.readline(1 << 20).decode().rstrip("\n").replace('"', "")
@@ -339,18 +332,9 @@ def kind_of_table(path: Path) -> str | None:
     return next((kind for pattern, kind in TABLE_HEADERS if re.fullmatch(pattern, first)), None) or None
 
 
-def kind_of_page(path: Path) -> str | None:
-    found = re.search(rb'<meta name="generator" content="(robust: [^"]+)">', first_and_last_bytes(path))
+def kind_of_signed(path: Path, signature: bytes) -> str | None:
+    found = re.search(signature, first_and_last_bytes(path))
     return found and found[1].decode()
-
-
-def kind_of_picture(path: Path) -> str | None:
-    return PICTURE_SIGNATURE if PICTURE_SIGNATURE.encode() in first_and_last_bytes(path) else None
-
-
-def kind_of_text(path: Path) -> str | None:
-    found = TEXT_SIGNATURE.search(first_and_last_bytes(path).decode(errors="replace"))
-    return found and found[1]
 
 
 def kind_of_sound(path: Path) -> str | None:
@@ -368,13 +352,15 @@ def first_and_last_bytes(path: Path) -> bytes:
 KIND_READERS: dict[str, Callable[[Path], str | None]] = {
     ".npz": kind_of_npz,
     ".mat": kind_of_mat,
-    ".json": kind_of_json,
+    ".json": lambda path: kind_of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False),
     ".csv": kind_of_table,
     ".wav": kind_of_sound,
     **dict.fromkeys((".h5", ".hdf5"), kind_of_hdf5),
-    **dict.fromkeys((".html", ".htm"), kind_of_page),
-    **dict.fromkeys((".png", ".pdf", ".svg", ".eps", ".ps"), kind_of_picture),
-    **dict.fromkeys((".txt", ".m", ".md"), kind_of_text),
+    **dict.fromkeys((".html", ".htm"), partial(kind_of_signed, signature=PAGE_SIGNATURE)),
+    **dict.fromkeys(
+        (".png", ".pdf", ".svg", ".eps", ".ps"), partial(kind_of_signed, signature=b"(%b)" % PICTURE_SIGNATURE.encode())
+    ),
+    **dict.fromkeys((".txt", ".m", ".md"), partial(kind_of_signed, signature=TEXT_SIGNATURE)),
 }
 
 

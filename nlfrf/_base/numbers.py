@@ -139,16 +139,9 @@ def fast_length(n: int) -> int:
     >>> [fast_length(n) for n in (1, 7, 1000, 1025, 8193)]
     [1, 8, 1000, 1080, 8640]
     """
-    best = 1 << max(int(n) - 1, 0).bit_length()
-    five = 1
-    while five < best:
-        three = five
-        while three < best:
-            twos = 1 << max(-(-n // three) - 1, 0).bit_length()
-            best = min(best, three * twos)
-            three *= 3
-        five *= 5
-    return best
+    powers = range(n.bit_length())
+    odd = (3**b * 5**c for b in powers for c in powers)
+    return min(one << max(-(-n // one) - 1, 0).bit_length() for one in odd)
 
 
 def rfft(x: np.ndarray) -> np.ndarray:

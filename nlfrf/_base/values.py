@@ -52,7 +52,7 @@ def repr_line(thing: DataclassInstance) -> str:
 def short_repr(thing: object) -> str:
     """Anything in a few characters."""
     if isinstance(thing, np.ndarray):
-        if is_written_out(thing):
+        if thing.ndim <= 1 and thing.size <= FEW and thing.dtype.kind in "fiub":
             return np.array2string(thing, separator=", ", precision=5, max_line_width=10**6)
         return f"array{thing.shape}" if thing.ndim != 1 else f"array({thing.size})"
     if is_dataclass(thing) and not isinstance(thing, type):
@@ -71,11 +71,6 @@ def short_repr(thing: object) -> str:
         return "{" + ", ".join(f"{key}: {short_repr(held)}" for key, held in list(thing.items())[:FEW]) + "}"
     described = " ".join(repr(thing).split())
     return described if len(described) <= 60 else described[:57] + "..."
-
-
-def is_written_out(array: np.ndarray) -> bool:
-    """Return whether `short_repr` shows the numbers of an array, not its shape."""
-    return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
 
 
 SCREEN_WIDTH = 100  # columns of everything that is printed

@@ -14,7 +14,6 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, squared_modulus
-from nlfrf._base.values import value
 from nlfrf.bla.line_index import SMOOTHING_LINES
 from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
@@ -32,35 +31,7 @@ MIN_EXPERIMENT_WEIGHT = 1e-9
 RIVAL_SHARE = 0.8  # of the most telling one, for a channel that explains it nearly as well
 
 
-@value(copy=False)
-class ChannelMismatch:
-    """A channel that may differ in one experiment.
-
-    Fields
-    ------
-    name : str
-        Of the channel.
-    experiment : int
-        From 1 on.
-    kind : str
-        "gain" or "delay".
-    size : float
-        Mismatch, relative or in samples: positive for a channel that is too large, or late.
-    significance : float
-        Size over its standard deviation by chance.
-    """
-
-    name: str
-    experiment: int
-    kind: str
-    size: float
-    significance: float
-
-    def __str__(self) -> str:
-        more = self.size > 0
-        if self.kind == "gain":
-            return f"{self.name} stands about {100 * abs(self.size):.2g} % {'higher' if more else 'lower'}"
-        return f"{self.name} comes about {abs(self.size):.2g} samples {'later' if more else 'earlier'}"
+Mismatch = tuple[float, int, str, str]  # significance, experiment, name of the channel, what is said of it
 
 
 def warn_of_mismatch(
@@ -77,22 +48,14 @@ def warn_of_mismatch(
     """
     if excited.U.shape[1] < 2:
         return False
-    found = [
-        one
-        for one in estimate_mismatches(record, excited, residual=residual, level=level, retained=retained)
-        if one.significance > MIN_SIGNIFICANCE
-    ]
-    if not found:
+    found = sorted(estimate_mismatches(record, excited, residual=residual, level=level, retained=retained))[::-1]
+    significance, experiment, name, text = found[0]
+    if significance <= MIN_SIGNIFICANCE:
         return False
-    worst = max(found, key=lambda one: one.significance)
-    rivals = {
-        one.name
-        for one in found
-        if one.significance > RIVAL_SHARE * worst.significance and one.experiment == worst.experiment
-    }
-    others = " or ".join(sorted(rivals - {worst.name}))
+    least = max(MIN_SIGNIFICANCE, RIVAL_SHARE * significance)
+    others = " or ".join(sorted({rival for s, at, rival, _ in found if s > least and at == experiment} - {name}))
     data_warning(
-        f"{worst} in experiment {worst.experiment} of {excited.U.shape[1]} than in the others"
+        f"{text} in experiment {experiment} of {excited.U.shape[1]} than in the others"
         f"{f' ({others} would explain it nearly as well)' if others else ''}, by what all lines together tell: G is of "
         "no one machine, and its bound does not hold. Was a range changed, or is the channel of another run? Measure "
         "that experiment again, or correct it where the change is known"
@@ -107,7 +70,7 @@ def estimate_mismatches(
     residual: NonlinearResidual,
     level: np.ndarray,
     retained: float,
-) -> Iterator[ChannelMismatch]:
+) -> Iterator[Mismatch]:
     """Yield the worst experiment of every channel, and of all outputs together, with its gain and its delay."""
     at = excited.index.excited
     V, G = (one.take(at, axis=-1) for one in (residual.Y, residual.G))
@@ -130,31 +93,34 @@ def estimate_mismatches(
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
             chance = curvature_factor[rows].max() if kind == "gain" else 1.0
-            yield estimate_mismatch(
+            size, significance, experiment = estimate_mismatch(
                 V[rows],
                 x * slope,
-                name=name,
-                kind=kind,
                 weight=weight[rows],
                 level=C[rows],
                 retained=retained,
                 common_scatter=float(chance),
             )
+            if kind == "gain":
+                text = f"{name} stands about {100 * abs(size):.2g} % {'higher' if size > 0 else 'lower'}"
+            else:
+                text = f"{name} comes about {abs(size):.2g} samples {'later' if size > 0 else 'earlier'}"
+            yield significance, experiment, name, text
 
 
 def estimate_mismatch(
     V: np.ndarray,
     X: np.ndarray,
     *,
-    name: str,
-    kind: str,
     weight: np.ndarray,
     level: np.ndarray,
     retained: float,
     common_scatter: float,
-) -> ChannelMismatch:
+) -> tuple[float, float, int]:
     """Regress the residual V (n, M, F) on X (n, M, F) in each experiment and return the one that differs most.
 
+    That is its mismatch, relative or in samples, positive for a channel that is too large, or late; that over its
+    standard deviation by chance; the number of the experiment, from 1 on.
     `weight` and `level` (n, F) are the weight of each line and the variance of V. The standard deviation of the factor
     comes from its scatter over the lines, times `common_scatter` for what distortion has in common on all lines.
     """
@@ -165,7 +131,7 @@ def estimate_mismatch(
     on = np.flatnonzero(usual > MIN_EXPERIMENT_WEIGHT * usual.max())
     M = on.size
     if M < 2:  # what was played once differs from nothing
-        return ChannelMismatch(name=name, experiment=1, kind=kind, size=0.0, significance=0.0)
+        return 0.0, 0.0, 1
     along, power, whole = along[on], power[:, on], whole[on]
     # a peak that the fit follows leaves nothing of V, and would weigh most
     most = MAX_LINE_WEIGHT * usual[on, None]
@@ -184,4 +150,4 @@ def estimate_mismatch(
     error_over_variance = size**2 / M * np.median(power[:, worst] / level, axis=1).max()
     if significance > MIN_SIGNIFICANCE and error_over_variance < MIN_RELATIVE_ERROR:
         significance = 0.0
-    return ChannelMismatch(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, significance=significance)
+    return size, significance, int(on[worst]) + 1

@@ -448,9 +448,11 @@ def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.n
     log_prior : (H,) ndarray
         Log prior probability.
     """
-    laws = [input_cubic_counts(excited)]
+    index, amplitude = excited.index, excited.amplitude  # rms over inputs: cubes and products have its ratios in a band
+    flat = is_flat(amplitude)
+    laws = [flat_input_cubic_counts(index) if flat else cubic_count_ratios(amplitude, index, MAX_SPECIAL_ODD_RATIO)]
     if row.gain_varies:
-        laws.append(cubic_count_ratios(rms(row.Y), excited.index, MAX_OUTPUT_RATIO))
+        laws.append(cubic_count_ratios(rms(row.Y), index, MAX_OUTPUT_RATIO))
     n_laws = len(laws) + 1
     relative, factors = np.ones((n_laws, *laws[0][0].shape)), np.ones((n_laws, excited.lines.size))
     for i, (on_window, here) in enumerate(laws):
@@ -458,16 +460,6 @@ def list_hypotheses(excited: Spectra, row: OutputData) -> tuple[np.ndarray, np.n
     if not row.gain_varies:
         return ~BEFORE_DYNAMICS[:n_laws], relative, factors, CONSTANT_GAIN_LOG_PRIOR
     return BEFORE_DYNAMICS, np.concatenate([relative, relative]), np.concatenate([factors, factors]), EQUAL_LOG_PRIOR
-
-
-def input_cubic_counts(excited: Spectra) -> tuple[np.ndarray, np.ndarray]:
-    """Return `cubic_count_ratios` of the rms spectrum of the inputs: cubes and products have its ratios in a band."""
-    amplitude = excited.amplitude
-    return (
-        flat_input_cubic_counts(excited.index)
-        if is_flat(amplitude)
-        else cubic_count_ratios(amplitude, excited.index, MAX_SPECIAL_ODD_RATIO)
-    )
 
 
 BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])

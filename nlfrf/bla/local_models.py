@@ -96,29 +96,29 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, *, index: LineIndex, noise: n
     n_u, several = 1 if G.ndim == 2 else shape[-2], G.ndim == 4 and shape[1] > 1
     weight = weight if weight.shape == shape else np.broadcast_to(weight, shape)
     G, weight = (x.reshape(-1, n_u, shape[-1]) for x in (G, weight))
-    both = fit_polynomial_and_rational(G, weight, index)
-    variance, better, rest = both.polynomial_variance, both.use_rational[:, None], both.polynomial_residual
+    value, a, (rest, rational_rest), (variance, rational_variance), used = fit_polynomial_and_rational(G, weight, index)
+    better = used[:, None]
     dof = np.full(variance.shape, float(n - POLYNOMIAL_ORDER - 1))
     denominator: np.ndarray | float = 1.0
     least = np.zeros(variance.shape)
     if better.any():
         _, powers, _ = local_powers(index)
-        inverse = np.where(better[..., None], np.abs(1 - np.vecmat(both.a.conj(), powers[:, 1:]))[:, None], 1.0)
+        inverse = np.where(better[..., None], np.abs(1 - np.vecmat(a.conj(), powers[:, 1:]))[:, None], 1.0)
         dof_r = n - POLYNOMIAL_ORDER - 1 - 2 / n_u
         # the residual under the denominator follows |G|; without it, it is flat: nobody knows which the distortion does
-        flat = power(both.rational_residual / np.maximum(inverse, MIN_DENOMINATOR)) / dof_r
-        variance = np.where(better, np.maximum(both.rational_variance, flat), variance)
+        flat = power(rational_rest / np.maximum(inverse, MIN_DENOMINATOR)) / dof_r
+        variance = np.where(better, np.maximum(rational_variance, flat), variance)
         dof = np.where(better, dof_r, dof)
-        rest = np.where(better[..., None], both.rational_residual, rest) if several else rest
+        rest = np.where(better[..., None], rational_rest, rest) if several else rest
         if noise is not None:
-            denominator = np.where(flat[..., None] > both.rational_variance[..., None], 1.0, inverse)
+            denominator = np.where(flat[..., None] > rational_variance[..., None], 1.0, inverse)
     if noise is not None:
         smooth = local_mean(noise.reshape(G.shape) * weight**2, NOISE_SMOOTHING_LINES)
         # and not far under the noise that is known to be there
         share = noise_correction(variance, denominator, smooth=smooth, window=index.excited_windows)
         least = MIN_NOISE_SHARE * smooth
         variance = np.maximum(variance * share, least)
-    value, square = both.value_at_line(), weight**2
+    square = weight**2
     variance, least = variance / square, least / square
     if index.excited.size < FEW_LINES:
         value, variance = apply_global_model(
@@ -215,47 +215,29 @@ def is_stable(a: np.ndarray) -> bool:
     return bool(a.size == 2 or a[0] * a[1] * a[2] > a[0] * a[0] * a[3] + a[2] * a[2])
 
 
-class LocalModels(NamedTuple):
-    """The polynomial and the rational model over each window.
-
-    Fields
-    ------
-    at_line : (M, E, F, 3) complex ndarray
-        At the line itself the polynomials fitted to G, -r G and -r^2 G.
-    a : (M, F, 2) complex ndarray
-        Coefficients of the denominator 1 + a1 r + a2 r^2, which all E entries share.
-    polynomial_residual, rational_residual : (M, E, F, n) complex ndarray
-        Residual of each model on the lines of the window.
-    polynomial_variance, rational_variance : (M, E, F) ndarray
-        Variance of each.
-    use_rational : (M, F) bool ndarray
-        Where the denominator has earned its place.
-    """
-
-    at_line: np.ndarray
-    a: np.ndarray
-    polynomial_residual: np.ndarray
-    rational_residual: np.ndarray
-    polynomial_variance: np.ndarray
-    rational_variance: np.ndarray
-    use_rational: np.ndarray
-
-    def value_at_line(self) -> np.ndarray:
-        """Return the (M, E, F) value of the model in use at the line itself."""
-        polynomial = self.at_line[..., 0]
-        if not self.use_rational.any():
-            return polynomial
-        rational = polynomial - np.vecdot(self.a[:, None].conj(), self.at_line[..., 1:])
-        return np.where(self.use_rational[:, None], rational, polynomial)
-
-
 def is_flat(amplitude: np.ndarray) -> bool:
     """Return whether each of the spectra (..., F) is the same on all lines."""
     return bool((amplitude.min(axis=-1) >= MIN_FLATNESS * amplitude.max(axis=-1)).all())
 
 
-def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, index: LineIndex) -> LocalModels:
-    """Fit FRFs (M, E, F) over the windows of `index`, weighted by `weight` (M, E, F)."""
+def fit_polynomial_and_rational(
+    G: np.ndarray, weight: np.ndarray, index: LineIndex
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Fit FRFs (M, E, F) over the windows of `index`, weighted by `weight` (M, E, F): polynomials, a rational model.
+
+    Returns
+    -------
+    value : (M, E, F) complex ndarray
+        Of the model in use at the line itself.
+    a : (M, F, 2) complex ndarray
+        Coefficients of the denominator 1 + a1 r + a2 r^2, which all E entries share.
+    residuals : two (M, E, F, n) complex ndarray
+        Residual of each model on the lines of the window.
+    variances : two (M, E, F) ndarray
+        Variance of each.
+    use_rational : (M, F) bool ndarray
+        Where the denominator has earned its place.
+    """
     window, (r, powers, centred) = index.excited_windows, local_powers(index)
     (M, E, F), n = G.shape, window.shape[1]
     row = (weight * G).take(window, axis=-1)
@@ -279,15 +261,10 @@ def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, index: LineIn
         gained = np.add.reduce(RATIONAL_VARIANCE_RATIO * variance - variance_r, axis=1)
         if (gained > 0).any():
             better = (local_mean(gained[:, first:last], N_POOLED_WINDOWS) > 0).take(centred - first, axis=1)
-    return LocalModels(
-        at_line=at_zero,
-        a=a,
-        polynomial_residual=left,
-        rational_residual=remainder,
-        polynomial_variance=variance,
-        rational_variance=variance_r,
-        use_rational=better,
-    )
+    value = at_zero[..., 0]
+    if better.any():
+        value = np.where(better[:, None], value - np.vecdot(a[:, None].conj(), at_zero[..., 1:]), value)
+    return value, a, (left, remainder), (variance, variance_r), better
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)

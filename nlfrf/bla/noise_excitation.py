@@ -22,6 +22,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.numbers import TINY, least_squares, power
 from nlfrf.bla.bla import Bla, Covariances, Experiment, levels_without_detection
 from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import band_lines
 
 LINES_PER_SIDE = 6  # DFT lines on either side that a local polynomial sees
 N_RECORD_PARTS = 16  # of the record, over which the power of stationary noise stays
@@ -86,7 +87,10 @@ def identify_noise(
     """
     fs, n_samples = require_positive("fs", fs), require_integer("n_samples", n_samples, least=16)
     u, y = check_signals(u, y, n_samples)
-    lines = band_lines(require_positive("f_min", f_min), require_positive("f_max", f_max), fs=fs, n_samples=n_samples)
+    first, last = band_lines(
+        fs, n_samples, f_min=require_positive("f_min", f_min), f_max=require_positive("f_max", f_max)
+    )
+    lines = np.arange(first, last + 1)
     f, F = lines * fs / n_samples, lines.size
     G, variance, S_yy, S_rest, dof = estimate_frf_local(u, y, n=n_samples, lines=lines, f=f)
     warn_of_nonstationary_input(u)
@@ -114,15 +118,6 @@ def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int) -> tuple[np.ndar
     if u.size < 2 * n_samples:
         raise ValueError(f"u must hold at least {2 * n_samples} samples, twice n_samples, got {u.size}")
     return u - u.mean(), y - y.mean()
-
-
-def band_lines(f_min: float, f_max: float, *, fs: float, n_samples: int) -> np.ndarray:
-    """Return the (F,) lines of the band, both ends included whatever the rounding of the frequencies."""
-    first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
-    lines = np.arange(max(1, first), last + 1)
-    if lines.size == 0 or 2 * lines[-1] >= n_samples:
-        raise ValueError(f"f_min and f_max must hold lines below Nyquist, got {f_min:g} to {f_max:g} Hz")
-    return lines
 
 
 def estimate_frf_local(

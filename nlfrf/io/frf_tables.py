@@ -170,7 +170,12 @@ def find_frfs(file: Channels) -> dict[str, FrfTable]:
         if array.dtype.kind in "fiuc" and np.squeeze(array).ndim == 1 and np.isfinite(array).any():
             groups.setdefault(label, {}).setdefault("complex" if array.dtype.kind == "c" else quantity, name)
     whole = [label for label, group in groups.items() if not group.keys().isdisjoint(("complex", "real", "magnitude"))]
-    shared = shared_columns(groups, is_only=len(whole) == 1)
+    shared = {  # what goes with any FRF of a file: frequencies and unlabelled columns; of one FRF all
+        quantity: name
+        for label, group in reversed(groups.items())
+        for quantity, name in group.items()
+        if quantity == "frequency" or (len(whole) == 1 and quantity != "std") or (not label and quantity not in PHASES)
+    }
     tables: dict[str, FrfTable] = {}
     for label in whole:
         table = read_frf(file, shared | groups[label])
@@ -178,16 +183,6 @@ def find_frfs(file: Channels) -> dict[str, FrfTable]:
         if table and not any(np.all(np.abs(G - table.G) <= SAME_FRF * np.abs(G)) for G in same):
             tables[label] = table
     return tables
-
-
-def shared_columns(groups: dict[str, dict[str, str]], *, is_only: bool) -> dict[str, str]:
-    """Return the columns that go with any FRF of a file, by quantity: frequencies and unlabelled ones; of one all."""
-    return {
-        quantity: name
-        for label, group in reversed(groups.items())
-        for quantity, name in group.items()
-        if quantity == "frequency" or (is_only and quantity != "std") or (not label and quantity not in PHASES)
-    }
 
 
 def classify_column(name: str, unit: str) -> tuple[str, str]:

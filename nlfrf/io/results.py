@@ -74,7 +74,23 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
     """
     require_kind("bla", bla, Bla)
     require_choice("decimal", decimal, DECIMALS)
-    columns = bla_table(bla, confidence) if bla.is_single else frm_table(bla, confidence)
+    columns = (
+        frm_table(bla, confidence)
+        if not bla.is_single
+        else {
+            "f [Hz]": bla.f,
+            "Re G": bla.G.real,
+            "Im G": bla.G.imag,
+            "bound": bla.bound(confidence),
+            "bound_realization": bla.bound(confidence, of="realization"),
+            "std_noise": np.sqrt(bla.var_noise),
+            "std_total": np.sqrt(bla.var_total),
+            "std_distortion": np.sqrt(bla.var_distortion),
+            "std_even": np.sqrt(bla.var_even),
+            "dof": bla.dof,
+            "grid_factor": bla.grid_factor,
+        }
+    )
     write_table(to_path(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
 
 
@@ -85,23 +101,6 @@ def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
         entry, name = frm.G[j, i], f"{y}/{u}".replace(",", ";")
         columns |= {f"Re {name}": entry.real, f"Im {name}": entry.imag, f"bound {name}": bound[j, i]}
     return columns
-
-
-def bla_table(bla: Bla, confidence: float) -> dict[str, np.ndarray]:
-    """Return the table of one input and output."""
-    return {
-        "f [Hz]": bla.f,
-        "Re G": bla.G.real,
-        "Im G": bla.G.imag,
-        "bound": bla.bound(confidence),
-        "bound_realization": bla.bound(confidence, of="realization"),
-        "std_noise": np.sqrt(bla.var_noise),
-        "std_total": np.sqrt(bla.var_total),
-        "std_distortion": np.sqrt(bla.var_distortion),
-        "std_even": np.sqrt(bla.var_even),
-        "dof": bla.dof,
-        "grid_factor": bla.grid_factor,
-    }
 
 
 def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", delay: float | None = None) -> None:
@@ -158,16 +157,17 @@ def save(thing: object, path: str | os.PathLike[str], *, decimal: str = ".", del
     require_choice("decimal", decimal, DECIMALS)
     if delay is not None and isinstance(thing, StoredValue):
         raise ValueError(f"delay must be left out for anything but a controller, got {delay!r}")
-    if isinstance(thing, Bla):
-        save_value(thing, BLA_SCHEMA if thing.is_single else FRM_SCHEMA, path)
-    elif isinstance(thing, Record):
-        save_record(thing, path, decimal=decimal)
-    elif isinstance(thing, AxisExperiment):
-        save_experiment(thing, path, decimal=decimal)
-    elif isinstance(thing, Multisine):
-        save_multisine(thing, path, decimal=decimal)
-    else:
-        import_module(JSON_FILES).save_json(thing, path, delay=delay)
+    match thing:
+        case Bla():
+            save_value(thing, BLA_SCHEMA if thing.is_single else FRM_SCHEMA, path)
+        case Record():
+            save_record(thing, path, decimal=decimal)
+        case AxisExperiment():
+            save_experiment(thing, path, decimal=decimal)
+        case Multisine():
+            save_multisine(thing, path, decimal=decimal)
+        case _:
+            import_module(JSON_FILES).save_json(thing, path, delay=delay)
 
 
 def load(path: str | os.PathLike[str]) -> Any:

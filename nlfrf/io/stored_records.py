@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from nlfrf._base.values import field_names
 from nlfrf.io.channels import Channels
 from nlfrf.io.stored_values import AXES_ORDER, names_from_json, require_known_version
 from nlfrf.records.record import Record, join_records
-from nlfrf.records.reference import fill_reference, reconstruct_reference
+from nlfrf.records.reference import fill_reference, reconstruct_references
 from nlfrf.records.samples import Cutting
 from nlfrf.signals.lines import LineGrid
 
@@ -109,22 +110,17 @@ def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None,
     known = {file.text("u_name"): "u", file.text("y_name"): "y", "u": "u", "y": "y"}  # or by what they were called
     signals = {parameter: file.signal(parameter, known.get(name, name)) for parameter, name in names.items()}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
-    periods, lines, hold = stored_periods(file, signals, options)
-    found = {name: signal[0] for name, signal in periods.items()}
+    periods, more = stored_periods(file, signals, options)
     if options.design is not None:
-        found.setdefault("r", reconstruct_reference(options.design, found["u"]))
+        periods.setdefault("r", reconstruct_references(options.design, periods["u"]))
     return Record(
-        u=found["u"],
-        y=found["y"],
-        r=found.get("r"),
-        lines=lines,
-        hold=hold,
+        **{name: signal[0] for name, signal in periods.items()},
+        **more,
         fs=file.sampling_frequency(fs),
         u_name=file.text("u_name"),
         y_name=file.text("y_name"),
         u_unit=file.text("u_unit"),
         y_unit=file.text("y_unit"),
-        warnings=stored_warnings(file),
     )
 
 
@@ -151,7 +147,7 @@ def stored_experiments(
         if name not in outputs:
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
-    found, lines, hold = stored_periods(file, signals, options)
+    found, more = stored_periods(file, signals, options)
     units = {name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays}
     if y is not None:
         chosen = [outputs.index(name) for name in y]
@@ -160,29 +156,20 @@ def stored_experiments(
             units["output_units"] = tuple(units["output_units"][j] for j in chosen)
     fill_reference(found, options.design)
     return Record(
-        u=found["u"],
-        y=found["y"],
-        r=found.get("r"),
-        lines=lines,
-        hold=hold,
+        **found,
+        **more,
         fs=file.sampling_frequency(fs),
         inputs=inputs,
         outputs=outputs,
         input_units=units.get("input_units", ()),
         output_units=units.get("output_units", ()),
-        warnings=stored_warnings(file),
     )
-
-
-def stored_warnings(file: Channels) -> tuple[str, ...]:
-    """Return what the file says was warned of its record; nothing where it does not say."""
-    return names_from_json("warnings", file.arrays["warnings"]) if "warnings" in file.arrays else ()
 
 
 def stored_periods(
     file: Channels, signals: Mapping[str, np.ndarray], options: Cutting
-) -> tuple[dict[str, np.ndarray], LineGrid, str]:
-    """Signals (channels, M, P, N) as they were cut, with their lines and hold: what was asked for goes first."""
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Signals (channels, M, P, N) as they were cut; their lines, hold and warnings: what was asked for goes first."""
     arrays = file.arrays
     try:
         shape = tuple(int(n) for n in np.ravel(arrays["shape"]))[-3:]
@@ -201,4 +188,6 @@ def stored_periods(
     if design is not None:
         grid, hold = design.lines, design.hold if hold == "unknown" else hold
     kept = {name: signal[:, :, n_discard:] for name, signal in periods.items()}
-    return kept, grid if options.lines is None else options.lines, options.hold or hold
+    warned = names_from_json("warnings", arrays["warnings"]) if "warnings" in arrays else ()
+    lines = grid if options.lines is None else options.lines
+    return kept, {"lines": lines, "hold": options.hold or hold, "warnings": warned}

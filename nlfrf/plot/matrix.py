@@ -46,7 +46,13 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
             gains = size[j, i], size[j, i] - radius[j, i], size[j, i] + radius[j, i]
             gain_band(entry, frm.f, *gains, color=COLOR["bound"], label=label, over=OVER_100)
             entry.plot(
-                frm.f, to_decibel(size[j, i]), marker_style(frm), ms=2, lw=1.0, color=COLOR["excited"], label="|G|"
+                frm.f,
+                to_decibel(size[j, i]),
+                ".-" if frm.f.size <= MAX_MARKED_LINES else "-",
+                ms=2,
+                lw=1.0,
+                color=COLOR["excited"],
+                label="|G|",
             )
             entry.set(xscale="log", ylim=(floor, ceiling))
     return finish_matrix(made, foot, "frequency [Hz]")
@@ -139,11 +145,6 @@ def entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[np.ndarray, Axes]:
 def expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
     """Return a curve of every entry as (n_y, n_u, F), also for one input and output."""
     return curve.reshape(frm.matrix.shape)
-
-
-def marker_style(frm: Bla) -> str:
-    """Return the style of a curve, with points at its lines where these are few."""
-    return ".-" if frm.f.size <= MAX_MARKED_LINES else "-"
 
 
 def smallest_nonzero(sizes: np.ndarray) -> float:

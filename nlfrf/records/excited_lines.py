@@ -56,7 +56,10 @@ def excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) ->
         if np.isin(played, found, assume_unique=True).mean() < MAX_SHARE or recognise_kind(played) == "custom":
             continue
         others = np.setdiff1d(np.arange(played[0], played[-1]), played, assume_unique=True)
-        if stands_out(level, played, others) and stands_out(level, played, extension_of_band(played, level.size)):
+        above = np.arange(
+            played[-1] + 1, min(level.size, played[-1] + EXTENSION_LINES) + 1
+        )  # the band, or what is there
+        if stands_out(level, played, others) and stands_out(level, played, above):
             return played
     return found
 
@@ -96,12 +99,6 @@ def band_edge(level: np.ndarray) -> int:
         if after.size < 4 or level_roughness(after) > 0.6 * ROUGH_LEVEL or after.max() < before.min() - ACTUATOR_DROP:
             return k
     return level.size
-
-
-def extension_of_band(played: np.ndarray, n_lines: int) -> np.ndarray:
-    """Return the lines just above the highest excited one: EXTENSION_LINES of them, or those there are."""
-    last = int(played[-1])
-    return np.arange(last + 1, min(n_lines, last + EXTENSION_LINES) + 1)
 
 
 def stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bool:

@@ -51,7 +51,7 @@ class Channels:
         """Set the four fields for (n_u, n_y) channels from what was given, u, y, ... where nothing was."""
         for k, (side, letter) in enumerate((("input", "u"), ("output", "y"))):
             given = channel_names(f"{side}s", names[k], n[k])
-            self.__dict__[f"{side}s"] = given or default_names(letter, n[k])
+            self.__dict__[f"{side}s"] = given or tuple(f"{letter}{i + 1}" if n[k] > 1 else letter for i in range(n[k]))
             self.__dict__[f"{side}_units"] = channel_units(f"{side}_units", units[k], n[k])
 
     @property
@@ -243,11 +243,6 @@ def to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
             least = "1 channel, 1 experiment" if several else "1 realisation"
             raise ValueError(f"{name} must hold at least {least}, 1 period and 4 samples, got shape {signal.shape}")
     return arrays
-
-
-def default_names(letter: str, n: int) -> tuple[str, ...]:
-    """Return what channels without a name are called: u, or u1, u2, ..."""
-    return (letter,) if n == 1 else tuple(f"{letter}{i + 1}" for i in range(n))
 
 
 def given_name(names: tuple[str, ...], letter: str) -> str:

@@ -28,12 +28,6 @@ def design_period(design: Multisine, fs: float) -> int:
     return round(n)
 
 
-def reconstruct_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
-    """Return (M, P, N) the design as played, aligned with one input; as `reconstruct_references`."""
-    played: np.ndarray = reconstruct_references(design, u[None])[0]
-    return played
-
-
 def fill_reference(found: dict[str, np.ndarray], design: Multisine | None) -> None:
     """Put what was played into the signals of a record as their references, where there are none and they may be.
 

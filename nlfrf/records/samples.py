@@ -22,7 +22,7 @@ from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modul
 from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, SignalLabels, require_varying
-from nlfrf.records.reference import design_period, fill_reference, reconstruct_reference
+from nlfrf.records.reference import design_period, fill_reference, reconstruct_references
 from nlfrf.records.screening.gaps import find_slips
 from nlfrf.records.screening.input import (
     SEVERE_POWER,
@@ -293,12 +293,16 @@ def records_from_streams(
             n_samples = rounded_period(streams[known][0], resample)
     n_samples = require_integer("n_samples", n_samples, least=4)
     screen_outputs(streams, n_samples=n_samples, fs=fs)
-    require_whole_period(min(one.size for one in streams[known]), n_samples, n_discard)
+    if (n := min(one.size for one in streams[known])) < (n_discard + 1) * n_samples:
+        raise ValueError(
+            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
+            f"got {n} samples, which is {n / n_samples:.2f} periods"
+        )
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     del streams
     cut, lines, fs = cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=labels)
     if design is not None:
-        cut.setdefault("r", reconstruct_reference(design, cut["u"]))
+        cut.setdefault("r", reconstruct_references(design, cut["u"][None])[0])
         hold = design.hold if hold is None else hold
     u, r = cut.pop("u"), cut.pop("r", None)
     (y, label), *others = zip(cut.values(), labels.values(), strict=True)
@@ -395,15 +399,6 @@ def cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
             )
             for signal in streams.values():
                 signal[m] = signal[m][some]
-
-
-def require_whole_period(n: int, n_samples: int, n_discard: int) -> None:
-    """Refuse streams of n samples that leave no whole period of n_samples behind the n_discard periods left out."""
-    if n < (n_discard + 1) * n_samples:
-        raise ValueError(
-            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
-            f"got {n} samples, which is {n / n_samples:.2f} periods"
-        )
 
 
 def track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:
@@ -655,14 +650,11 @@ def require_period_alignment(where: PeriodAlignment) -> None:
 
 def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """One-dimensional streams, one per realisation."""
-    if isinstance(signal, (list, tuple)) and signal and np.ndim(signal[0]) > 0:
-        if len(signal) == 1:
-            return [require_real_array(name, signal[0], ndim=1)]
-        return [require_real_array(f"{name}[{m}]", one, ndim=1) for m, one in enumerate(signal)]
-    array = signal if isinstance(signal, np.ma.MaskedArray) else np.asarray(signal)
-    if array.ndim != 1:
-        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {array.shape}")
-    return [require_real_array(name, array, ndim=1)]
+    many = list(signal) if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0 else [signal]
+    if many[0] is signal and np.ndim(signal) != 1:
+        shape = np.shape(signal)
+        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {shape}")
+    return [require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=1) for m, one in enumerate(many)]
 
 
 def rounded_period(u: np.ndarray, resample: bool) -> int:

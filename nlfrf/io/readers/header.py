@@ -120,7 +120,8 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
         clock = Clock(clock.fs / scale, clock.label, abscissa)  # a step in a line of its own, its unit in another
     rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
     for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
-        as_clock = j in columns and is_sampled_at(columns[j], rate)
+        # a rate of an unknown unit is none
+        as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < SAME_CLOCK
         stated[j] = stated[j] or (clock.unit if as_clock else "")
         placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
     steps, starts = steps_and_starts(layout, labelled, kinds)
@@ -145,11 +146,6 @@ def place_names_and_units(
         return [""] * width, [], unplaced
     shift = first or 0
     return slice_row(names, -shift, width), slice_row(units, -shift, width) if units else [], {}
-
-
-def is_sampled_at(times: np.ndarray, rate: float) -> bool:
-    """Return whether a column of times has the steps of a sampling frequency, in its own unit; no of an unknown one."""
-    return rate > 0 and bool(abs(sampling_frequency(times) / rate - 1) < SAME_CLOCK)
 
 
 def bare_unit(unit: str, name: str, abscissa: str) -> str:
@@ -330,17 +326,14 @@ def place_names(names: list[str], kinds: list[Kind]) -> int | None:
         return 0
     costs = {}
     for first in range(len(kinds) - len(names) + 1):
-        pairs = [(is_counter_name(name), kinds[first + i]) for i, name in enumerate(names)]
+        # times and row numbers run forward
+        runs = (is_time_name(name) or COUNTER_NAME.fullmatch(name) is not None for name in names)
+        pairs = list(zip(runs, kinds[first:], strict=False))
         unnamed = {*kinds[:first]} - {Kind.CLOCK} | {*kinds[first + len(names) :]}
         if unnamed <= {Kind.EMPTY} and (not first or (True, Kind.NUMBERS) not in pairs):
             costs[first] = sum(kind in MISMATCHED_KINDS[counter] for counter, kind in pairs)
     best = [first for first, cost in costs.items() if cost == min(costs.values())]
     return best[0] if len(best) == 1 else None
-
-
-def is_counter_name(name: str) -> bool:
-    """Return whether a column of that name runs forward: times and row numbers."""
-    return is_time_name(name) or COUNTER_NAME.fullmatch(name) is not None
 
 
 def is_units_row(row: list[str], above: list[str]) -> bool:

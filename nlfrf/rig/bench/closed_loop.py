@@ -325,30 +325,20 @@ def loops_kernel(law: packing.Law) -> Callable[..., None]:
     return run_loops
 
 
-def reduce_runs(of: Callable[[Trajectory], object], runs: LoopRuns) -> Arrays:
+def reduce_runs(of: Callable[[Trajectory], object], runs: LoopRuns) -> dict[str, Any]:
     """Simulate loops and return `of(response)` of each, so that little travels between processes."""
     out = simulate_runs(runs)
     try:
-        return {"found": object_array(collect_results(runs, out, of)), "lost": out["lost"]}
+        return {"found": collect_results(runs, out, of), "lost": out["lost"]}
     except Exception as error:  # an error of the function, not of the executor: raised in `collect_results`
-        return {"refused": object_array([error]), "lost": out["lost"]}
+        return {"refused": error, "lost": out["lost"]}
 
 
-def object_array(items: list[object]) -> np.ndarray:
-    """Return an (n,) array of the items as objects."""
-    held = np.empty(len(items), dtype=object)
-    for i, item in enumerate(items):
-        held[i] = item
-    return held
-
-
-def collect_results(runs: LoopRuns, out: Arrays, of: Callable[[Trajectory], object] | None) -> list[object]:
+def collect_results(runs: LoopRuns, out: dict[str, Any], of: Callable[[Trajectory], object] | None) -> list[object]:
     """Return the trajectories of computed runs, or `of(response)` of each."""
     if "refused" in out:
-        raise out["refused"][0]
-    if "found" in out:
-        return list(out["found"])
-    return [one if of is None else of(one) for one in to_trajectories(runs, out)]
+        raise out["refused"]
+    return out["found"] if "found" in out else [one if of is None else of(one) for one in to_trajectories(runs, out)]
 
 
 def to_trajectories(runs: LoopRuns, out: Arrays) -> list[Trajectory]:

@@ -138,8 +138,9 @@ class Drive:
             if getattr(self, name) != np.inf:
                 require_positive(name, getattr(self, name))
         for name in ("torque_constant", "observer_frequency", "unit_factor", "load_factor"):
-            if not np.isnan(require_number(name, getattr(self, name))):
-                require_positive(name, getattr(self, name))
+            number = getattr(self, name)
+            if not (isinstance(number, float) and np.isnan(number)):
+                require_positive(name, number)
         if not 0 <= require_real("velocity_feedforward", self.velocity_feedforward) <= 1:
             raise ValueError(f"velocity_feedforward must lie between 0 and 1, got {self.velocity_feedforward:g}")
         require_integer("position_every", self.position_every, least=1)
@@ -263,8 +264,3 @@ def filter_slots(given: object) -> tuple[FilterSlot | np.ndarray, ...]:
 def scale_factor(name: str, given: float, unit: str, base: str) -> float:
     """Return how many base units one unit is: as it was given, or as its name says."""
     return position_factor(name, unit, base) if np.isnan(given) else given
-
-
-def require_number(name: str, number: object) -> float:
-    """Return the number, which may be nan, or a refusal."""
-    return np.nan if isinstance(number, float) and np.isnan(number) else require_real(name, number)

@@ -182,11 +182,8 @@ class Rig:
 
     def poles(self, gain: float) -> np.ndarray:
         """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness: 1 stuck, 0 sliding."""
-        if self.several:
-            return axes.poles(self.mass, self.stiffness, self.damping, self.friction, gain)
-        law, _ = pack_law(self.friction)
-        stiffness, damping = self.stiffness + gain * law.curve.K0, self.damping + gain * law.sigma1 + law.sigma2
-        return np.roots([self.mass, damping, stiffness])
+        mass, stiffness, damping = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
+        return axes.poles(mass, stiffness, damping, self.friction if self.several else [self.friction], gain)
 
     @cached_property
     def stable_step(self) -> float:

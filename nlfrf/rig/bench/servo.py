@@ -512,93 +512,95 @@ def servo_axis(preset: str) -> ServoAxis:
     [12.0, 22.2, 382.9, 2.0]
     """
     require_choice("preset", preset, PRESETS)
-    if preset == "linear motor":
-        return ServoAxis(
-            motor_inertia=12.0,
-            motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.3, vs=5e-3),
-            motor_damping=20.0,
-            resolution=5e-8,
-            drive=Drive(
-                kp_unit="A/(m/s)",
-                torque_constant=52.8,
-                fs=4000,
-                kv=100,
-                kp=143,
-                tn=0.01,
-                limit=28.8,
-                lag=0.3e-3,
-                velocity_feedforward=1.0,
-            ),
-        )
-    if preset == "belt":
-        # 32 teeth of 5 mm: 25.46 mm a radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
-        r, gear = 32 * 5e-3 / (2 * np.pi), 5
-        return ServoAxis(
-            motor_inertia=(gear**2 * 1.74e-4 + 3e-4) / r**2,
-            motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.2, vs=5e-3),
-            motor_damping=20.0,
-            load_inertia=15.0,
-            load_friction=sliders(K0=1e6, Fs=30.0, stiction=1.4, vs=5e-3),
-            load_damping=30.0,
-            stiffness=632500 * (1 / 0.7 + 1 / 1.5),
-            damping=100.0,
-            resolution=2 * np.pi * r / gear / 2**17,
-            drive=Drive(
-                kp_unit="A/(m/s)",
-                torque_constant=gear * 0.636 / r,
-                fs=4000,
-                kv=30,
-                kp=33,
-                tn=0.03,
-                limit=17.0,
-                lag=0.5e-3,
-                velocity_feedforward=1.0,
-            ),
-        )
-    if preset == "ball screw":
-        r = 10e-3 / (2 * np.pi)  # a lead of 10 mm
-        return ServoAxis(
-            motor_inertia=(3.19e-4 + 2.41e-4 + 0.3e-4) / r**2,
-            motor_friction=sliders(K0=2e7, Fs=100.0, stiction=1.2, vs=2e-3),
-            motor_damping=300.0,
-            load_inertia=150.0,
-            load_friction=sliders(K0=1e7, Fs=60.0, stiction=1.3, vs=2e-3),
-            load_damping=200.0,
-            stiffness=8e7,
-            damping=5000.0,
-            resolution=10e-3 / 2**17,
-            drive=Drive(
-                kp_unit="A/(m/s)",
-                torque_constant=0.544 / r,
-                fs=4000,
-                kv=50,
-                kp=280,
-                tn=0.02,
-                limit=42.0,
-                lag=0.5e-3,
-                velocity_feedforward=1.0,
-            ),
-        )
-    return ServoAxis(
-        motor_inertia=100**2 * 5.2e-5,
-        motor_friction=sliders(K0=1.5e4, Fs=6.0, stiction=1.3, vs=5e-3),
-        motor_damping=15.0,
-        load_inertia=1.5,
-        load_friction=sliders(K0=5e3, Fs=1.0, stiction=1.2, vs=5e-3),
-        load_damping=0.5,
-        stiffness=1.6e4,
-        damping=10.0,
-        resolution=2 * np.pi / (100 * 2**14),
-        motion="rotary",
-        drive=Drive(
-            kp_unit="A/(rad/s)",
-            torque_constant=100 * 0.12,
-            fs=4000,
-            kv=15,
-            kp=16,
-            tn=0.05,
-            limit=10.0,
-            lag=0.5e-3,
-            velocity_feedforward=1.0,
-        ),
-    )
+    match preset:
+        case "linear motor":
+            return ServoAxis(
+                motor_inertia=12.0,
+                motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.3, vs=5e-3),
+                motor_damping=20.0,
+                resolution=5e-8,
+                drive=Drive(
+                    kp_unit="A/(m/s)",
+                    torque_constant=52.8,
+                    fs=4000,
+                    kv=100,
+                    kp=143,
+                    tn=0.01,
+                    limit=28.8,
+                    lag=0.3e-3,
+                    velocity_feedforward=1.0,
+                ),
+            )
+        case "belt":
+            # 32 teeth of 5 mm: 25.46 mm a radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
+            r, gear = 32 * 5e-3 / (2 * np.pi), 5
+            return ServoAxis(
+                motor_inertia=(gear**2 * 1.74e-4 + 3e-4) / r**2,
+                motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.2, vs=5e-3),
+                motor_damping=20.0,
+                load_inertia=15.0,
+                load_friction=sliders(K0=1e6, Fs=30.0, stiction=1.4, vs=5e-3),
+                load_damping=30.0,
+                stiffness=632500 * (1 / 0.7 + 1 / 1.5),
+                damping=100.0,
+                resolution=2 * np.pi * r / gear / 2**17,
+                drive=Drive(
+                    kp_unit="A/(m/s)",
+                    torque_constant=gear * 0.636 / r,
+                    fs=4000,
+                    kv=30,
+                    kp=33,
+                    tn=0.03,
+                    limit=17.0,
+                    lag=0.5e-3,
+                    velocity_feedforward=1.0,
+                ),
+            )
+        case "ball screw":
+            r = 10e-3 / (2 * np.pi)  # a lead of 10 mm
+            return ServoAxis(
+                motor_inertia=(3.19e-4 + 2.41e-4 + 0.3e-4) / r**2,
+                motor_friction=sliders(K0=2e7, Fs=100.0, stiction=1.2, vs=2e-3),
+                motor_damping=300.0,
+                load_inertia=150.0,
+                load_friction=sliders(K0=1e7, Fs=60.0, stiction=1.3, vs=2e-3),
+                load_damping=200.0,
+                stiffness=8e7,
+                damping=5000.0,
+                resolution=10e-3 / 2**17,
+                drive=Drive(
+                    kp_unit="A/(m/s)",
+                    torque_constant=0.544 / r,
+                    fs=4000,
+                    kv=50,
+                    kp=280,
+                    tn=0.02,
+                    limit=42.0,
+                    lag=0.5e-3,
+                    velocity_feedforward=1.0,
+                ),
+            )
+        case _:
+            return ServoAxis(
+                motor_inertia=100**2 * 5.2e-5,
+                motor_friction=sliders(K0=1.5e4, Fs=6.0, stiction=1.3, vs=5e-3),
+                motor_damping=15.0,
+                load_inertia=1.5,
+                load_friction=sliders(K0=5e3, Fs=1.0, stiction=1.2, vs=5e-3),
+                load_damping=0.5,
+                stiffness=1.6e4,
+                damping=10.0,
+                resolution=2 * np.pi / (100 * 2**14),
+                motion="rotary",
+                drive=Drive(
+                    kp_unit="A/(rad/s)",
+                    torque_constant=100 * 0.12,
+                    fs=4000,
+                    kv=15,
+                    kp=16,
+                    tn=0.05,
+                    limit=10.0,
+                    lag=0.5e-3,
+                    velocity_feedforward=1.0,
+                ),
+            )

@@ -96,7 +96,8 @@ def run_each(
     ValueError
         What the task refuses, or an executor that dies: what was done till then is in the folder.
     """
-    files = [] if resume is None else files_of_results(open_folder(resume), task, values)
+    folder = None if resume is None else open_folder(resume)
+    files = [] if folder is None else [folder / f"{fingerprint(task, value)}.npz" for value in values]
     todo, total = list(range(len(values))), len(values)
     for i, file in enumerate(files):
         if (found := load_result(file)) is not None:
@@ -137,11 +138,6 @@ def run_each(
             future.cancel()
         if threads is not None:
             threads.shutdown(cancel_futures=True)
-
-
-def files_of_results(folder: Path, task: Callable[[Input], Arrays], values: Sequence[Input]) -> list[Path]:
-    """Return the file in a folder that keeps the result of each value."""
-    return [folder / f"{fingerprint(task, value)}.npz" for value in values]
 
 
 def open_folder(resume: str | os.PathLike[str]) -> Path:
@@ -188,24 +184,25 @@ def hash_integrator() -> bytes:
 def hash_value(digest: Hash, value: object) -> None:
     """Add a value to a digest: type and content, fields one by one."""
     digest.update(f"<{type(value).__qualname__}>".encode())
-    if is_dataclass(value):
-        for field in fields(value):
-            digest.update(f"{field.name}=".encode())
-            hash_value(digest, getattr(value, field.name))
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype.str}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
-    elif isinstance(value, (tuple, list, dict)):
-        for one in value.items() if isinstance(value, dict) else value:
-            hash_value(digest, one)
-    elif isinstance(value, (str, int, float, type(None))):
-        digest.update(repr(value).encode())
-    elif isinstance(value, numbers.Real):  # of numpy, or a fraction
-        digest.update(repr(float(value)).encode())
-    elif callable(value):
-        raise ValueError("resume must be left out with functions of your own: nothing shows whether they changed")
-    else:
-        raise TypeError(f"no fingerprint of {type(value).__name__}")
+    match value:
+        case _ if is_dataclass(value):
+            for field in fields(value):
+                digest.update(f"{field.name}=".encode())
+                hash_value(digest, getattr(value, field.name))
+        case np.ndarray():
+            digest.update(f"{value.dtype.str}{value.shape}".encode())
+            digest.update(np.ascontiguousarray(value).tobytes())
+        case tuple() | list() | dict():
+            for one in value.items() if isinstance(value, dict) else value:
+                hash_value(digest, one)
+        case str() | int() | float() | None:
+            digest.update(repr(value).encode())
+        case numbers.Real():  # of numpy, or a fraction
+            digest.update(repr(float(value)).encode())
+        case _ if callable(value):
+            raise ValueError("resume must be left out with functions of your own: nothing shows whether they changed")
+        case _:
+            raise TypeError(f"no fingerprint of {type(value).__name__}")
     digest.update(b";")
 
 

@@ -27,15 +27,14 @@ def integrate(
     """
     if isinstance(law, UserLawData):
         return integrate_user_law(body, law.functions, memory=memory, drive=drive, h=h, substeps=substeps)
-    kernel: Callable[..., bool]
-    if law.form == kernel_data.COULOMB:
-        from nlfrf.rig.kernels.slip import advance_coulomb as kernel
-    elif law.form == kernel_data.GMS:
-        from nlfrf.rig.kernels.slip import advance_gms as kernel
-    elif law.form == kernel_data.SLIDERS:
-        from nlfrf.rig.kernels.slip import advance_sliders as kernel
-    else:
-        from nlfrf.rig.kernels.leuven import advance_hysteretic as kernel
+    from nlfrf.rig.kernels import leuven, slip
+
+    kernels: dict[float, Callable[..., bool]] = {
+        kernel_data.COULOMB: slip.advance_coulomb,
+        kernel_data.GMS: slip.advance_gms,
+        kernel_data.SLIDERS: slip.advance_sliders,
+    }
+    kernel = kernels.get(law.form, leuven.advance_hysteretic)
     out = np.empty((drive.shape[0] // substeps, 4))
     stable = kernel(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
     return out if stable else None

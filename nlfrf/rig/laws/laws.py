@@ -538,29 +538,28 @@ def check_stribeck(law: StribeckLaw) -> None:
 
 def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
     """Return the numbers of a law, and the grid of its curve or elements, for compiled code."""
-    if isinstance(law, Dahl):
-        force = float(law.Fc)
-        spring, grid = pack_curve(Linear(K0=law.sigma0))
-        return kernel_data.Law(kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
-    if isinstance(law, LuGre):
-        spring, grid = pack_curve(Linear(K0=law.sigma0))
-        return pack_stribeck_law(law, kernel_data.LEUVEN, n=1.0, curve=spring), grid
-    if isinstance(law, Coulomb):
-        return pack_stribeck_law(
-            law, kernel_data.COULOMB, n=1.0, curve=kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
-        ), NO_GRID
-    if isinstance(law, VaryingSliders):
-        return pack_sliders(law)
-    if isinstance(law, OwnFriction):
-        return pack_user_law(law)
-    if isinstance(law, GeneralizedMaxwellSlip):
-        shares = MaxwellSlip(stiffness=law.stiffness, strength=law.alpha)
-        curve, grid = pack_curve(shares)
-        return pack_stribeck_law(law, kernel_data.GMS, n=law.C, curve=curve), grid
-    if not isinstance(law, Leuven):
-        raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
-    curve, grid = pack_curve(law.curve)
-    return pack_stribeck_law(law, kernel_data.LEUVEN, n=law.n, curve=curve), grid
+    match law:
+        case Dahl():
+            force = float(law.Fc)
+            spring, grid = pack_curve(Linear(K0=law.sigma0))
+            return kernel_data.Law(kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
+        case LuGre():
+            spring, grid = pack_curve(Linear(K0=law.sigma0))
+            return pack_stribeck_law(law, kernel_data.LEUVEN, n=1.0, curve=spring), grid
+        case Leuven():
+            curve, grid = pack_curve(law.curve)
+            return pack_stribeck_law(law, kernel_data.LEUVEN, n=law.n, curve=curve), grid
+        case Coulomb():
+            none = kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
+            return pack_stribeck_law(law, kernel_data.COULOMB, n=1.0, curve=none), NO_GRID
+        case GeneralizedMaxwellSlip():
+            curve, grid = pack_curve(MaxwellSlip(stiffness=law.stiffness, strength=law.alpha))
+            return pack_stribeck_law(law, kernel_data.GMS, n=law.C, curve=curve), grid
+        case VaryingSliders():
+            return pack_sliders(law)
+        case OwnFriction():
+            return pack_user_law(law)
+    raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
 
 
 def pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:

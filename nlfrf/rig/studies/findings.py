@@ -256,12 +256,13 @@ def draw_held_values(signal: str, n_realizations: int, rng: np.random.Generator)
     """Draw (M, n) values of one period, white, of rms 0.5 N."""
     n = round(HELD_CLOCK / F0)
     shape = (n_realizations, n)
-    if signal == "Gaussian":
-        return HELD_RMS * rng.standard_normal(shape)
-    if signal == "uniform":
-        return HELD_RMS * rng.uniform(-np.sqrt(3), np.sqrt(3), shape)
-    if signal == "binary":
-        return HELD_RMS * rng.choice([-1.0, 1.0], shape)
+    match signal:
+        case "Gaussian":
+            return HELD_RMS * rng.standard_normal(shape)
+        case "uniform":
+            return HELD_RMS * rng.uniform(-np.sqrt(3), np.sqrt(3), shape)
+        case "binary":
+            return HELD_RMS * rng.choice([-1.0, 1.0], shape)
     spectrum = np.zeros((n_realizations, n // 2 + 1), dtype=complex)
     spectrum[:, 1 : n // 2] = np.exp(2j * np.pi * rng.uniform(size=(n_realizations, n // 2 - 1)))
     force = np.fft.irfft(spectrum, n)
@@ -319,12 +320,8 @@ def judge_side_remarks(
     records = [Record(u=u[i], y=y[i], fs=FS, lines=LineGrid(excited=COMPARED_LINES)) for i in range(len(SIGNALS))]
     first, *others = map(ensemble_spectra, records)
     random = simulate_random_amplitudes(rig, m, rng, run=partial(run, progress=count(len(held))))
-    differences = [normalised_difference(first, other) for other in others]
-    return judge_remarks(dict(zip(SIGNALS[1:], differences, strict=True)), normalised_difference(odd, random))
-
-
-def judge_remarks(difference: dict[str, float], amplitudes: float) -> list[Finding]:
-    """Return the findings S1 to S3 from the differences between the excitations."""
+    difference = dict(zip(SIGNALS[1:], (normalised_difference(first, other) for other in others), strict=True))
+    amplitudes = normalised_difference(odd, random)
     same, other = {s: difference[s] for s in SIGNALS[1:3]}, {s: difference[s] for s in SIGNALS[3:]}
     return [
         Finding(

@@ -536,7 +536,7 @@ def test_noise_records_are_refused_by_name():
         identify_noise(u, u, **good | {"n_samples": 600})
     with pytest.raises(ValueError, match="y must be as long as u, 1000 samples, got 999"):
         identify_noise(u, u[1:], **good)
-    with pytest.raises(ValueError, match="f_min and f_max must hold lines below Nyquist"):
+    with pytest.raises(ValueError, match="f_max must lie below the Nyquist frequency"):
         identify_noise(u, u, **good | {"f_max": 0.6})
 
 
