@@ -20,6 +20,7 @@ from robust.mu.scalings import (
     bound_from_scalings,
     conjugate_transpose,
     response_matrices,
+    scaled_square,
     upper_bound,
 )
 
@@ -118,14 +119,6 @@ def starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.n
         levels.append(np.where(closed < 1 - 0.01 * slack, least_level(scaled, G), np.inf))
     best = np.argmin(levels, axis=0), np.arange(len(M))
     return sizes[best], np.maximum(np.array(levels)[best], 1e-300)
-
-
-def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """M^H M + j (G M - M^H G^H) of every matrix, G on the first inputs and outputs."""
-    cols, rows = G.shape[1:]
-    skew = np.zeros((len(M), M.shape[2], M.shape[2]), complex)
-    skew[:, :cols] = 1j * G @ M[:, :rows]
-    return conjugate_transpose(M) @ M + skew + conjugate_transpose(skew)
 
 
 def least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from nlfrf._base.types import Seed
 from nlfrf._base.values import value
 from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, structure_for
-from robust.mu.scalings import MuBound, conjugate_transpose, optimal_scalings, response_matrices
+from robust.mu.scalings import MuBound, optimal_scalings, response_matrices, scaled_square
 
 RACE, FINISH = 12, 400  # steps from every start, and from the best of them
 N_FINISHERS = 3
@@ -337,11 +337,7 @@ def worst_directions(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.n
     M = M / np.where(size > 0, size, 1.0)[:, None, None]  # the right directions are as long as N of size one makes them
     D_L, D_R, G = optimal_scalings(M, s)
     scaled = D_L @ M @ np.linalg.inv(D_R)
-    square = conjugate_transpose(scaled) @ scaled
-    if s.skew.size:
-        skew = 1j * G @ scaled
-        square = square + skew + conjugate_transpose(skew)
-    values, vectors = np.linalg.eigh(square)
+    values, vectors = np.linalg.eigh(scaled_square(scaled, G))
     vectors = vectors[:, :, ::-1][:, :, :3]
     bound = np.sqrt(np.maximum(values[:, -1], 0.0))
     left, right = np.linalg.solve(D_R, vectors) * bound[:, None, None], np.linalg.solve(D_L, scaled @ vectors)

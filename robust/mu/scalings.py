@@ -228,12 +228,18 @@ def method_of_centres(
 
 
 def top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (W,) largest eigenvalue of M^H M + j (G M - M^H G^H)."""
-    A = conjugate_transpose(M) @ M
+    """Return (W,) largest eigenvalue of `scaled_square`."""
+    return np.linalg.eigvalsh(scaled_square(M, G))[:, -1]
+
+
+def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """M^H M + j (G M - M^H G^H) of every matrix, G on the first inputs and outputs."""
+    square, (cols, rows) = conjugate_transpose(M) @ M, G.shape[1:]
     if G.any():
-        skew = 1j * G @ M
-        A = A + skew + conjugate_transpose(skew)
-    return np.linalg.eigvalsh(A)[:, -1]
+        skew = np.zeros_like(square)
+        skew[:, :cols] = 1j * G @ M[:, :rows]
+        square = square + skew + conjugate_transpose(skew)
+    return square
 
 
 def newton_step_to_centre(
@@ -250,10 +256,7 @@ def newton_step_to_centre(
     if s.skew.size:
         skew = 1j * s.skew @ M[:, None]
         F = np.concatenate([F, -(skew + conjugate_transpose(skew))], axis=1)
-    A = conjugate_transpose(M) @ M
-    if s.skew.size:
-        now = 1j * G @ M
-        A = A + now + conjugate_transpose(now)
+    A = scaled_square(M, G)
     inverse = np.linalg.inv(alpha[:, None, None] * np.eye(n) - A)
     P = inverse[:, None] @ F
     flat = P.reshape(W, -1, n * n)
