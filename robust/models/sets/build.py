@@ -40,7 +40,7 @@ from robust.models.fit.nominal import (
     require_same_channels,
 )
 from robust.models.fit.orders import scan_orders
-from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_family, is_full, make_family_set
+from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_family, is_full, is_plant, make_family_set
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS, Form
 from robust.models.sets.joint import attach_records
 from robust.models.sets.model import UncertaintyModel, count_channels, format_channels, own_weights_call
@@ -434,11 +434,6 @@ def radius_of_user(
         np.maximum(radius, MIN_RADIUS_RATIO * radius.max()),
         f"{format_count(len(many), 'plant')} that were given",
     )
-
-
-def is_plant(part: object) -> bool:
-    """Return whether it is an FRF or a system."""
-    return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
 
 
 def frequencies_of_plants(

@@ -258,10 +258,14 @@ def is_full(weights: str) -> bool:
     return require_choice("weights", weights, WEIGHTS) == FULL
 
 
+def is_plant(part: object) -> bool:
+    """Return whether it is an FRF or a system."""
+    return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
+
+
 def is_matrix_plant(part: object) -> bool:
     """Return whether it is a system or an FRF of several inputs or outputs."""
-    kinds = control.FrequencyResponseData, control.StateSpace, control.TransferFunction
-    return isinstance(part, kinds) and count_channels(part) != (1, 1)
+    return is_plant(part) and count_channels(part) != (1, 1)
 
 
 def find_family(given: object) -> list[AnySystem]:

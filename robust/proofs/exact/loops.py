@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from flint import arb, ctx, fmpq
+from flint import arb, ctx
 
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
@@ -152,19 +152,15 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
         decided.update({name: undecided("not looked at", needs_digits=needs_digits) for name in claim.claims})
         return
     found = squared_magnitudes(axis)
-    scaling = to_rational(claim.scaling)
+    scaling = arb(to_rational(claim.scaling) ** 2)  # d^2 as a ball, which joins with everything
     names = list(filter(open_still, claim.claims))
     aliased = [name for name in names if name in ALIASED.values()]
     if aliased:
-        decided |= prove_with_aliases(
-            claim, aliased, axis=axis, found=found, scaling=squared_scaling(scaling), deadline=deadline
-        )
+        decided |= prove_with_aliases(claim, aliased, axis=axis, found=found, scaling=scaling, deadline=deadline)
     for name in [name for name in names if name not in aliased]:
 
         def inequalities(terms: Terms, name: str = name) -> list[Quantity]:
-            return claim_inequalities(
-                name, claim.reads, inverse=claim.inverse, t=terms, scaling=squared_scaling(scaling)
-            )
+            return claim_inequalities(name, claim.reads, inverse=claim.inverse, t=terms, scaling=scaling)
 
         if axis.algebraic:
             decided[name] = prove_on_half_line(
@@ -175,11 +171,6 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
             )
         else:
             decided[name] = positive_on_intervals(axis, found, inequalities=inequalities, deadline=deadline)
-
-
-def squared_scaling(scaling: fmpq) -> arb:
-    """d^2 as a ball, which joins with everything."""
-    return arb(scaling * scaling)
 
 
 def check_weights(axis: Axis) -> Decision:
