@@ -492,7 +492,7 @@ class UncertaintyModel:
 
     def contains(self, plant: AnySystem) -> bool:
         """Return whether an FRF (or a system, on the lines) lies in the set at every one of its frequencies."""
-        return bool(np.all(self.distance(plant) <= ROUNDING_FACTOR))
+        return bool(np.all(self.distance(plant) <= 1 + SET_TOLERANCE))
 
     def perturbed(self, Delta: Controller) -> control.StateSpace:
         """Return the plant of the set for one perturbation, to simulate the worst one.
@@ -699,7 +699,7 @@ def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
 
     On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
     """
-    if not np.all(model.distance(plant) <= 1 + SET_TOLERANCE):
+    if not model.contains(plant):
         return False
     if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
         return True
