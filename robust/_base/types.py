@@ -18,7 +18,8 @@ AnySystem: TypeAlias = "LinearSystem | control.FrequencyResponseData"
 Controller: TypeAlias = "LinearSystem | float | np.ndarray"
 #: A weight on a signal or a channel, as a user gives it.
 Weight: TypeAlias = "LinearSystem | float | np.ndarray"
-#: Type of a field that takes a `Weight`, or None, and holds a state space, or None: a dataclass can declare one only.
+#: Type of a field that takes a `Weight`, None, or plants as a user gives them, and holds a state space, None, or a
+#: tuple of plants: a dataclass can declare one only.
 SystemField: TypeAlias = Any
 #: Rows and columns of each block of a perturbation, and its kind where it is not full.
 Blocks: TypeAlias = "Sequence[tuple[int, int] | tuple[int, int, str]]"

@@ -22,11 +22,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, TypeAlias
+from typing import ClassVar, TypeAlias, TypeVar
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import (
     require_integer,
@@ -37,15 +36,16 @@ from nlfrf._base.arguments import (
     require_real_array,
     short_form,
 )
-from nlfrf._base.values import value
+from nlfrf._base.values import ArrayField, value
 from robust.lti.lti import Matrices
 from robust.lti.norms import continuous_image, discrete_matrices
 from robust.lti.realisation import multivariable
 
 Names: TypeAlias = str | Sequence[str]
 #: Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest power first.
-Numbers: TypeAlias = Mapping[str, Any]
-Coefficients: TypeAlias = tuple[list[Any], list[Any]]
+Numbers: TypeAlias = Mapping[str, float | np.ndarray]
+Coefficients: TypeAlias = tuple[list[float | np.ndarray], list[float | np.ndarray]]
+Coordinate = TypeVar("Coordinate", float, complex)
 #: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
 RANGE_RATIO = 1000.0
 #: The fastest pole of a sampled block over 2/T, as in `design_frf`: beyond it the sampled block rings.
@@ -82,7 +82,7 @@ class Parameter:
         """Return the coordinate of the search."""
         return float(np.log(self.sign * number)) if self.sign else number / self.scale
 
-    def from_coordinate(self, x: Any) -> Any:
+    def from_coordinate(self, x: Coordinate) -> Coordinate:
         """Return the number of the block, of a real or complex coordinate."""
         return self.sign * np.exp(x) if self.sign else x * self.scale
 
@@ -108,9 +108,9 @@ class TunableBlock(ABC):
 
     reads: Names = ""
     drives: Names = ""
-    fixed: Any = ()
-    lower: Any = None
-    upper: Any = None
+    fixed: Names = ()
+    lower: Mapping[str, float] | None = None
+    upper: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("reads", "drives"):
@@ -167,7 +167,7 @@ class TunableBlock(ABC):
         low, high = min(low, high), max(low, high)
         least, most = self.natural_bounds(name, dt)
         low, high = max(low, least), min(high, most)
-        low, high = self.lower.get(name, low), self.upper.get(name, high)
+        low, high = (self.lower or {}).get(name, low), (self.upper or {}).get(name, high)
         if sign and (low * sign <= 0 or high * sign <= 0):
             raise ValueError(
                 f"lower and upper must keep the sign of {name}, which starts at {start:g}, got {low:g} to {high:g}"
@@ -230,7 +230,9 @@ def signal_names(name: str, given: Names) -> tuple[str, ...]:
     return tuple(names)
 
 
-def second_order_section(numerator: ArrayLike, denominator: ArrayLike, scale: float) -> np.ndarray:
+def second_order_section(
+    numerator: Sequence[float | np.ndarray], denominator: Sequence[float | np.ndarray], scale: float
+) -> np.ndarray:
     """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, of a quotient of polynomials in scale (z - 1)/(z + 1).
 
     Both have the same number of coefficients, at most three, highest power first.
@@ -238,7 +240,7 @@ def second_order_section(numerator: ArrayLike, denominator: ArrayLike, scale: fl
     >>> second_order_section([0.0, 1.0], [1.0, 1.0], 1.0)           # 1/(p + 1), p = (z - 1)/(z + 1)
     array([0.5, 0.5, 0. , 1. , 0. , 0. ])
     """
-    n = np.size(denominator) - 1
+    n = len(denominator) - 1
     powers = [scale ** (n - k) * np.atleast_1d(np.poly([1.0] * (n - k) + [-1.0] * k)) for k in range(n + 1)]
     b, a = (np.asarray(one) @ np.array(powers) for one in (numerator, denominator))
     return np.concatenate([np.pad(one, (0, 2 - n)) for one in (b / a[0], a / a[0])])
@@ -249,12 +251,13 @@ def parameter_values(block: TunableBlock) -> dict[str, np.ndarray]:
     return {name: np.array(getattr(block, name), dtype=float) for name in block.present()}
 
 
-def with_parameters(block: Any, parameters: list[Parameter], numbers: np.ndarray) -> Any:
+def with_parameters(block: TunableBlock, parameters: list[Parameter], numbers: np.ndarray) -> TunableBlock:
     """Return the same block with other numbers."""
     new = parameter_values(block)
     for parameter, number in zip(parameters, numbers, strict=True):
         new[parameter.name][parameter.index] = number
-    return replace(block, **{name: array if array.ndim else float(array) for name, array in new.items()})
+    held: dict[str, ArrayField] = {name: array if array.ndim else float(array) for name, array in new.items()}
+    return replace(block, **held)
 
 
 @value
@@ -287,7 +290,7 @@ class Gain(TunableBlock):
     (1, 2)
     """
 
-    K: Any
+    K: ArrayField
 
     NUMBERS = ("K",)
     matrix_block = True
@@ -350,7 +353,7 @@ class Pid(TunableBlock):
     NUMBERS = ("kp", "ki", "kd", "filter_time")
 
     @classmethod
-    def from_gains(cls, gains: Any, *, reads: str, drives: str) -> Pid:
+    def from_gains(cls, gains: object, *, reads: str, drives: str) -> Pid:
         """Return the block of a `PidGains`, the same PID: `pid_gains` reads those of a design of `design_frf`.
 
         >>> from robust.io import PidGains
@@ -375,7 +378,7 @@ class Pid(TunableBlock):
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return integral and derivative side by side."""
-        rows = []
+        rows: list[tuple[float | np.ndarray, ...]] = []
         D = numbers.get("kp", 0.0)
         if "ki" in numbers:
             rows.append((0.0, 1.0, numbers["ki"]))
@@ -383,7 +386,7 @@ class Pid(TunableBlock):
             kd, tau = numbers["kd"], numbers["filter_time"]
             rows.append((-1 / tau, 1 / tau, -kd / tau))
             D = D + kd / tau
-        A = np.diag([row[0] for row in rows]) if rows else np.zeros((0, 0))
+        A = np.diag(np.array([row[0] for row in rows])) if rows else np.zeros((0, 0))
         B = np.array([[row[1]] for row in rows]).reshape(len(rows), 1)
         C = np.array([[row[2] for row in rows]]).reshape(1, len(rows))
         return A, B, C, np.array([[D]])
@@ -730,10 +733,10 @@ class StateSpace(TunableBlock):
     """
 
     n_states: int
-    A: Any = None
-    B: Any = None
-    C: Any = None
-    D: Any = None
+    A: ArrayField = None
+    B: ArrayField = None
+    C: ArrayField = None
+    D: ArrayField = None
 
     NUMBERS = ("A", "B", "C", "D")
     matrix_block = True
@@ -786,7 +789,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def require_blocks(blocks: Any) -> dict[str, TunableBlock]:
+def require_blocks(blocks: object) -> dict[str, TunableBlock]:
     """Check blocks by name, or a refusal."""
     if not isinstance(blocks, Mapping) or not blocks:
         raise ValueError(f"blocks must be named blocks, {{name: robust.tuning.Pid(...)}}, got {short_form(blocks)}")

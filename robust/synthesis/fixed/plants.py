@@ -21,7 +21,7 @@ from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import extend_below, integrator_poles, slope_at_start
 from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_radius
-from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
+from robust.models.sets.measured import FrfSource, hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
@@ -142,7 +142,9 @@ def with_discs(
     )
 
 
-def measured_lines(plant: Any, dt: float, delay: float, K: Sequence[control.StateSpace]) -> PlantOnLines:
+def measured_lines(
+    plant: FrfSource | DiscsOnLines, dt: float, delay: float, K: Sequence[control.StateSpace]
+) -> PlantOnLines:
     """Return an FRF, carried on below its first line and above its last one."""
     if isinstance(plant, DiscsOnLines):
         omega, G, form, w = plant.omega, plant.G, ADDITIVE, plant.radius

@@ -185,7 +185,7 @@ def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
 def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
     """Structure and demands of one loop: of a list the one that is its own."""
 
-    def own(name: str, given: Any) -> Any:
+    def own(name: str, given: object) -> Any:
         if not isinstance(given, list):
             return given
         if len(given) != n:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TypeAlias, TypeVar
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_kind, require_positive, require_real_array, short_form
 from nlfrf._base.values import value
+from robust._base.types import LinearSystem
 from robust.lti.lti import is_clockless, response, timebase
 from robust.lti.realisation import rightmost_pole, state_space
 from robust.lti.stability import is_stable
-from robust.synthesis.blocks import signal_names
+from robust.synthesis.blocks import Names, signal_names
 from robust.synthesis.tuning.worst import (
     ONE_DISC,
     SECOND_VALUE_RATIO,
@@ -26,6 +29,10 @@ from robust.synthesis.tuning.worst import (
     scaled_gain,
     scaled_slopes,
 )
+
+#: A gain over frequency, as a user gives it and as it is held: a number, a system, a function of omega (W,) [rad/s].
+Magnitude: TypeAlias = "float | LinearSystem | Callable[[np.ndarray], ArrayLike]"
+Asked = TypeVar("Asked")
 
 
 @value(kw_only=False)
@@ -64,11 +71,11 @@ class Limit:
     'd -> y'
     """
 
-    inputs: Any
-    outputs: Any
-    bound: Any = 1.0
-    band: Any = None
-    weight: Any = 1.0
+    inputs: Names
+    outputs: Names
+    bound: Magnitude = 1.0
+    band: Sequence[float] | None = None
+    weight: Magnitude = 1.0
     worst: bool = False
 
     def __post_init__(self) -> None:
@@ -106,12 +113,12 @@ class Limit:
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) weight over bound at true frequencies [rad/s]."""
-        if self.is_constant:
+        if isinstance(self.bound, float) and isinstance(self.weight, float):
             return np.full(np.size(omega), self.weight / self.bound)
         return evaluate_magnitude("weight", self.weight, omega) / evaluate_magnitude("bound", self.bound, omega)
 
 
-def magnitude(name: str, given: Any) -> Any:
+def magnitude(name: str, given: Magnitude) -> Magnitude:
     """Return a number, a stable system with one input and output, or a callable; or a refusal."""
     if isinstance(given, control.StateSpace | control.TransferFunction):
         system = state_space(name, given)
@@ -121,7 +128,7 @@ def magnitude(name: str, given: Any) -> Any:
     return given if callable(given) else require_positive(name, given)
 
 
-def evaluate_magnitude(name: str, given: Any, omega: np.ndarray) -> np.ndarray:
+def evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.ndarray:
     """Return (W,) a magnitude over frequency, positive and finite or a refusal."""
     if isinstance(given, float):
         return np.full(np.size(omega), given)
@@ -138,7 +145,7 @@ def evaluate_magnitude(name: str, given: Any, omega: np.ndarray) -> np.ndarray:
     return found
 
 
-def require_limits(name: str, given: Any, kinds: tuple[type, ...] = (Limit,)) -> list[Any]:
+def require_limits(name: str, given: Sequence[Asked], kinds: tuple[type, ...]) -> list[Asked]:
     """Check limits as a list, or a refusal."""
     limits = [given] if isinstance(given, kinds) else given
     if not isinstance(limits, tuple | list) or not all(isinstance(one, kinds) for one in limits):

@@ -9,7 +9,8 @@ A quadratic program stalls where peaks come and go, BFGS is slow where they stay
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
@@ -34,6 +35,7 @@ N_SCALINGS, SCALED_GAIN = 6, 1e-3
 #: Level (log) below that of the start from which on a limit counts as zero.
 MIN_LOG_GAIN = float(np.log(1e-10))
 WOLFE = 1e-4, 0.5
+Found = TypeVar("Found")  # what a function has beside its value and slope
 
 
 # ---- Stability.
@@ -54,7 +56,13 @@ def find_stable(problem: TuningProblem, x: np.ndarray, n_steps: int = 150) -> Ev
     return bfgs(function, x, n_steps, enough=target)[1]
 
 
-def bfgs(function: Any, x: np.ndarray, n_steps: int, *, enough: float = -np.inf) -> tuple[float, Any]:
+def bfgs(
+    function: Callable[[np.ndarray], tuple[float, np.ndarray, Found]],
+    x: np.ndarray,
+    n_steps: int,
+    *,
+    enough: float = -np.inf,
+) -> tuple[float, Found]:
     """Minimise by BFGS with weak Wolfe steps by bisection, for functions that are smooth almost everywhere."""
     f, g, found = function(x)
     H: np.ndarray | None = None

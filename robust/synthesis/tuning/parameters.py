@@ -6,7 +6,6 @@ The derivatives are complex steps (Squire & Trapp 1998), block by block: exact t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -70,7 +69,7 @@ class Controller:
             own = [p for owner, p in self.parameters if owner == name]
             n, m, p = block.order, len(block.reads), len(block.drives)
             if along is None or k <= along < k + len(own):
-                numbers: dict[str, Any] = parameter_values(block)
+                numbers = parameter_values(block)
                 if along is not None:
                     numbers = {key: array.astype(complex) for key, array in numbers.items()}
                 for i, parameter in enumerate(own):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TypeAlias, TypeGuard
 
 import control
 import numpy as np
@@ -12,6 +12,7 @@ from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_integer, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_known_on_lines, is_matrix, is_single
+from robust._base.types import AnySystem, SystemField
 from robust.analysis.loop import DELAY_ORDER, Loop, assemble_loop
 from robust.analysis.sampled_set import sampled_set
 from robust.friction.plant import FrictionPlant
@@ -23,9 +24,11 @@ from robust.models.fit.nominal import frd
 from robust.models.sets.forms import ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form
-from robust.synthesis.blocks import signal_names
+from robust.synthesis.blocks import Names, signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
+#: A plant as a user gives it.
+PlantModel: TypeAlias = "AnySystem | UncertaintyModel | Bla"
 #: Stands for a radius that is infinite: its square is still a number.
 UNBOUNDED_GAIN = 1e30
 
@@ -60,9 +63,9 @@ class Plants:
     2
     """
 
-    models: Any
-    inputs: Any
-    outputs: Any
+    models: SystemField
+    inputs: Names
+    outputs: Names
     n_unstable: int = 0
 
     def __post_init__(self) -> None:
@@ -76,7 +79,7 @@ class Plants:
             self.check_channels(f"models[{k}]", model)
         object.__setattr__(self, "models", models)
 
-    def check_channels(self, name: str, model: Any) -> None:
+    def check_channels(self, name: str, model: PlantModel) -> None:
         """Refuse what is no plant, or has other channels."""
         if isinstance(model, Bla):
             shape = (model.n_outputs, model.n_inputs)
@@ -149,7 +152,7 @@ def see_plants(plants: Plants, dt: float, *, delay: float, worst: bool) -> list[
 
 
 def see_plant(
-    name: str, model: Any, *, plants: Plants, dt: float, delay: float, worst: bool
+    name: str, model: PlantModel, *, plants: Plants, dt: float, delay: float, worst: bool
 ) -> ModelledPlant | MeasuredPlant:
     """One plant behind hold and delay."""
     if worst:
@@ -158,16 +161,16 @@ def see_plant(
         return see_measured(name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst)
     if is_single_set(model):
         return see_single_set(name, model, dt=dt, delay=delay, worst=worst)
-    if worst and dt and not timebase(model.nominal):
+    if isinstance(model, UncertaintyModel) and worst and dt and not timebase(model.nominal):
         warn_of_unknown_hold(model, dt)
         model, delay = sampled_set(model, dt, delay).model, 0.0
     G = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
     G, lines = behind_hold_and_delay(name, G, dt=dt, delay=delay), np.asarray(getattr(model, "omega", np.zeros(0)))
-    if not worst:
-        return ModelledPlant(system=G, lines=lines)
-    return ModelledPlant(
-        system=G, lines=lines, perturbation=perturbation_of_matrices(model), blocks=tuple(model.structure)
-    )
+    if isinstance(model, UncertaintyModel) and worst:
+        return ModelledPlant(
+            system=G, lines=lines, perturbation=perturbation_of_matrices(model), blocks=tuple(model.structure)
+        )
+    return ModelledPlant(system=G, lines=lines)
 
 
 def see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool) -> ModelledPlant:
@@ -215,12 +218,12 @@ def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: flo
     return ModelledPlant(system=sampled(G, dt, delay) if dt else G, lines=np.zeros(0))
 
 
-def is_single_set(model: Any) -> bool:
+def is_single_set(model: object) -> TypeGuard[UncertaintyModel]:
     """Return whether it is an uncertainty model of one input and one output."""
     return isinstance(model, UncertaintyModel) and model.is_single
 
 
-def require_set(name: str, model: Any) -> None:
+def require_set(name: str, model: object) -> None:
     """Refuse a plant without a set around it, for a worst case."""
     if isinstance(model, UncertaintyModel) or is_single(model):
         return
@@ -295,7 +298,9 @@ def stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSp
     )
 
 
-def see_measured(name: str, model: Any, *, n_unstable: int, dt: float, delay: float, worst: bool) -> MeasuredPlant:
+def see_measured(
+    name: str, model: PlantModel, *, n_unstable: int, dt: float, delay: float, worst: bool
+) -> MeasuredPlant:
     """Return an FRF on its lines."""
     perturbation = None
     if is_matrix(model):
@@ -319,7 +324,7 @@ def see_measured(name: str, model: Any, *, n_unstable: int, dt: float, delay: fl
     return MeasuredPlant(omega=omega[order], G=seen[:, :, order], perturbation=perturbation, n_unstable=n_unstable)
 
 
-def stated_sampling_time(plants: Sequence[Any]) -> float:
+def stated_sampling_time(plants: Sequence[PlantModel]) -> float:
     """Return the sampling time [s] that the plants state; 0 where none does."""
     sources = [getattr(model, "nominal", model) for model in plants]
     known_on_lines = (Bla, control.FrequencyResponseData)

@@ -19,6 +19,7 @@ from nlfrf._base.arguments import (
     require_positive,
     short_form,
 )
+from robust._base.types import LinearSystem
 from robust.lti.lti import require_sampling_time, to_s_plane, with_names
 from robust.lti.norms import discrete_matrices
 from robust.lti.realisation import multivariable
@@ -52,7 +53,7 @@ UNMOVED_TOLERANCE = 1e-9
 
 
 def tune(
-    system: Sequence[Any],
+    system: Sequence[LinearSystem],
     plant: Plants,
     blocks: Mapping[str, TunableBlock],
     *,
@@ -145,7 +146,7 @@ def tune(
     require_kind("plant", plant, Plants)
     blocks = require_blocks(blocks)
     limits: Limits = [(limit, True) for limit in require_limits("hard", hard, (Limit, FrictionLimit))]
-    limits += [(limit, False) for limit in require_limits("soft", soft)]
+    limits += [(limit, False) for limit in require_limits("soft", soft, (Limit,))]
     if not limits:
         raise ValueError("soft must hold a limit, or hard: nothing is asked of the design, got none")
     decay, delay = require_nonnegative("decay", decay), require_nonnegative("delay", delay)
@@ -171,7 +172,7 @@ def tune(
     )
 
 
-def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
+def fixed_parts(system: LinearSystem | Sequence[LinearSystem], dt: float) -> list[control.StateSpace]:
     """Return all that is fixed, on the time base of the design, or a refusal."""
     if isinstance(system, control.StateSpace | control.TransferFunction):
         system = [system]
@@ -213,7 +214,7 @@ def make_loops(
             channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
-            port = Port(reads=plants.inputs, drives=plants.outputs)
+            port = Port(reads=tuple(plants.inputs), drives=tuple(plants.outputs))
             joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
             channels = channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
             scenes.append(
@@ -342,7 +343,7 @@ def require_paths(problem: TuningProblem, limits: Limits) -> None:
             if isinstance(scene, MeasuredLoop) and isinstance(channel, Channel) and not scene.band(channel).any():
                 raise ValueError(
                     f"{limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got none "
-                    f"from {channel.limit.band[0]:g} to {channel.limit.band[1]:g} rad/s"
+                    f"from {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
                 )
 
 
