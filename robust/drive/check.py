@@ -252,9 +252,12 @@ class DriveCheck:
             interval = list(fit.interval("Fs"))
         played: dict[str, object] = dict.fromkeys(("simulated", "simulated_amplitude", "advice", "laws"))
         if simulated is not None:
-            amplitude = simulated.amplitude * simulated.hunts
-            said = ("hunts" if simulated.hunts else "rests", amplitude, simulated.advice, simulated.laws)
-            played = dict(zip(played, said, strict=True))
+            played = {
+                "simulated": "hunts" if simulated.hunts else "rests",
+                "simulated_amplitude": simulated.amplitude * simulated.hunts,
+                "advice": simulated.advice,
+                "laws": simulated.laws,
+            }
         asked = {
             "outcome": self.friction.outcome,
             "within": self.friction.within,

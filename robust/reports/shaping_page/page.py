@@ -105,12 +105,11 @@ def page_content(
         warn_of_unknown_hold(model, dt)
     names = [*sources.names, *(f"level {k + 1}" for k in range(len(sources.names), len(models)))]
     omega = shared_grid(models, loops)
-    begin: JsonObject = {"gain": 1, "elements": []}
-    if K is None:
-        begin = starting_state(models, loops, np.array(omega), omega_c=omega_c, delay=delay)
     return {
         "title": sources.title,
-        "begin": begin,
+        "begin": {"gain": 1, "elements": []}
+        if K is not None
+        else starting_state(models, loops, np.array(omega), omega_c=omega_c, delay=delay),
         "warnings": list(dict.fromkeys(text for model in models for text in model.warnings)),
         "dt": dt,
         "delay": delay,
