@@ -6,7 +6,6 @@ import enum
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -767,7 +766,12 @@ LEFT_OPEN = {
 
 
 def numbers_with_spread(
-    records: list[Any], fine: list[Motion], *, stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
+    records: list[nlfrf.Record],
+    fine: list[Motion],
+    *,
+    stds: list[np.ndarray],
+    candidate: Candidate,
+    span: tuple[float, float],
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the numbers and their standard deviations.
 

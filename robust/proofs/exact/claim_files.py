@@ -17,7 +17,7 @@ from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_args, get_or
 import numpy as np
 
 from nlfrf._base.files import parse_json, require_schema, write_text
-from nlfrf._base.types import JsonObject
+from nlfrf._base.types import Json, JsonObject
 from robust.proofs.exact.claim import Matrices
 
 VERSION = 1
@@ -36,7 +36,7 @@ T = TypeVar("T")
 C = TypeVar("C", bound=Claim)
 
 
-def to_plain(part: object) -> Any:
+def to_plain(part: object) -> Json:
     """Return a part of a claim as JSON has it; floats are written with the digits that restore them exactly."""
     if is_dataclass(part):
         return {one.name: to_plain(getattr(part, one.name)) for one in fields(part)}
@@ -59,7 +59,7 @@ def from_plain(kind: type[T], given: object) -> T:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
-def part_from_plain(hint: Any, given: Any) -> Any:
+def part_from_plain(hint: Any, given: Json) -> object:
     """Return a part of a claim of the type that its field has."""
     inner = get_args(hint)
     if isinstance(hint, UnionType):  # X or None, or claims that differ in their entries
