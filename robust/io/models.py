@@ -196,7 +196,7 @@ def decode_record(content: JsonObject, schema: str) -> RecordSummary:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
                 raise ValueError(f"{part} must have complex numbers for each line of the record, got {held.shape}")
             held = held[..., 0] + 1j * held[..., 1]
-        if np.ndim(held) and len(held) != len(parts["omega"] if "omega" in parts else held):
+        if np.ndim(held) and len(held) != len(parts.setdefault("omega", held)):
             raise ValueError(f"{part} must have one number for each line of the record, got {len(held)}")
         parts[part] = held
     return RecordSummary(**parts)
