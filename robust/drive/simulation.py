@@ -7,17 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 import nlfrf
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
-from nlfrf.rig.laws.laws import Friction
 from robust.friction.reading.force import CoupledLoad, FrictionForce
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length
 
+Law: TypeAlias = (
+    "nlfrf.friction.Coulomb | nlfrf.friction.VaryingSliders | nlfrf.friction.Dahl | nlfrf.friction.LuGre "
+    "| nlfrf.friction.Leuven"
+)
 #: Laws of friction that are tried; Leuven with an exponential virgin curve.
 LAWS = ("rigid", "Maxwell slip", "Dahl", "LuGre", "Leuven")
 #: Those that take no shorter steps where friction is stiff.
@@ -242,7 +246,7 @@ def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray
     if (load := force.load) is None:
         return axis, steps
 
-    def part(share: float) -> Friction | None:
+    def part(share: float) -> Law | None:
         sliding = replace(force.sliding, coulomb=share * force.sliding.coulomb)
         own = replace(force, sliding=sliding, Fs=share * force.Fs, K0=share * force.K0)
         return draw_friction(law, own, settings, draws)[0] if share else None
@@ -264,7 +268,7 @@ def coulomb_of(force: FrictionForce) -> float:
     return float(min(abs(force.sliding.coulomb), force.Fs[1]))
 
 
-def draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Friction, int]:
+def draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Law, int]:
     """Return friction of a law with numbers from their intervals by (4,) draws, and the steps a period it takes."""
     Fs = force.Fs[0] + draws[0] * (force.Fs[1] - force.Fs[0])
     stiffest = force.sliding.mass * (2 * np.pi * STIFFEST * settings.fs) ** 2
