@@ -96,7 +96,8 @@ def write_report(
     Examples
     --------
     >>> import tempfile
-    >>>     >>> import control
+    >>> from pathlib import Path
+    >>> import control
     >>> import numpy as np
     >>> G, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.05]))
