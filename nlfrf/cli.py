@@ -28,7 +28,7 @@ from nlfrf._base.command import (
     run_command,
 )
 from nlfrf._base.files import LOAD_OPTIONS, MULTIRECORD_KINDS, require_writable, stated_kind
-from nlfrf._base.values import to_json
+from nlfrf._base.values import ArrayField, to_json
 from nlfrf.axis.axis_file import load_axis
 from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
@@ -161,7 +161,9 @@ def simulate(
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
-    changed: dict[str, Any] = {name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None}
+    changed: dict[str, ArrayField] = {
+        name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None
+    }
     rig = replace(rig, **changed)
     noise = require_nonnegative("noise", noise)
     with progress_display("simulating") as advance:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import warnings
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -504,11 +505,15 @@ def report(
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
     plant, [(K, late)] = models.load_model(model), from_options.load_loops([controller], delay)
-    load: Any = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
-    if plant.is_single:
-        load |= {"u": input or (*plant.inputs, "u")[0], "y": output or (*plant.outputs, "y")[0]}
-    else:
-        load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
+    load = partial(
+        nlfrf.load_record,
+        u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
+        y=(output or (*plant.outputs, "y")[0]) if plant.is_single else list(plant.outputs),
+        fs=fs,
+        n_samples=period,
+        n_discard=discard,
+        resample=resample,
+    )
     blas = [models.load_bla(path) for path in bla or []]
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     proof = None
@@ -521,7 +526,7 @@ def report(
             plant,
             K,
             bla=blas,
-            record=[from_options.with_units_of(nlfrf.load_record(path, **load), blas) for path in record or []],
+            record=[from_options.with_units_of(load(path), blas) for path in record or []],
             w_P=w_P,
             delay=late,
             friction=proof,
@@ -624,25 +629,53 @@ def check_gains(
         raise ValueError(
             "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
         )
-    cut: Any = {"r": reference, "n_samples": period, "n_discard": discard, "resample": resample}
-    signals: Any = {"settings": settings, "actual": actual, "fs": fs}
     if experiments:
+        cut = {"r": reference, "n_samples": period, "n_discard": discard, "resample": resample}
         if extra := [name for name, one in cut.items() if one]:
             raise ValueError(f"--{OPTIONS[extra[0]]} must be left out for an experiment on a drive: its design says it")
-        signals |= {"u": input or "force set point", "y": output or "position", "n_levels": 3 if masses == 1 else 6}
-        records, names, conditions = drive_check.read_experiments(traces, experiments, **signals)
+        records, names, conditions = drive_check.read_experiments(
+            traces,
+            experiments,
+            settings,
+            actual=actual,
+            n_levels=3 if masses == 1 else 6,
+            u=input or "force set point",
+            y=output or "position",
+            fs=fs,
+        )
     else:
-        signals |= cut | {"u": input or "u", "y": output or "y", "design": design[0] if design else None}
+        load = partial(
+            nlfrf.load_record,
+            u=input or "u",
+            y=output or "y",
+            r=reference,
+            fs=fs,
+            n_samples=period,
+            n_discard=discard,
+            resample=resample,
+            design=design[0] if design else None,
+        )
         try:
-            records, names, conditions = drive_check.read_traces(traces, **signals)
+            records, names, conditions = drive_check.read_traces(traces, settings, actual=actual, load=load)
         except ValueError:
             if input is None and not played:
                 require_design(traces)
             raise
-    how: Any = {"peak": peak, "actual": actual, "stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
-    how["within"] = within
     with progress_display("checking", even=False) as advance:
-        found = drive_check.check_drive(records, settings, names=names, conditions=conditions, progress=advance, **how)
+        found = drive_check.check_drive(
+            records,
+            settings,
+            names=names,
+            conditions=conditions,
+            progress=advance,
+            peak=peak,
+            actual=actual,
+            stiction=stiction,
+            Fs=force,
+            spring=spring,
+            masses=masses,
+            within=within,
+        )
     say(found)
     if out is not None and out.suffix.lower() in (".html", ".htm"):
         from robust.drive_page import write_drive_page

@@ -34,13 +34,13 @@ Command = TypeVar("Command", bound=Callable[..., object])
 class Commands(typer.Typer):
     """The commands of a program. Each keeps its inputs from its outputs, and names every file that it wrote."""
 
-    def command(self, *arguments: Any, **options: Any) -> Callable[[Command], Command]:
+    def command(self, name: str | None = None, **options: Any) -> Callable[[Command], Command]:
         """Register a command; one with an output has `--overwrite`, too."""
 
         def add(function: Command) -> Command:
             # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
             sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
-            super(Commands, self).command(*arguments, **{"short_help": sentence, **options})(guard_outputs(function))
+            super(Commands, self).command(name, **{"short_help": sentence, **options})(guard_outputs(function))
             return function
 
         return add

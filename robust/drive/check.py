@@ -14,7 +14,7 @@ from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -28,6 +28,7 @@ from nlfrf._base.arguments import (
     require_positive,
 )
 from nlfrf._base.command import MAX_ROWS
+from nlfrf._base.types import JsonObject
 from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
 from nlfrf.axis import Drive
@@ -234,7 +235,7 @@ class DriveCheck:
             answers["change"] = "the linear loop first: see the warnings" if self.doubts else self.report.reason
         return {question: answer for question, answer in answers.items() if answer}
 
-    def to_values(self) -> dict[str, Any]:
+    def to_values(self) -> JsonObject:
         """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
 
         friction.outcome : "rests", "settles" (within `within` [m]), "refuted" or "open": what is proved.
@@ -331,7 +332,9 @@ class DriveCheck:
         return "\n\n".join(f"{title}\n{content}" for title, content in parts.items() if content)
 
 
-def read_trace(path: Path, settings: Drive, *, actual: bool = False, **load: Any) -> nlfrf.Record:
+def read_trace(
+    path: Path, settings: Drive, *, actual: bool = False, load: Callable[[Path], nlfrf.Record] = nlfrf.load_record
+) -> nlfrf.Record:
     """Read a trace of a drive in the units of its velocity loop: position in m or rad, force in N or Nm, or current.
 
     Parameters
@@ -342,18 +345,23 @@ def read_trace(path: Path, settings: Drive, *, actual: bool = False, **load: Any
         Of the drive; a position without a unit is in its `position_unit`, an input without one in its output unit.
     actual : bool
         Whether the input is the actual current or force, measured behind the hold; a set point is held.
-    load : as for `nlfrf.load_record`.
+    load : callable
+        `nlfrf.load_record` with its options.
 
     Raises
     ------
     ValueError
         Units that are none of a drive, a trace that is not sampled as the drive is.
     """
-    return to_drive_units(nlfrf.load_record(path, **load), settings, path, actual=actual)
+    return to_drive_units(load(path), settings, path, actual=actual)
 
 
 def read_traces(
-    traces: Sequence[Path], settings: Drive, *, actual: bool = False, **load: Any
+    traces: Sequence[Path],
+    settings: Drive,
+    *,
+    actual: bool = False,
+    load: Callable[[Path], nlfrf.Record] = nlfrf.load_record,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
     """Read traces of any origin: records, names and conditions for `check_drive`, as `read_experiments` returns them.
 
@@ -372,7 +380,7 @@ def read_traces(
     records, conditions = [], []
     for path in traces:
         with collect_warnings(path.name) as warned:
-            records.append(read_trace(path, settings, actual=actual, **load))
+            records.append(read_trace(path, settings, actual=actual, load=load))
         conditions.append(Conditions(warnings=tuple(warned)))
     return records, [path.name for path in traces], conditions
 
@@ -402,7 +410,10 @@ def read_experiments(
     *,
     actual: bool = False,
     n_levels: int = 3,
-    **load: Any,
+    u: str = "force set point",
+    y: str = "position",
+    fs: float | None = None,
+    start: float = 0.0,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
     """Read the traces of experiments on a running drive, in the units of its velocity loop.
 
@@ -416,7 +427,7 @@ def read_experiments(
         As for `read_trace`.
     n_levels : int
         Levels to take of a pre-test, from sticking to sliding; motor and load need more than three.
-    load : as for `nlfrf.axis.load_trace`.
+    u, y, fs, start : as for `nlfrf.axis.load_trace`.
 
     Returns
     -------
@@ -450,7 +461,7 @@ def read_experiments(
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
         with collect_warnings(paths[0].name) as warned:
-            found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
+            found, labels = nlfrf.axis.load_trace(paths, design, u=u, y=y, fs=fs, start=start), design.labels
         warned_texts += warned
         if design.is_ramp:
             read = nlfrf.axis.find_levels(found, design)

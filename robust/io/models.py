@@ -15,7 +15,7 @@ import nlfrf
 from nlfrf._base.arguments import one_line, require_nonnegative, short_form
 from nlfrf._base.files import parse_json_of, require_file_of, require_schema, to_path, write_text
 from nlfrf._base.types import Json, JsonObject
-from nlfrf._base.values import field_names
+from nlfrf._base.values import ArrayField, field_names
 from robust._base.types import Controller
 from robust.io.biquads import sections_by_name
 from robust.io.from_matlab import load_matlab_system
@@ -189,7 +189,7 @@ def decode_field(content: Json, kind: str) -> Any:
 
 def decode_record(content: JsonObject, schema: str) -> RecordSummary:
     """Return what a model remembers of a record."""
-    parts: dict[str, Any] = {}
+    parts: dict[str, ArrayField] = {}
     for part in RECORD_FIELDS[schema]:
         held = decode(content[part])
         if part in COMPLEX_FIELDS[schema]:

@@ -6,7 +6,6 @@ import enum
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -761,7 +760,12 @@ def leave_open(spread: dict[str, float], questions: list[OpenQuestion], stuck: f
 
 
 def numbers_with_spread(
-    records: list[Any], fine: list[Motion], *, stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
+    records: list[nlfrf.Record],
+    fine: list[Motion],
+    *,
+    stds: list[np.ndarray],
+    candidate: Candidate,
+    span: tuple[float, float],
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the numbers and their standard deviations.
 
