@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shlex
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import lazy_loader
 import numpy as np
@@ -159,12 +160,12 @@ def model(
     print(nominal)
     if words:
         print(words)
-    chosen: dict[str, Any] = {} if form is None else {"form": form}
+    build: Callable[..., robust.UncertaintyModel] = robust.uncertainty
+    build = build if form is None else partial(build, form=form)
     with spinner("fitting the weight"):
-        result = robust.uncertainty(
+        result = build(
             blas,
             nominal,
-            **chosen,
             order=order,
             confidence=confidence,
             simultaneous=simultaneous,

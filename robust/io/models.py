@@ -61,7 +61,7 @@ def encode(content: object) -> Json:
     return number if np.isfinite(number) else None if np.isnan(number) else ("inf" if number > 0 else "-inf")
 
 
-def decode(content: Json) -> Any:
+def decode(content: Json) -> ArrayField:
     """Return the way back, for real numbers: float, or float arrays."""
     try:
         if isinstance(content, list):
@@ -196,7 +196,7 @@ def decode_record(content: JsonObject, schema: str) -> RecordSummary:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
                 raise ValueError(f"{part} must have complex numbers for each line of the record, got {held.shape}")
             held = held[..., 0] + 1j * held[..., 1]
-        if np.ndim(held) and len(held) != len(parts.get("omega", held)):
+        if np.ndim(held) and len(held) != len(np.asarray(parts.get("omega", held))):
             raise ValueError(f"{part} must have one number for each line of the record, got {len(held)}")
         parts[part] = held
     return RecordSummary(**parts)

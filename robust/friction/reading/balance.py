@@ -31,7 +31,6 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -107,7 +106,19 @@ REPORTED = {
 }
 
 
-def format_numbers(fit: Any) -> list[str]:
+class NumbersRead:
+    """Numbers of a machine as they were read, by name, each with its standard deviation and unit."""
+
+    stds: dict[str, float]
+    units: tuple[str, str]
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval of a number, by its name."""
+        half = HALF_WIDTH * self.stds[name]
+        return getattr(self, name) - half, getattr(self, name) + half
+
+
+def format_numbers(fit: NumbersRead) -> list[str]:
     """A line for each number of a fit that has a standard deviation: its 95 % interval, or that it is left open."""
     rows = []
     for name, (label, unit, factor) in REPORTED.items():

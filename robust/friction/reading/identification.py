@@ -30,6 +30,7 @@ from robust.friction.reading.balance import (
     WORTH,
     Candidate,
     Motion,
+    NumbersRead,
     as_real,
     derived_numbers,
     deviations,
@@ -185,7 +186,7 @@ class LevelBalance:
 
 
 @value
-class FrictionFit:
+class FrictionFit(NumbersRead):
     """Machine and friction identified from all levels together, given Maxwell slip.
 
     Fields
@@ -267,11 +268,6 @@ class FrictionFit:
     load_Fs: float = 0.0
     load_coulomb: float = 0.0
     load_sliders: nlfrf.friction.VaryingSliders | None = None
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a number, by its name."""
-        half = HALF_WIDTH * self.stds[name]
-        return getattr(self, name) - half, getattr(self, name) + half
 
     @property
     def reason(self) -> str:

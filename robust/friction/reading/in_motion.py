@@ -12,11 +12,11 @@ from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
 from robust.friction.reading.balance import (
     FORCE_ERROR,
-    HALF_WIDTH,
     MODEL_ERROR,
     N_PASSES,
     Candidate,
     Motion,
+    NumbersRead,
     Terms,
     derived_numbers,
     deviations,
@@ -35,7 +35,7 @@ from robust.friction.reading.levels import require_si, weighted_mean
 
 
 @value
-class SlidingFit:
+class SlidingFit(NumbersRead):
     """Mass, viscous and Coulomb friction of an axis in motion, with intervals.
 
     Fields
@@ -77,11 +77,6 @@ class SlidingFit:
     velocities: np.ndarray
     misfit: float
     units: tuple[str, str] = ("N", "m")
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a number, by its name."""
-        half = HALF_WIDTH * self.stds[name]
-        return getattr(self, name) - half, getattr(self, name) + half
 
     def __str__(self) -> str:
         speeds = ", ".join(f"{v:.3g}" for v in self.velocities) + " " + unit_of("L/s", self.units)
