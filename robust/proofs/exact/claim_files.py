@@ -64,11 +64,11 @@ def part_from_plain(hint: type | UnionType, given: Json) -> object:
     inner = get_args(hint)
     if isinstance(hint, UnionType):  # X or None, or claims that differ in their entries
         fitting = [
-            one
-            for one in inner
-            if isinstance(one, type) and is_dataclass(one) and {each.name for each in fields(one)} == set(given or ())
+            k
+            for k, one in enumerate(inner)
+            if is_dataclass(one) and {each.name for each in fields(one)} == set(given or ())
         ]
-        return part_from_plain((fitting or inner)[0], given) if given is not None else None
+        return part_from_plain(inner[(fitting or [0])[0]], given) if given is not None else None
     if hint is np.ndarray:
         return np.array(given, dtype=float)
     if get_origin(hint) is Annotated:
