@@ -26,6 +26,7 @@ from nlfrf._base.command import (
     parse_number,
     printer,
     progress_display,
+    require_left_out,
     run_command,
     spinner,
 )
@@ -619,21 +620,11 @@ def check_gains(
     not: margins are thin, a trace has a warning, friction held the axis, the loop crosses over outside the measured
     band, or the position loop is slower than the velocity loop, as that is approximated. Exit code 2: bad input.
     """
-    gains = [path for path in file if path.suffix.lower() == ".toml"]
-    traces = [path for path in file if path not in gains]
-    if len(gains) != 1 or not traces:
-        raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, file))}")
-    settings, say = gains_file.load_gains(gains[0]), printer(json)
-    played = [nlfrf.load(one) for one in design or []]
-    experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
-    if len(played) > max(len(experiments), 1):
-        raise ValueError(
-            "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
-        )
+    traces, gains = split_gains(file)
+    settings, say = gains_file.load_gains(gains), printer(json)
+    experiments = load_experiments(design or [])
     if experiments:
-        cut = {"r": reference, "n_samples": period, "n_discard": discard, "resample": resample}
-        if extra := [name for name, one in cut.items() if one]:
-            raise ValueError(f"--{OPTIONS[extra[0]]} must be left out for an experiment on a drive: its design says it")
+        require_left_out({"reference": reference, "period": period, "discard": discard, "resample": resample})
         records, names, conditions = drive_check.read_experiments(
             traces,
             experiments,
@@ -659,7 +650,7 @@ def check_gains(
         try:
             records, names, conditions = drive_check.read_traces(traces, settings, actual=actual, load=load)
         except ValueError:
-            if input is None and not played:
+            if input is None and not design:
                 require_design(traces)
             raise
     with progress_display("checking", even=False) as advance:
@@ -687,6 +678,26 @@ def check_gains(
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
     not_judged = found.verdict is drive_check.DriveVerdict.FRICTION_NOT_JUDGED
     finish_command(found.to_values() if json else found, found.safe, json, code=3 if not_judged else 1)
+
+
+def split_gains(files: list[Path]) -> tuple[list[Path], Path]:
+    """Return the traces among files, and the one that has the gains."""
+    gains = [path for path in files if path.suffix.lower() == ".toml"]
+    traces = [path for path in files if path not in gains]
+    if len(gains) != 1 or not traces:
+        raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, files))}")
+    return traces, gains[0]
+
+
+def load_experiments(designs: list[Path]) -> list[nlfrf.axis.AxisExperiment]:
+    """Return the experiments on a drive that were played; none where it was one multisine."""
+    played = [nlfrf.load(one) for one in designs]
+    experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
+    if len(played) > max(len(experiments), 1):
+        raise ValueError(
+            "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
+        )
+    return experiments
 
 
 def require_design(traces: list[Path]) -> None:

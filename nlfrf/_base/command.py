@@ -204,6 +204,12 @@ def finish_command(results: object, good: bool, json: bool, *, code: int = 1) ->
         raise typer.Exit(code)
 
 
+def require_left_out(options: Mapping[str, object]) -> None:
+    """Refuse the first option that was given for an experiment on a drive."""
+    if name := next((name for name, given in options.items() if given), None):
+        raise ValueError(f"--{name} must be left out for an experiment on a drive: its design says it")
+
+
 def parse_number(name: str, text: str) -> float:
     """Return a number given as text, or a refusal."""
     try:

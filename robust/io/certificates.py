@@ -161,13 +161,16 @@ def verify_certificate(
     stored = parse_json_of(path, *CERTIFICATE_SCHEMAS).get("warnings", ())
     claim = load_claim(path)
     if isinstance(claim, FrictionClaim):
-        wrong, found = differences_of_machine(claim, model, K), partial(verify_friction, claim, time_cap=time_cap)
+        wrong, found = differences_of_machine(claim, model), partial(verify_friction, claim, time_cap=time_cap)
     elif not isinstance(model, UncertaintyModel | None):
         raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
     elif isinstance(claim, ChannelsClaim):
         wrong, found = differences_of_channels(claim, model, K), partial(verify_channels, claim)
     else:
-        wrong, found = differences_of_loop(claim, model, K), partial(verify_loop, claim, time_cap=time_cap)
+        wrong, found = differences_of_loop(claim, model), partial(verify_loop, claim, time_cap=time_cap)
+    if K is not None and not isinstance(claim, ChannelsClaim):
+        other = differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM)
+        wrong |= {"the controller": ""} if other else {}
     proved = found()
     return replace(
         proved,
@@ -180,16 +183,13 @@ def verify_certificate(
 SYSTEM = (*"ABCD", "dt")  # what two systems are compared by, number by number
 
 
-def differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None, K: Controller | None) -> dict[str, str]:
-    """Return what of one loop is not as in the certificate, and how it differs."""
-    wrong = {}
-    if model is not None:
-        mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
-        if names := differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation")):
-            wrong["the model"] = f": other {', '.join(names)}"
-    if K is not None and differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM):
-        wrong["the controller"] = ""
-    return wrong
+def differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> dict[str, str]:
+    """Return that the model of one loop is not as in the certificate, and how it differs."""
+    if model is None:
+        return {}
+    mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
+    names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
+    return {"the model": f": other {', '.join(names)}"} if names else {}
 
 
 def differences_of_channels(
@@ -203,16 +203,12 @@ def differences_of_channels(
     return {} if is_loop_of(claim, model, K) else {"the loop of model and controller": ""}
 
 
-def differences_of_machine(claim: FrictionClaim, model: object, K: Controller | None) -> dict[str, str]:
-    """Return what of a machine with friction is not as in the certificate."""
-    wrong = {}
-    if model is not None:
-        machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
-        if differing_fields(claim.machine, plant_matrices(machine), SYSTEM):
-            wrong["the machine"] = ""
-    if K is not None and differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM):
-        wrong["the controller"] = ""
-    return wrong
+def differences_of_machine(claim: FrictionClaim, model: object) -> dict[str, str]:
+    """Return that a machine with friction is not the one of the certificate."""
+    if model is None:
+        return {}
+    machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
+    return {"the machine": ""} if differing_fields(claim.machine, plant_matrices(machine), SYSTEM) else {}
 
 
 LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
