@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from csv import reader as csv_reader
 from dataclasses import replace
 from functools import partial
@@ -25,10 +25,11 @@ from nlfrf._base.command import (
     finish_command,
     printer,
     progress_display,
+    require_left_out,
     run_command,
 )
 from nlfrf._base.files import LOAD_OPTIONS, MULTIRECORD_KINDS, require_writable, stated_kind
-from nlfrf._base.values import to_json
+from nlfrf._base.values import ArrayField, to_json
 from nlfrf.axis.axis_file import load_axis
 from nlfrf.axis.trace import in_design_units
 from nlfrf.doctor import examine
@@ -161,7 +162,9 @@ def simulate(
     if several and (mass is not None or stiffness is not None):
         raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
     rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
-    changed: dict[str, Any] = {name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None}
+    changed: dict[str, ArrayField] = {
+        name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None
+    }
     rig = replace(rig, **changed)
     noise = require_nonnegative("noise", noise)
     with progress_display("simulating") as advance:
@@ -276,8 +279,7 @@ def identify(
         return
     if design is not None and isinstance(found := load_own(design), nlfrf.axis.AxisExperiment):
         given = {"period": period, "discard": discard, "resample": resample, "reference": references}
-        if extra := [name for name, one in {**given, "opinion": opinion, "units": units}.items() if one]:
-            raise ValueError(f"--{extra[0]} must be left out for an experiment on a drive: its design says it")
+        require_left_out({**given, "opinion": opinion, "units": units})
         names = (inputs if input else ["force set point"])[0], (outputs if output else ["position"])[0]
         identify_experiment(found, file, names=names, fs=fs, how=how, out=out, csv=csv, json=json, decimal=decimal)
         return
@@ -285,12 +287,7 @@ def identify(
     require_writable(*targets, *map(table_path, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     if units is not None:
-        unit, *others = split_names(units)
-        if len(others) != len(records):
-            raise ValueError(
-                f"units must be one for the input and one for each output, got {', '.join([unit, *others])}"
-            )
-        records = [with_units(record, [unit, other]) for record, other in zip(records, others, strict=True)]
+        records = with_units_of_each(records, split_names(units))
     named = dict(zip(outputs, targets, strict=True))
     identify_each(records, how, named, opinion=another, csv=csv, json=json, decimal=decimal)
 
@@ -606,6 +603,13 @@ def with_units(record: nlfrf.Record, units: list[str]) -> nlfrf.Record:
             raise ValueError(f"units must be those of the file, which has {known} for {name}, got {unit}")
     n = record.n_inputs
     return replace(record, input_units=tuple(units[:n]), output_units=tuple(units[n:]))
+
+
+def with_units_of_each(records: Sequence[nlfrf.Record], units: list[str]) -> list[nlfrf.Record]:
+    """Return records of one input and an output each with the unit of the input, and of each output in turn."""
+    if len(units) != len(records) + 1:
+        raise ValueError(f"units must be one for the input and one for each output, got {', '.join(units)}")
+    return [with_units(record, [units[0], unit]) for record, unit in zip(records, units[1:], strict=True)]
 
 
 def output_paths(out: Path, outputs: list[str]) -> list[Path]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import shlex
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import lazy_loader
 import numpy as np
@@ -24,6 +26,7 @@ from nlfrf._base.command import (
     parse_number,
     printer,
     progress_display,
+    require_left_out,
     run_command,
     spinner,
 )
@@ -158,12 +161,12 @@ def model(
     print(nominal)
     if words:
         print(words)
-    chosen: dict[str, Any] = {} if form is None else {"form": form}
+    build: Callable[..., robust.UncertaintyModel] = robust.uncertainty
+    build = build if form is None else partial(build, form=form)
     with spinner("fitting the weight"):
-        result = robust.uncertainty(
+        result = build(
             blas,
             nominal,
-            **chosen,
             order=order,
             confidence=confidence,
             simultaneous=simultaneous,
@@ -504,11 +507,15 @@ def report(
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     require_demand(bandwidth, error)
     plant, [(K, late)] = models.load_model(model), from_options.load_loops([controller], delay)
-    load: Any = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
-    if plant.is_single:
-        load |= {"u": input or (*plant.inputs, "u")[0], "y": output or (*plant.outputs, "y")[0]}
-    else:
-        load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
+    load = partial(
+        nlfrf.load_record,
+        u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
+        y=(output or (*plant.outputs, "y")[0]) if plant.is_single else list(plant.outputs),
+        fs=fs,
+        n_samples=period,
+        n_discard=discard,
+        resample=resample,
+    )
     blas = [models.load_bla(path) for path in bla or []]
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     proof = None
@@ -521,7 +528,7 @@ def report(
             plant,
             K,
             bla=blas,
-            record=[from_options.with_units_of(nlfrf.load_record(path, **load), blas) for path in record or []],
+            record=[from_options.with_units_of(load(path), blas) for path in record or []],
             w_P=w_P,
             delay=late,
             friction=proof,
@@ -613,36 +620,54 @@ def check_gains(
     not: margins are thin, a trace has a warning, friction held the axis, the loop crosses over outside the measured
     band, or the position loop is slower than the velocity loop, as that is approximated. Exit code 2: bad input.
     """
-    gains = [path for path in file if path.suffix.lower() == ".toml"]
-    traces = [path for path in file if path not in gains]
-    if len(gains) != 1 or not traces:
-        raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, file))}")
-    settings, say = gains_file.load_gains(gains[0]), printer(json)
-    played = [nlfrf.load(one) for one in design or []]
-    experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
-    if len(played) > max(len(experiments), 1):
-        raise ValueError(
-            "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
-        )
-    cut: Any = {"r": reference, "n_samples": period, "n_discard": discard, "resample": resample}
-    signals: Any = {"settings": settings, "actual": actual, "fs": fs}
+    traces, gains = split_gains(file)
+    settings, say = gains_file.load_gains(gains), printer(json)
+    experiments = load_experiments(design or [])
     if experiments:
-        if extra := [name for name, one in cut.items() if one]:
-            raise ValueError(f"--{OPTIONS[extra[0]]} must be left out for an experiment on a drive: its design says it")
-        signals |= {"u": input or "force set point", "y": output or "position", "n_levels": 3 if masses == 1 else 6}
-        records, names, conditions = drive_check.read_experiments(traces, experiments, **signals)
+        require_left_out({"reference": reference, "period": period, "discard": discard, "resample": resample})
+        records, names, conditions = drive_check.read_experiments(
+            traces,
+            experiments,
+            settings,
+            actual=actual,
+            n_levels=3 if masses == 1 else 6,
+            u=input or "force set point",
+            y=output or "position",
+            fs=fs,
+        )
     else:
-        signals |= cut | {"u": input or "u", "y": output or "y", "design": design[0] if design else None}
+        load = partial(
+            nlfrf.load_record,
+            u=input or "u",
+            y=output or "y",
+            r=reference,
+            fs=fs,
+            n_samples=period,
+            n_discard=discard,
+            resample=resample,
+            design=design[0] if design else None,
+        )
         try:
-            records, names, conditions = drive_check.read_traces(traces, **signals)
+            records, names, conditions = drive_check.read_traces(traces, settings, actual=actual, load=load)
         except ValueError:
-            if input is None and not played:
+            if input is None and not design:
                 require_design(traces)
             raise
-    how: Any = {"peak": peak, "actual": actual, "stiction": stiction, "Fs": force, "spring": spring, "masses": masses}
-    how["within"] = within
     with progress_display("checking", even=False) as advance:
-        found = drive_check.check_drive(records, settings, names=names, conditions=conditions, progress=advance, **how)
+        found = drive_check.check_drive(
+            records,
+            settings,
+            names=names,
+            conditions=conditions,
+            progress=advance,
+            peak=peak,
+            actual=actual,
+            stiction=stiction,
+            Fs=force,
+            spring=spring,
+            masses=masses,
+            within=within,
+        )
     say(found)
     if out is not None and out.suffix.lower() in (".html", ".htm"):
         from robust.drive_page import write_drive_page
@@ -653,6 +678,26 @@ def check_gains(
         write_text(out, f"{found}\n\n{command_signature('robust drive check')}\n")
     not_judged = found.verdict is drive_check.DriveVerdict.FRICTION_NOT_JUDGED
     finish_command(found.to_values() if json else found, found.safe, json, code=3 if not_judged else 1)
+
+
+def split_gains(files: list[Path]) -> tuple[list[Path], Path]:
+    """Return the traces among files, and the one that has the gains."""
+    gains = [path for path in files if path.suffix.lower() == ".toml"]
+    traces = [path for path in files if path not in gains]
+    if len(gains) != 1 or not traces:
+        raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, files))}")
+    return traces, gains[0]
+
+
+def load_experiments(designs: list[Path]) -> list[nlfrf.axis.AxisExperiment]:
+    """Return the experiments on a drive that were played; none where it was one multisine."""
+    played = [nlfrf.load(one) for one in designs]
+    experiments = [one for one in played if isinstance(one, nlfrf.axis.AxisExperiment)]
+    if len(played) > max(len(experiments), 1):
+        raise ValueError(
+            "design must be one multisine, or of experiments on a drive one a trace, got several multisines"
+        )
+    return experiments
 
 
 def require_design(traces: list[Path]) -> None:

@@ -177,14 +177,14 @@ def join_labels(bottom: Axes, top: Axes) -> None:
         handle.set_label(f"_{label}")
 
 
-def line_style(handle: Any) -> dict[str, Any]:  # what it holds has many types, as the arguments of a drawing have
+def line_style(handle: Artist) -> dict[str, Any]:  # what it holds has many types, as the arguments of a drawing have
     """Return how a curve or a band is drawn, for a sample of it in a legend."""
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
         kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
         return {name: getattr(handle, f"get_{name}")() for name in kept}
-    face, edge = handle.get_facecolor(), handle.get_edgecolor()
+    face, edge, hatch = (getattr(handle, f"get_{name}")() for name in ("facecolor", "edgecolor", "hatch"))
     drawn = {"facecolor": face[0] if len(face) else "none", "edgecolor": edge[0] if len(edge) else "none"}
-    return drawn | {"hatch": handle.get_hatch(), "linewidth": 0}
+    return drawn | {"hatch": hatch, "linewidth": 0}
 
 
 def legend_columns(ax: Axes, labels: list[str]) -> int:

@@ -34,13 +34,13 @@ Command = TypeVar("Command", bound=Callable[..., object])
 class Commands(typer.Typer):
     """The commands of a program. Each keeps its inputs from its outputs, and names every file that it wrote."""
 
-    def command(self, *arguments: Any, **options: Any) -> Callable[[Command], Command]:
+    def command(self, name: str | None = None, **options: Any) -> Callable[[Command], Command]:
         """Register a command; one with an output has `--overwrite`, too."""
 
         def add(function: Command) -> Command:
             # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
             sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
-            super(Commands, self).command(*arguments, **{"short_help": sentence, **options})(guard_outputs(function))
+            super(Commands, self).command(name, **{"short_help": sentence, **options})(guard_outputs(function))
             return function
 
         return add
@@ -202,6 +202,12 @@ def finish_command(results: object, good: bool, json: bool, *, code: int = 1) ->
         typer.echo(to_json(results, most=MAX_ROWS))
     if not good:
         raise typer.Exit(code)
+
+
+def require_left_out(options: Mapping[str, object]) -> None:
+    """Refuse the first option that was given for an experiment on a drive."""
+    if name := next((name for name, given in options.items() if given), None):
+        raise ValueError(f"--{name} must be left out for an experiment on a drive: its design says it")
 
 
 def parse_number(name: str, text: str) -> float:

@@ -17,13 +17,14 @@ from functools import lru_cache, partial
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.extras import import_extra
 from nlfrf._base.types import Json, JsonObject
+from nlfrf._base.values import ArrayField
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
@@ -445,7 +446,7 @@ def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
     write_atomically(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
 
 
-def save_arrays(target: Path, content: Mapping[str, Any]) -> None:
+def save_arrays(target: Path, content: Mapping[str, ArrayField]) -> None:
     """Write arrays as NPZ."""
     with target.open("wb") as stream:
         np.savez(stream, **content)

@@ -162,13 +162,19 @@ def load_frf(
     )
 
 
-def find_frfs(file: Channels) -> dict[str, FrfTable]:
-    """Find the FRFs in the channels of a file, each once, by what the names of their columns share."""
+def group_columns(file: Channels) -> dict[str, dict[str, str]]:
+    """Return the columns of numbers by the label that their names share, then by quantity."""
     groups: dict[str, dict[str, str]] = {}
     for name, array in file.arrays.items():
         quantity, label = classify_column(name, file.unit(name))
         if array.dtype.kind in "fiuc" and np.squeeze(array).ndim == 1 and np.isfinite(array).any():
             groups.setdefault(label, {}).setdefault("complex" if array.dtype.kind == "c" else quantity, name)
+    return groups
+
+
+def find_frfs(file: Channels) -> dict[str, FrfTable]:
+    """Find the FRFs in the channels of a file, each once, by what the names of their columns share."""
+    groups = group_columns(file)
     whole = [label for label, group in groups.items() if not group.keys().isdisjoint(("complex", "real", "magnitude"))]
     shared = {  # what goes with any FRF of a file: frequencies and unlabelled columns; of one FRF all
         quantity: name

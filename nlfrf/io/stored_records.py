@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from nlfrf._base.files import (
     write_arrays,
     write_table,
 )
-from nlfrf._base.values import field_names
+from nlfrf._base.values import ArrayField, field_names
 from nlfrf.io.channels import Channels
 from nlfrf.io.stored_values import AXES_ORDER, names_from_json, require_known_version
 from nlfrf.records.record import Record, join_records
@@ -110,12 +109,14 @@ def stored_record(file: Channels, names: Mapping[str, str], *, fs: float | None,
     known = {file.text("u_name"): "u", file.text("y_name"): "y", "u": "u", "y": "y"}  # or by what they were called
     signals = {parameter: file.signal(parameter, known.get(name, name)) for parameter, name in names.items()}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
-    periods, more = stored_periods(file, signals, options)
+    periods, (lines, hold, warned) = stored_periods(file, signals, options)
     if options.design is not None:
         periods.setdefault("r", reconstruct_references(options.design, periods["u"]))
     return Record(
         **{name: signal[0] for name, signal in periods.items()},
-        **more,
+        lines=lines,
+        hold=hold,
+        warnings=warned,
         fs=file.sampling_frequency(fs),
         u_name=file.text("u_name"),
         y_name=file.text("y_name"),
@@ -147,7 +148,7 @@ def stored_experiments(
         if name not in outputs:
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
-    found, more = stored_periods(file, signals, options)
+    found, (lines, hold, warned) = stored_periods(file, signals, options)
     units = {name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays}
     if y is not None:
         chosen = [outputs.index(name) for name in y]
@@ -157,7 +158,9 @@ def stored_experiments(
     fill_reference(found, options.design)
     return Record(
         **found,
-        **more,
+        lines=lines,
+        hold=hold,
+        warnings=warned,
         fs=file.sampling_frequency(fs),
         inputs=inputs,
         outputs=outputs,
@@ -168,7 +171,7 @@ def stored_experiments(
 
 def stored_periods(
     file: Channels, signals: Mapping[str, np.ndarray], options: Cutting
-) -> tuple[dict[str, Any], dict[str, Any]]:
+) -> tuple[dict[str, ArrayField], tuple[LineGrid, str, tuple[str, ...]]]:
     """Signals (channels, M, P, N) as they were cut; their lines, hold and warnings: what was asked for goes first."""
     arrays = file.arrays
     try:
@@ -190,4 +193,4 @@ def stored_periods(
     kept = {name: signal[:, :, n_discard:] for name, signal in periods.items()}
     warned = names_from_json("warnings", arrays["warnings"]) if "warnings" in arrays else ()
     lines = grid if options.lines is None else options.lines
-    return kept, {"lines": lines, "hold": options.hold or hold, "warnings": warned}
+    return kept, (lines, options.hold or hold, warned)

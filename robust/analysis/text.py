@@ -66,7 +66,7 @@ def advise_on_margin(
         seen_at += f" by what folds down from {format_hertz(folding.omega_source)}"
         omega_rs = folding.omega_source
     low, high = float(model.omega[0]), float(model.omega[-1])
-    outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
+    outside = not low * 0.999 <= omega_rs <= high * 1.001
     k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
     shares = radius_shares(model, k)
     listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)

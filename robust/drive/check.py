@@ -11,10 +11,10 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -28,6 +28,7 @@ from nlfrf._base.arguments import (
     require_positive,
 )
 from nlfrf._base.command import MAX_ROWS
+from nlfrf._base.types import JsonObject
 from nlfrf._base.units import POSITIONS
 from nlfrf._base.values import SCREEN_WIDTH, to_plain, value
 from nlfrf.axis import Drive
@@ -234,7 +235,7 @@ class DriveCheck:
             answers["change"] = "the linear loop first: see the warnings" if self.doubts else self.report.reason
         return {question: answer for question, answer in answers.items() if answer}
 
-    def to_values(self) -> dict[str, Any]:
+    def to_values(self) -> JsonObject:
         """Return all fields in terms of JSON, with `linear` and in `friction` what an engineer asks for, in SI units.
 
         friction.outcome : "rests", "settles" (within `within` [m]), "refuted" or "open": what is proved.
@@ -244,20 +245,25 @@ class DriveCheck:
         assert isinstance(fields, dict)
         friction = fields.pop("friction")
         assert isinstance(friction, dict)
-        known = fit if force is None and fit is not None else None if force is None else force.sliding
+        known = fit if force is None else force.sliding
         simulated = self.friction.simulated
         mass = None if known is None or not np.isfinite(known.stds["mass"]) else known.mass
         interval = [None, None] if force is None else force.Fs.tolist()
         if force is None and fit is not None and np.isfinite(fit.stds["Fs"]):
             interval = list(fit.interval("Fs"))
+        played: dict[str, object] = dict.fromkeys(("simulated", "simulated_amplitude", "advice", "laws"))
+        if simulated is not None:
+            played = {
+                "simulated": "hunts" if simulated.hunts else "rests",
+                "simulated_amplitude": simulated.amplitude * simulated.hunts,
+                "advice": simulated.advice,
+                "laws": simulated.laws,
+            }
         asked = {
             "outcome": self.friction.outcome,
             "within": self.friction.within,
             "reason": self.friction.note,
-            "simulated": None if simulated is None else "hunts" if simulated.hunts else "rests",
-            "simulated_amplitude": None if simulated is None else simulated.amplitude * simulated.hunts,
-            "advice": None if simulated is None else simulated.advice,
-            "laws": None if simulated is None else simulated.laws,
+            **played,
             "mass": mass,
             "mass_interval": None if mass is None or known is None else known.interval("mass"),
             "delay": None if known is None else known.delay,
@@ -326,7 +332,9 @@ class DriveCheck:
         return "\n\n".join(f"{title}\n{content}" for title, content in parts.items() if content)
 
 
-def read_trace(path: Path, settings: Drive, *, actual: bool = False, **load: Any) -> nlfrf.Record:
+def read_trace(
+    path: Path, settings: Drive, *, actual: bool = False, load: Callable[[Path], nlfrf.Record] = nlfrf.load_record
+) -> nlfrf.Record:
     """Read a trace of a drive in the units of its velocity loop: position in m or rad, force in N or Nm, or current.
 
     Parameters
@@ -337,18 +345,23 @@ def read_trace(path: Path, settings: Drive, *, actual: bool = False, **load: Any
         Of the drive; a position without a unit is in its `position_unit`, an input without one in its output unit.
     actual : bool
         Whether the input is the actual current or force, measured behind the hold; a set point is held.
-    load : as for `nlfrf.load_record`.
+    load : callable
+        `nlfrf.load_record` with its options.
 
     Raises
     ------
     ValueError
         Units that are none of a drive, a trace that is not sampled as the drive is.
     """
-    return to_drive_units(nlfrf.load_record(path, **load), settings, path, actual=actual)
+    return to_drive_units(load(path), settings, path, actual=actual)
 
 
 def read_traces(
-    traces: Sequence[Path], settings: Drive, *, actual: bool = False, **load: Any
+    traces: Sequence[Path],
+    settings: Drive,
+    *,
+    actual: bool = False,
+    load: Callable[[Path], nlfrf.Record] = nlfrf.load_record,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
     """Read traces of any origin: records, names and conditions for `check_drive`, as `read_experiments` returns them.
 
@@ -367,7 +380,7 @@ def read_traces(
     records, conditions = [], []
     for path in traces:
         with collect_warnings(path.name) as warned:
-            records.append(read_trace(path, settings, actual=actual, **load))
+            records.append(read_trace(path, settings, actual=actual, load=load))
         conditions.append(Conditions(warnings=tuple(warned)))
     return records, [path.name for path in traces], conditions
 
@@ -397,7 +410,10 @@ def read_experiments(
     *,
     actual: bool = False,
     n_levels: int = 3,
-    **load: Any,
+    u: str = "force set point",
+    y: str = "position",
+    fs: float | None = None,
+    start: float = 0.0,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
     """Read the traces of experiments on a running drive, in the units of its velocity loop.
 
@@ -411,7 +427,7 @@ def read_experiments(
         As for `read_trace`.
     n_levels : int
         Levels to take of a pre-test, from sticking to sliding; motor and load need more than three.
-    load : as for `nlfrf.axis.load_trace`.
+    u, y, fs, start : as for `nlfrf.axis.load_trace`.
 
     Returns
     -------
@@ -445,7 +461,7 @@ def read_experiments(
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
         with collect_warnings(paths[0].name) as warned:
-            found, labels = nlfrf.axis.load_trace(paths, design, **load), design.labels
+            found, labels = nlfrf.axis.load_trace(paths, design, u=u, y=y, fs=fs, start=start), design.labels
         warned_texts += warned
         if design.is_ramp:
             read = nlfrf.axis.find_levels(found, design)
@@ -588,21 +604,8 @@ def check_drive(
     SP 2.4.3: max |S| below 2, a phase margin of 30 deg or more.
     """
     require_kind("settings", settings, Drive)
-    peak = require_positive("peak", peak)
-    if within is not None:
-        require_positive("within", within)
-    if settings.encoder == "both":
-        raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
-    unit, base = records[0].u_unit, settings.base_unit
-    if Fs is not None and require_positive("Fs", Fs) and unit == "A":
-        raise ValueError(
-            f"Fs must be left out where traces and gains are in A and no torque_constant says how many {unit} that is, "
-            f"got {Fs:g} {settings.force_unit}"
-        )
-    if fit is not None:
-        require_kind("fit", fit, FrictionFit)
-        if fit.units != (unit, base):
-            raise ValueError(f"fit must be in {unit} and {base} as the traces, got {' and '.join(fit.units)}")
+    peak, unit, base = require_positive("peak", peak), records[0].u_unit, settings.base_unit
+    require_units(settings, unit, within=within, Fs=Fs, fit=fit)
     settings = replace(settings, position_unit=base, load_unit=base, unit_factor=1.0, load_factor=1.0)
     K = cascade(settings, output_unit=unit)
     names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
@@ -614,30 +617,21 @@ def check_drive(
             blas.append(nlfrf.identify(record))
         warned.append(texts)
         advance()
-    moving = [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
+    moving = in_motion(under)
     candidates = moving or list(range(len(records)))
     chosen = candidates[highest_level([blas[k] for k in candidates])]
     given = settings
     machine_bla, nominal, settings = fit_machine(blas[chosen], records[chosen], settings, actual=actual)
     advance()
     at_rest = [record for k, record in enumerate(records) if k not in moving]
-    force, note = None, ""
-    if moving and unit != "A" and fit is None:
-        levels = under[0].levels or at_rest
-        force, note = read_force([records[k] for k in moving], [under[k].velocity for k in moving], levels)
+    force, note = (None, "") if fit is not None else read_force(records, under)
     if force is not None and force.creeps:
         friction = DriveFriction(note=CREEP_NOTE)
     else:
         friction = judge_friction(
             at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses, fit=fit
         )
-    friction = replace(friction, force=force)
-    if friction.fit is None and under[0].unread:
-        friction = replace(friction, note="; ".join(under[0].unread))
-    if note:
-        friction = replace(friction, note=f"{friction.note}; {note}".lstrip("; "))
-    if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
-        friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
+    friction = with_notes(replace(friction, force=force), under, note)
     advance()
     # poles below the band are those of a free axis: `doubt_of_crossover` says where they count
     machine = uncertainty(machine_bla, replace(nominal, warnings=()))
@@ -645,7 +639,7 @@ def check_drive(
     report = replace(check(model, K, delay=settings.delay), peak=peak)
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
     advance()
-    doubts: list[Doubt | None] = [
+    doubted = [
         None
         if friction.assumed is not None
         else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=ratio_unit(unit, base)),
@@ -654,49 +648,97 @@ def check_drive(
         doubt_of_margins(report),
         doubt_of_approximation(settings),
     ]
+    doubts = list(filter(None, doubted))
     kinds = (DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED)
-    misled = any(doubt is not None and doubt.kind in kinds for doubt in doubts)
+    misled = any(doubt.kind in kinds for doubt in doubts)
     # at rest an FRF judges nothing but the friction, which has its own balance, unless the set is made of it
-    warned_texts = [text for one in under for text in one.warnings]
-    warned_texts += [text for k, texts in enumerate(warned) if k == chosen or k in moving for text in texts]
-    doubts += [Doubt(DoubtKind.WARNED_TRACE, text) for text in dict.fromkeys(warned_texts)]
-    largest = Fs if Fs is not None or force is None else float(force.Fs[1])
-    if largest is not None and np.isfinite(largest) and not np.isfinite(friction.within):
-        if report.nominally_stable and not misled:
-            damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
-            any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
-            bounded = bound_any_friction(machine.nominal, settings, any_friction, output_unit=unit)
-            friction = replace(friction, bounded=bounded, largest=largest)
-        else:
-            friction = replace(
-                friction, note=f"{friction.note}. No bound with the given force: no linear model is known"
-            )
+    doubts += doubts_of_warnings(under, [warned[k] for k in moving or [chosen]])
+    linear = report.nominally_stable and not misled
+    friction = with_bound(friction, settings, machine=machine.nominal, linear=linear, Fs=Fs, unit=unit)
     advance()
     friction = simulate_drive(friction, settings, model=model, report=report, masses=masses)
     advance()
-    if report.verdict is Verdict.NOT_ROBUST and misled:
-        what = report.reason if report.nominally_stable else f"the model is {report.reason}"
-        report = replace(
-            report,
-            verdict=Verdict.NOT_CERTIFIED,
-            reason=f"{what}; but this trace cannot judge these gains, see the warning",
-            advice="",
-        )
-    elif not report.nominally_stable:
-        report = replace(report, advice="")  # that of a loop, lower the gain, is wrong for a kp that is too low
     return DriveCheck(
         settings=settings,
         unit=unit,
         traces=tuple(map(describe_trace, names, records, blas)),
         base=names[chosen],
-        report=report,
+        report=report_of_drive(report, misled=misled),
         step=step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
         friction=friction,
         actual=actual,
-        doubts=tuple(filter(None, doubts)),
+        doubts=tuple(doubts),
         given=given,
         asked=within,
     )
+
+
+def require_units(
+    settings: Drive, unit: str, *, within: float | None, Fs: float | None, fit: FrictionFit | None
+) -> None:
+    """Refuse two encoders, and what is in no unit of the traces, whose force is in `unit`."""
+    if within is not None:
+        require_positive("within", within)
+    if settings.encoder == "both":
+        raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
+    if Fs is not None and require_positive("Fs", Fs) and unit == "A":
+        raise ValueError(
+            f"Fs must be left out where traces and gains are in A and no torque_constant says how many {unit} that is, "
+            f"got {Fs:g} {settings.force_unit}"
+        )
+    if fit is not None:
+        require_kind("fit", fit, FrictionFit)
+        if fit.units != (unit, settings.base_unit):
+            raise ValueError(
+                f"fit must be in {unit} and {settings.base_unit} as the traces, got {' and '.join(fit.units)}"
+            )
+
+
+def with_notes(friction: DriveFriction, under: Sequence[Conditions], note: str) -> DriveFriction:
+    """Return the friction with why some of it was not read; `note` is why not in motion."""
+    if friction.fit is None and under[0].unread:
+        friction = replace(friction, note="; ".join(under[0].unread))
+    if note:
+        friction = replace(friction, note=f"{friction.note}; {note}".lstrip("; "))
+    if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
+        friction = replace(friction, note=f"{friction.note}. A trace that was recorded in motion needs its --design")
+    return friction
+
+
+def with_bound(
+    friction: DriveFriction, settings: Drive, *, machine: control.StateSpace, linear: bool, Fs: float | None, unit: str
+) -> DriveFriction:
+    """Return the friction with a bound of the error, where its largest force is known and nothing better was proved.
+
+    linear : whether the machine is known as a linear model. Fs : as given, else the upper end of what was read.
+    """
+    force = friction.force
+    largest = Fs if Fs is not None or force is None else float(force.Fs[1])
+    if largest is None or not np.isfinite(largest) or np.isfinite(friction.within):
+        return friction
+    if not linear:
+        return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
+    damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
+    any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
+    return replace(
+        friction, bounded=bound_any_friction(machine, settings, any_friction, output_unit=unit), largest=largest
+    )
+
+
+def report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
+    """Return the report without what it must not say: advice on an unstable model, a verdict by a trace that misled."""
+    if report.verdict is Verdict.NOT_ROBUST and misled:
+        what = report.reason if report.nominally_stable else f"the model is {report.reason}"
+        reason = f"{what}; but this trace cannot judge these gains, see the warning"
+        return replace(report, verdict=Verdict.NOT_CERTIFIED, reason=reason, advice="")
+    # advice on a loop, lower the gain, is wrong for a kp that is too low
+    return report if report.nominally_stable else replace(report, advice="")
+
+
+def doubts_of_warnings(under: Sequence[Conditions], warned: Sequence[Sequence[str]]) -> list[Doubt]:
+    """Return a doubt for each warning: of reading the traces, then of identifying some of them."""
+    texts = chain.from_iterable([*(one.warnings for one in under), *warned])
+    return [Doubt(DoubtKind.WARNED_TRACE, text) for text in dict.fromkeys(texts)]
 
 
 def simulate_drive(
@@ -744,12 +786,19 @@ def count_steps(progress: Callable[[int, int], object] | None, total: int) -> Ca
     return advance
 
 
-def read_force(
-    moving: Sequence[nlfrf.Record], velocities: Sequence[float], levels: Sequence[nlfrf.Record]
-) -> tuple[FrictionForce | None, str]:
-    """Return the friction without a law, and why there is none or no break-away force."""
+def in_motion(under: Sequence[Conditions]) -> list[int]:
+    """Return which traces were recorded in motion."""
+    return [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
+
+
+def read_force(records: Sequence[nlfrf.Record], under: Sequence[Conditions]) -> tuple[FrictionForce | None, str]:
+    """Return the friction without a law from traces in motion, and why there is none or no break-away force."""
+    moving = in_motion(under)
+    if not moving or records[0].u_unit == "A":
+        return None, ""
+    levels = under[0].levels or [record for k, record in enumerate(records) if k not in moving]
     try:
-        force = read_friction_force(moving, velocities, levels)
+        force = read_friction_force([records[k] for k in moving], [under[k].velocity for k in moving], levels)
     except (ValueError, np.linalg.LinAlgError) as error:
         return None, str(error)
     return force, force.reason
@@ -778,8 +827,9 @@ def fit_machine(
         if not leads:
             return machine, best, timing
         reason = reason or leads
-        rows = [(one.cost, machine, one, timing) for one in others if not reason_of_lead(one.G, machine, timing)]
-        not_leading += rows
+        not_leading += [
+            (one.cost, machine, one, timing) for one in others if not reason_of_lead(one.G, machine, timing)
+        ]
     if not not_leading:
         raise ValueError(reason)
     return min(not_leading, key=lambda one: one[0])[1:]
@@ -909,10 +959,8 @@ def stabilizing_factor(model: UncertaintyModel, K: control.StateSpace, delay: fl
 
     An integral and a position gain that are too high for kp are cured by more kp, all else by less.
     """
-    for factor in TRIED_FACTORS:
-        if decide_nominal_stability(assemble_loop(model, K * factor, w_P=None, delay=delay)).stable:
-            return factor
-    return None
+    loops = ((factor, assemble_loop(model, K * factor, w_P=None, delay=delay)) for factor in TRIED_FACTORS)
+    return next((factor for factor, loop in loops if decide_nominal_stability(loop).stable), None)
 
 
 def doubt_of_unstable_model(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,10 @@ from robust.friction.reading.force import CoupledLoad, FrictionForce
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length
 
+Law: TypeAlias = (
+    "nlfrf.friction.Coulomb | nlfrf.friction.VaryingSliders | nlfrf.friction.Dahl | nlfrf.friction.LuGre "
+    "| nlfrf.friction.Leuven"
+)
 #: Laws of friction that are tried; Leuven with an exponential virgin curve.
 LAWS = ("rigid", "Maxwell slip", "Dahl", "LuGre", "Leuven")
 #: Those that take no shorter steps where friction is stiff.
@@ -234,20 +238,29 @@ def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
 def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[nlfrf.rig.ServoAxis, int]:
     """Return the axis with friction of a law by (4,) draws, and the steps a period it takes."""
     friction, steps = draw_friction(law, force, settings, draws)
-    machine: dict[str, Any] = {"motor_inertia": force.sliding.mass, "motor_friction": friction}
-    if (load := force.load) is not None:
-
-        def part(share: float) -> Any:
-            sliding = replace(force.sliding, coulomb=share * force.sliding.coulomb)
-            own = replace(force, sliding=sliding, Fs=share * force.Fs, K0=share * force.K0)
-            return draw_friction(law, own, settings, draws)[0] if share else None
-
-        machine = {"motor_inertia": force.sliding.mass - load.mass, "motor_friction": part(1 - load.share)}
-        machine |= {"load_inertia": load.mass, "stiffness": load.stiffness, "damping": load.damping}
-        machine["load_friction"] = part(load.share)
     motion = "linear" if settings.base_unit == "m" else "rotary"
     damping = max(0.0, force.sliding.damping)
-    return nlfrf.rig.ServoAxis(drive=settings, motor_damping=damping, motion=motion, **machine), steps
+    axis = nlfrf.rig.ServoAxis(
+        motor_inertia=force.sliding.mass, drive=settings, motor_friction=friction, motor_damping=damping, motion=motion
+    )
+    if (load := force.load) is None:
+        return axis, steps
+
+    def part(share: float) -> Law | None:
+        sliding = replace(force.sliding, coulomb=share * force.sliding.coulomb)
+        own = replace(force, sliding=sliding, Fs=share * force.Fs, K0=share * force.K0)
+        return draw_friction(law, own, settings, draws)[0] if share else None
+
+    coupled = replace(
+        axis,
+        motor_inertia=force.sliding.mass - load.mass,
+        motor_friction=part(1 - load.share),
+        load_inertia=load.mass,
+        load_friction=part(load.share),
+        stiffness=load.stiffness,
+        damping=load.damping,
+    )
+    return coupled, steps
 
 
 def coulomb_of(force: FrictionForce) -> float:
@@ -255,7 +268,7 @@ def coulomb_of(force: FrictionForce) -> float:
     return float(min(abs(force.sliding.coulomb), force.Fs[1]))
 
 
-def draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Any, int]:
+def draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Law, int]:
     """Return friction of a law with numbers from their intervals by (4,) draws, and the steps a period it takes."""
     Fs = force.Fs[0] + draws[0] * (force.Fs[1] - force.Fs[0])
     stiffest = force.sliding.mass * (2 * np.pi * STIFFEST * settings.fs) ** 2

@@ -17,7 +17,6 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import format_count, keep_warnings, one_line, repeat_warnings, short_form
 from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORDS, RECORD_SCHEMAS, parse_json_of, require_file_of
-from nlfrf._base.types import JsonObject
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
@@ -96,15 +95,12 @@ def save_friction_proof(proof: FrictionProof, path: PathLike, basis: FrictionBas
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):
         raise ValueError(f"report must hold a proof of a single loop, got the verdict {proof.verdict!r}")
-    read_from: JsonObject | None = None
     units = proof.friction.units
-    if basis is not None:
-        read_from = {"evidence": basis.description, "files": list(basis.sources)}
     write_claim(
         path,
         certificate.claim,
         found=[{"subject": certificate.subject, "found by": certificate.method}],
-        read_from=read_from,
+        read_from=None if basis is None else {"evidence": basis.description, "files": list(basis.sources)},
         units={"K0": f"{units.force}/{units.position}", "microdamping": units.damping},
         warnings=() if basis is None else basis.warnings,
     )
@@ -165,13 +161,16 @@ def verify_certificate(
     stored = parse_json_of(path, *CERTIFICATE_SCHEMAS).get("warnings", ())
     claim = load_claim(path)
     if isinstance(claim, FrictionClaim):
-        wrong, found = differences_of_machine(claim, model, K), partial(verify_friction, claim, time_cap=time_cap)
+        wrong, found = differences_of_machine(claim, model), partial(verify_friction, claim, time_cap=time_cap)
     elif not isinstance(model, UncertaintyModel | None):
         raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
     elif isinstance(claim, ChannelsClaim):
         wrong, found = differences_of_channels(claim, model, K), partial(verify_channels, claim)
     else:
-        wrong, found = differences_of_loop(claim, model, K), partial(verify_loop, claim, time_cap=time_cap)
+        wrong, found = differences_of_loop(claim, model), partial(verify_loop, claim, time_cap=time_cap)
+    if K is not None and not isinstance(claim, ChannelsClaim):
+        other = differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM)
+        wrong |= {"the controller": ""} if other else {}
     proved = found()
     return replace(
         proved,
@@ -184,16 +183,13 @@ def verify_certificate(
 SYSTEM = (*"ABCD", "dt")  # what two systems are compared by, number by number
 
 
-def differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None, K: Controller | None) -> dict[str, str]:
-    """Return what of one loop is not as in the certificate, and how it differs."""
-    wrong = {}
-    if model is not None:
-        mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
-        if names := differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation")):
-            wrong["the model"] = f": other {', '.join(names)}"
-    if K is not None and differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM):
-        wrong["the controller"] = ""
-    return wrong
+def differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> dict[str, str]:
+    """Return that the model of one loop is not as in the certificate, and how it differs."""
+    if model is None:
+        return {}
+    mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
+    names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
+    return {"the model": f": other {', '.join(names)}"} if names else {}
 
 
 def differences_of_channels(
@@ -207,16 +203,12 @@ def differences_of_channels(
     return {} if is_loop_of(claim, model, K) else {"the loop of model and controller": ""}
 
 
-def differences_of_machine(claim: FrictionClaim, model: object, K: Controller | None) -> dict[str, str]:
-    """Return what of a machine with friction is not as in the certificate."""
-    wrong = {}
-    if model is not None:
-        machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
-        if differing_fields(claim.machine, plant_matrices(machine), SYSTEM):
-            wrong["the machine"] = ""
-    if K is not None and differing_fields(claim.controller, to_matrices(state_space("K", K)), SYSTEM):
-        wrong["the controller"] = ""
-    return wrong
+def differences_of_machine(claim: FrictionClaim, model: object) -> dict[str, str]:
+    """Return that a machine with friction is not the one of the certificate."""
+    if model is None:
+        return {}
+    machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
+    return {"the machine": ""} if differing_fields(claim.machine, plant_matrices(machine), SYSTEM) else {}
 
 
 LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; what rounding moves stays below the slack on the level
@@ -327,18 +319,7 @@ def class_from_files(
     if models:
         return class_from_model(models, controller, stiffness=stiffness, stiction=stiction)
     load = {} if load is None else load
-    levels = {path: load_level(path, load) for path in measured}
-    records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
-    blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
-    if records and blas:
-        raise ValueError(
-            f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))} and the records "
-            f"{', '.join(map(str, records))}: take the records of all levels, or identify these; "
-            + next_command_hint(
-                *(identify_command(path, load) for path in records),
-                prove_command([bla_of(path) if path in records else path for path in levels], controller),
-            )
-        )
+    records, blas = load_levels(measured, controller, load)
     if records:
         found = class_from_records(
             records,
@@ -367,11 +348,30 @@ def class_from_files(
         friction=friction,
         description=str(found),
         sources=(
-            *(describe_source(path, "record" if records else "BLA", load if records else {}) for path in measured),
+            *(describe_source(path, "record" if records else "BLA", load) for path in measured),
             *(() if nominal is None else (describe_source(nominal, "model"),)),
         ),
         levels=found if nominal is None else None,
     )
+
+
+def load_levels(
+    paths: Sequence[Path], controller: Path, load: LoadOptions
+) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
+    """Return the records or the BLAs in files; refuse both together with the commands that make them alike."""
+    levels = {path: load_level(path, load) for path in paths}
+    records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
+    blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
+    if records and blas:
+        raise ValueError(
+            f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))} and the records "
+            f"{', '.join(map(str, records))}: take the records of all levels, or identify these; "
+            + next_command_hint(
+                *(identify_command(path, load) for path in records),
+                prove_command([bla_of(path) if path in records else path for path in levels], controller),
+            )
+        )
+    return records, blas
 
 
 def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
@@ -396,7 +396,7 @@ def class_from_records(
     """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
     identified = [identify_command(path, load) for path in records]
     largest = bla_of(max(records, key=lambda path: float(np.std(records[path].y))))
-    fit = f"robust model {shell_quote(largest)} --poles 4 --zeros 2 -o nominal.json"
+    fit = fit_command(largest)
     if len(records) < 3:
         known = prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE")
         raise ValueError(
@@ -426,20 +426,19 @@ def class_from_bla_files(
     """Read the class from BLAs, perhaps around a nominal; a refusal has the commands that go on."""
     files, measured = list(blas), list(blas.values())
     if len(files) < 3:
-        fit = f"robust model {shell_quote(files[-1])} --poles 4 --zeros 2 -o nominal.json"
         raise ValueError(
             "machine must be BLAs or records at three levels, from sticking to sliding, or one model with the "
             f"stiffness of the friction, got {format_count(len(files), 'BLA')}; "
             + next_command_hint(
-                fit, prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE")
+                fit_command(files[-1]),
+                prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE"),
             )
         )
     highest = files[highest_level(measured)]
     if nominal is None:
-        fit = f"robust model {shell_quote(highest)} --poles 4 --zeros 2 -o nominal.json"
         with add_next_command(
             "for a machine that is flexible or well damped "
-            + next_command_hint(fit, prove_command(files, controller, nominal="nominal.json"))
+            + next_command_hint(fit_command(highest), prove_command(files, controller, nominal="nominal.json"))
         ):
             return friction_class(measured, stiction=stiction)
     around = load_machine(nominal, highest, prove_command(files, controller, nominal="nominal.json")).nominal
@@ -497,17 +496,19 @@ def load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
     """Return a model in a file whose nominal is a machine, from force to position, or refuse with a command for one."""
     model = repeat_warnings(load_model(path))
     if getattr(model, "measured_only", True):
-        fit = f"robust model {shell_quote(bla)} --poles 4 --zeros 2 -o nominal.json"
         raise ValueError(
             f"machine must have a parametric nominal of one input and output, got {path} without; "
-            f"{next_command_hint(fit, command)}"
+            f"{next_command_hint(fit_command(bla), command)}"
         )
     require_si("machine", model.origin.unit)
-    poles = max(2, model.nominal.nstates)
-    fit = f"robust model {shell_quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
-    with add_next_command(next_command_hint(fit, command)):
+    with add_next_command(next_command_hint(fit_command(bla, max(2, model.nominal.nstates)), command)):
         machines_of_nominal(model.nominal)
     return model
+
+
+def fit_command(bla: Path, poles: int = 4) -> str:
+    """Return the command line that fits a nominal to a BLA, with two zeros less than poles."""
+    return f"robust model {shell_quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
 
 
 def bla_of(record: Path) -> Path:

@@ -55,8 +55,8 @@ def is_numeric(array: np.ndarray | None) -> bool:
     return array is not None and array.dtype.kind in "fiubc"
 
 
-def system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.StateSpace:
-    """Return the system of the fields of a file; refuse what they say beyond a rational system in seconds."""
+def sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> float:
+    """Return the sampling time [s]; refuse fields without one, with a delay, or in another unit of time."""
     dt = float(fields["ts"].real.item()) if fields["ts"].size == 1 and is_numeric(fields["ts"]) else -1.0
     if not dt >= 0:
         raise ValueError(f"Ts must be the sampling time [s] of the controller in {name!r}, 0 for continuous, got none")
@@ -67,6 +67,12 @@ def system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.S
     unit = str(fields.get("timeunit", np.array("seconds")))
     if unit != "seconds":
         raise ValueError(f"TimeUnit must be seconds in {name!r}, got {unit}; in MATLAB: K = chgTimeUnit(K, 'seconds')")
+    return dt
+
+
+def system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.StateSpace:
+    """Return the system of the fields of a file; refuse what they say beyond a rational system in seconds."""
+    dt = sampling_time_of_fields(fields, name)
     if all(is_numeric(fields.get(key)) for key in STATE_SPACE):
         E = np.atleast_2d(fields.get("e", np.empty(0)))
         if E.size and not np.array_equal(E, np.eye(len(E))):

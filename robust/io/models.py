@@ -15,7 +15,7 @@ import nlfrf
 from nlfrf._base.arguments import one_line, require_nonnegative, short_form
 from nlfrf._base.files import parse_json_of, require_file_of, require_schema, to_path, write_text
 from nlfrf._base.types import Json, JsonObject
-from nlfrf._base.values import field_names
+from nlfrf._base.values import ArrayField, field_names
 from robust._base.types import Controller
 from robust.io.biquads import sections_by_name
 from robust.io.from_matlab import load_matlab_system
@@ -61,7 +61,7 @@ def encode(content: object) -> Json:
     return number if np.isfinite(number) else None if np.isnan(number) else ("inf" if number > 0 else "-inf")
 
 
-def decode(content: Json) -> Any:
+def decode(content: Json) -> ArrayField:
     """Return the way back, for real numbers: float, or float arrays."""
     try:
         if isinstance(content, list):
@@ -189,14 +189,14 @@ def decode_field(content: Json, kind: str) -> Any:
 
 def decode_record(content: JsonObject, schema: str) -> RecordSummary:
     """Return what a model remembers of a record."""
-    parts: dict[str, Any] = {}
+    parts: dict[str, ArrayField] = {}
     for part in RECORD_FIELDS[schema]:
         held = decode(content[part])
         if part in COMPLEX_FIELDS[schema]:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
                 raise ValueError(f"{part} must have complex numbers for each line of the record, got {held.shape}")
             held = held[..., 0] + 1j * held[..., 1]
-        if np.ndim(held) and len(held) != len(parts.get("omega", held)):
+        if np.ndim(held) and len(held) != len(np.asarray(parts.get("omega", held))):
             raise ValueError(f"{part} must have one number for each line of the record, got {len(held)}")
         parts[part] = held
     return RecordSummary(**parts)

@@ -50,7 +50,7 @@ def save_json(thing: Any, path: PathLike, *, delay: float | None) -> None:
         )
 
 
-def load_json(path: PathLike) -> Any:
+def load_json(path: PathLike) -> object:
     """Read a model, a controller or the claim of a certificate, by the schema in the file."""
     schema = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA, *CERTIFICATE_SCHEMAS)["schema"]
     if schema not in CERTIFICATE_SCHEMAS:

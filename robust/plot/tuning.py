@@ -41,21 +41,17 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
         id(limit): COLOURS[k % len(COLOURS)] for k, limit in enumerate({id(o.limit): o.limit for o in ordered}.values())
     }
     for one in ordered:
-        draw_limit(ax, one, colours[id(one.limit)], several=len(design.plant.models) > 1)
+        colour, style = colours[id(one.limit)], PLANT_STYLES[one.plant % len(PLANT_STYLES)]
+        of_plant = f", plant {one.plant}" if len(design.plant.models) > 1 else ""
+        label = f"{'hard' if one.hard else 'soft'} {one.limit}{of_plant}"
+        f = to_hertz(one.omegas)
+        ax.plot(f, np.where(np.isfinite(one.before), one.before, np.nan), style, color=colour, lw=0.7, alpha=0.6)
+        ax.plot(f, np.where(np.isfinite(one.curve), one.curve, np.nan), style, color=colour, lw=1.8, label=label)
+        place = float(np.clip(to_hertz(one.omega), f[0], f[-1]))
+        ax.plot([place], [one.ratio], "o", color=colour, mfc=colour if one.hard else "none", ms=6)
     ax.axhline(1.0, color=COLOR["radius"], lw=1.0)
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="gain over bound")
     ax.set_title("Limits before (thin) and after tuning: " + ("met" if design.met else "not met"))
     top = max(float(np.nanmax(np.where(np.isfinite(one.curve), one.curve, np.nan))) for one in ordered)
     ax.set_ylim(1e-3, max(3.0, 2 * top))
     return finish_axes(ax)
-
-
-def draw_limit(ax: Axes, one: Any, colour: str, *, several: bool) -> None:
-    """One limit on one plant."""
-    style = PLANT_STYLES[one.plant % len(PLANT_STYLES)]
-    label = f"{'hard' if one.hard else 'soft'} {one.limit}" + (f", plant {one.plant}" if several else "")
-    f = to_hertz(one.omegas)
-    ax.plot(f, np.where(np.isfinite(one.before), one.before, np.nan), style, color=colour, lw=0.7, alpha=0.6)
-    ax.plot(f, np.where(np.isfinite(one.curve), one.curve, np.nan), style, color=colour, lw=1.8, label=label)
-    place = float(np.clip(to_hertz(one.omega), f[0], f[-1]))
-    ax.plot([place], [one.ratio], "o", color=colour, mfc=colour if one.hard else "none", ms=6)

@@ -22,7 +22,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar, TypeAlias, TypeVar
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import control
 import numpy as np
@@ -45,6 +45,8 @@ Names: TypeAlias = str | Sequence[str]
 #: Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest power first.
 Numbers: TypeAlias = Mapping[str, float | np.ndarray]
 Coefficients: TypeAlias = tuple[list[float | np.ndarray], list[float | np.ndarray]]
+#: Type of a field that takes bounds by name, or None, and holds a mapping: a dataclass can declare one only.
+BoundsField: TypeAlias = Any
 Coordinate = TypeVar("Coordinate", float, complex)
 #: How far a parameter may go from where it starts, as a factor, unless its block says otherwise.
 RANGE_RATIO = 1000.0
@@ -109,8 +111,8 @@ class TunableBlock(ABC):
     reads: Names = ""
     drives: Names = ""
     fixed: Names = ()
-    lower: Mapping[str, float] | None = None
-    upper: Mapping[str, float] | None = None
+    lower: BoundsField = None
+    upper: BoundsField = None
 
     def __post_init__(self) -> None:
         for name in ("reads", "drives"):
@@ -167,7 +169,7 @@ class TunableBlock(ABC):
         low, high = min(low, high), max(low, high)
         least, most = self.natural_bounds(name, dt)
         low, high = max(low, least), min(high, most)
-        low, high = (self.lower or {}).get(name, low), (self.upper or {}).get(name, high)
+        low, high = self.lower.get(name, low), self.upper.get(name, high)
         if sign and (low * sign <= 0 or high * sign <= 0):
             raise ValueError(
                 f"lower and upper must keep the sign of {name}, which starts at {start:g}, got {low:g} to {high:g}"

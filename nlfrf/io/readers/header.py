@@ -110,8 +110,9 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     kinds, width = find_kinds(layout, columns), len(layout.numeric)
     rows, labelled, preamble = sort_rows(layout)
     names, units, constants = find_names(rows, kinds)
-    label = names[0] if find_role(names) is Role.NAMES else ""
-    names = names[len(names) > width :] if label else names
+    label = ""
+    if find_role(names) is Role.NAMES:
+        label, names = names[0], names[len(names) > width :]
     placed, stated, unplaced = place_names_and_units(names, units, kinds)
     stated = stated or spread(labelled.get(Role.UNITS, []), kinds)
     abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")

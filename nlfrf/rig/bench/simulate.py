@@ -106,15 +106,15 @@ def run_each(
     n_done = total - len(todo)
     if n_done and progress is not None:
         progress(n_done, total)
-    threads = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else None
+    pool = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else executor
     # what is handed over at a time: nobody waits, and no more results than these are held
-    ahead = 2 * int(getattr(threads or executor, "_max_workers", DEFAULT_WORKERS))
+    ahead = 2 * int(getattr(pool, "_max_workers", DEFAULT_WORKERS))
     running: dict[Future[Arrays], int] = {}
     rest = iter(todo)
     try:
         while True:
             for i in islice(rest, ahead - len(running)):
-                running[(threads or executor).submit(task, values[i])] = i  # type: ignore[union-attr]
+                running[pool.submit(task, values[i])] = i
             if not running:
                 break
             for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -136,8 +136,8 @@ def run_each(
     finally:
         for future in running:
             future.cancel()
-        if threads is not None:
-            threads.shutdown(cancel_futures=True)
+        if executor is None:
+            pool.shutdown(cancel_futures=True)
 
 
 def open_folder(resume: str | os.PathLike[str]) -> Path:

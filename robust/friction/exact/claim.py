@@ -166,7 +166,7 @@ class FrictionClaim:
         if self.kind not in KINDS:
             raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
         size = 2 + len(self.other_ports)
-        if self.machine.D.shape != (size, size) or self.controller.D.shape != (1, 1):
+        if (self.machine.D.shape, self.controller.D.shape) != ((size, size), (1, 1)):
             raise ValueError(
                 "machine must have an input and an output more than friction ports and the controller one, got other "
                 "shapes"
@@ -174,7 +174,7 @@ class FrictionClaim:
         if self.other_ports and (self.kind != KINDS[0] or self.actuator is not None):
             raise ValueError("other_ports must be empty but for Maxwell slip without an actuator, got some")
         n = self.V.shape[0]
-        if self.V.shape != (n, n) or self.P.ndim != 4 or self.P.shape[2:] != (n, n):
+        if (self.V.shape, self.P.shape) != ((n, n), (*self.P.shape[:2], n, n)):
             raise ValueError(f"P must hold matrices of the size of V, got shapes {self.P.shape} and {self.V.shape}")
         for port in self.ports:
             if port.rates.shape != port.weights.shape or port.rates.ndim != 1:

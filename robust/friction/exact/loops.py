@@ -35,6 +35,17 @@ class ExactLoop:
     jumps: list[fmpq_mat]
 
 
+def continuous_flow(
+    A: list[list[fmpq]], B: list[list[fmpq]], C: list[list[fmpq]], K: dict[str, list[list[fmpq]]]
+) -> Rows:
+    """Return the flow of a machine and a continuous controller, with the state (machine, K)."""
+    n, D = len(A), K["D"][0][0]
+    machine: Rows = [
+        [A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)
+    ]
+    return machine + [[-b[0] * C[0][j] for j in range(n)] + list(a) for a, b in zip(K["A"], K["B"], strict=True)]
+
+
 def exact_loop(claim: FrictionClaim) -> ExactLoop:
     """The loop of machine, hold, delay and controller, with the state (machine, held force, waiting forces, K)."""
     A, B, C = (to_rational_matrix(getattr(claim.machine, name)).tolist() for name in "ABC")
@@ -42,11 +53,7 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
     n, s = claim.machine.order, claim.controller.order
     D, T = K["D"][0][0], to_rational(claim.controller.dt)
     if not T:
-        size = n + s
-        F: Rows = [
-            [A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)
-        ]
-        F += [[-K["B"][i][0] * C[0][j] for j in range(n)] + list(K["A"][i]) for i in range(s)]
+        size, F = n + s, continuous_flow(A, B, C, K)
         spans: list[fmpq] = []
         jumps: list[Rows] = []
     else:
@@ -55,10 +62,7 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
         size, own = n + 1 + waiting + s, n + 1 + waiting
         F = [[*A[i], B[i][0], *[0] * (size - n - 1)] for i in range(n)]
         F += [[0] * size for _ in range(size - n)]
-        command_row: Row = (
-            [-D * c for c in C[0]] + [0] * (1 + waiting) + list(K["C"][0]) if s else [-D * c for c in C[0]]
-        )
-        command_row = command_row + [0] * (size - len(command_row))
+        command_row: Row = [-D * c for c in C[0]] + [0] * (1 + waiting) + [c for row in K["C"] for c in row]
         rows: Rows = [*identity(size).tolist()]
         forces: Rows = [command_row, *rows[n + 1 : own]]  # the new one, then those that wait, the oldest last
         rows[n + 1 : own] = forces[:waiting]

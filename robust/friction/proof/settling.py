@@ -102,6 +102,34 @@ def slowest_decay(loop: FrictionLoop, kappa: np.ndarray) -> float:
     return float(-np.log1p(growth) / loop.T if loop.T else -growth)
 
 
+def filter_forms(
+    V: np.ndarray, v: np.ndarray, unit: np.ndarray, *, K0: np.ndarray, rates: np.ndarray, decay: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (P J, n + P, n + P) supply and store of every filter, port by port, as forms of states and friction.
+
+    V, v : coordinates, and velocities at the ports in them. unit : of the friction at each port.
+    """
+    n, n_ports, extra = V.shape[0], K0.size, rates.size - 1
+    first = n - n_ports * extra  # of the filters
+    supplies, stores = [], []
+    for port in range(n_ports):
+        own = np.zeros(n_ports)
+        own[port] = unit[port]
+        for j, rate in enumerate(rates):
+            held = V[first + port * extra + j - 1] if j else np.zeros(n)
+            seen = np.append(-held, own)  # d - e_j
+            cross = np.outer(seen, np.append(v[port], np.zeros(n_ports)))
+            supplies.append((cross + cross.T) / 2 - max(rate - decay, 0.0) / K0[port] * np.outer(seen, seen))
+            stores.append(np.outer(seen, seen) / (2 * K0[port]))
+    return np.array(supplies), np.array(stores)
+
+
+def slopes_of_cubic(b: list[cvxpy.Variable], span: float) -> list[cvxpy.Expression]:
+    """Return the Bernstein coefficients, as of a cubic, of the derivative of a cubic over a span [s]."""
+    s0, s1, s2 = (3 / span * (after - before) for before, after in pairwise(b))
+    return [s0, (s0 + 2 * s1) / 3, (2 * s1 + s2) / 3, s2]
+
+
 def settle_at_rate(
     loop: FrictionLoop, K0: np.ndarray, *, rates: np.ndarray, rests: np.ndarray, decay: float
 ) -> SettlingNumbers | None:
@@ -109,11 +137,11 @@ def settle_at_rate(
     import cvxpy as cp
 
     A, B, jumps, x, v = with_filters(loop, rates, rests)
-    n, n_ports, extra = A.shape[0], K0.size, rates.size - 1
-    V = balancing_coordinates(A, B, spans=loop.spans, jumps=np.array(jumps).reshape(-1, n, n))
+    n, n_ports = A.shape[0], K0.size
+    V = balancing_coordinates(A, B, spans=loop.spans, jumps=jumps)
     back = np.linalg.inv(V)
     A = back @ A @ V + decay * np.eye(n)
-    jumps = [back @ jump @ V for jump in jumps]
+    jumps = back @ jumps @ V
     time_unit = float(loop.spans.sum()) if loop.T else 1 / max(1.0, float(np.linalg.norm(A, 2)))
     B = back @ B
     sizes = np.linalg.norm(B, axis=0)
@@ -121,26 +149,21 @@ def settle_at_rate(
     unit = 1 / sizes / np.sqrt(time_unit)
     B, x, v = B * unit, x @ V, v @ V
     size = float(np.linalg.norm(x, axis=1).max())
-    positions = [np.append(row / size, np.zeros(n_ports))[:, None] for row in x]
-    supplies, stores, allowed = [], [], np.tile(rates > decay, n_ports)
-    for port in range(n_ports):
-        own = np.zeros(n_ports)
-        own[port] = unit[port]
-        for j, rate in enumerate(rates):
-            held = V[loop.F.shape[0] + port * extra + j - 1] if j else np.zeros(n)
-            seen = np.append(-held, own)  # d - e_j
-            cross = np.outer(seen, np.append(v[port], np.zeros(n_ports)))
-            supplies.append((cross + cross.T) / 2 - max(rate - decay, 0.0) / K0[port] * np.outer(seen, seen))
-            stores.append(np.outer(seen, seen) / (2 * K0[port]))
-    scale = np.array([np.abs(supply).max() for supply in supplies])
+    positions = np.pad(x / size, ((0, 0), (0, n_ports)))
+    allowed = np.tile(rates > decay, n_ports)
+    supplies, stores = filter_forms(V, v, unit, K0=K0, rates=rates, decay=decay)
+    scale = np.abs(supplies).max(axis=(1, 2))
     mu = cp.Variable(scale.size, nonneg=True)
     shares = cp.Variable(n_ports, nonneg=True)
     reach = cp.Variable()
-    supply = sum(mu[j] * (supplies[j] / scale[j]) for j in range(scale.size))
-    stored = sum(mu[j] * (stores[j] / scale[j]) for j in range(scale.size))
+    supply, stored = (
+        cp.reshape(mu @ (forms.reshape(scale.size, -1) / scale[:, None]), forms.shape[1:], order="C")
+        for forms in (supplies, stores)
+    )
     full = n + 2 * n_ports
-    wide, weigh = np.eye(full, n + n_ports), np.diag(np.append(np.full(n, np.sqrt(time_unit)), np.ones(2 * n_ports)))
-    last = sum(shares[p] * np.diag(np.eye(full)[n + n_ports + p]) for p in range(n_ports))
+    wide, rests_of = np.split(np.eye(full), [n + n_ports], axis=1)
+    weigh = np.diag(np.append(np.full(n, np.sqrt(time_unit)), np.ones(2 * n_ports)))
+    last = rests_of @ cp.diag(shares) @ rests_of.T
     constraints = [cp.sum(shares) == 1, *(mu[j] == 0 for j in range(scale.size) if not allowed[j])]
 
     def flow(P: cvxpy.Expression, slope: cvxpy.Expression | np.ndarray) -> cvxpy.Constraint:
@@ -152,28 +175,26 @@ def settle_at_rate(
     def within(P: cvxpy.Expression) -> list[cvxpy.Constraint]:
         energy = np.eye(n + n_ports, n) @ P @ np.eye(n, n + n_ports) + stored
         corner = cp.reshape(reach, (1, 1), order="F")
-        return [cp.bmat([[energy, position], [position.T, corner]]) >> 0 for position in positions]
+        return [cp.bmat([[energy, row[:, None]], [row[None], corner]]) >> 0 for row in positions]
 
-    storage = [[cp.Variable((n, n), symmetric=True) for _ in range(4)] for _ in loop.spans]
-    if not loop.T:
-        storage = [[cp.Variable((n, n), symmetric=True)]]
-        constraints += [flow(storage[0][0], np.zeros((n, n))), *within(storage[0][0])]
-    for span, b in zip(loop.spans, storage, strict=False):
-        s0, s1, s2 = (3 / span * (after - before) for before, after in pairwise(b))
-        slopes = (s0, (s0 + 2 * s1) / 3, (2 * s1 + s2) / 3, s2)
+    # a continuous loop has no spans, and a storage that is constant
+    storage = [
+        [cp.Variable((n, n), symmetric=True) for _ in range(4 if loop.T else 1)] for _ in range(max(1, loop.spans.size))
+    ]
+    for i, b in enumerate(storage):
+        slopes = slopes_of_cubic(b, loop.spans[i]) if loop.T else [np.zeros((n, n))]
         constraints += [flow(P, slope) for P, slope in zip(b, slopes, strict=True)]
         constraints += [one for P in b for one in within(P)]
     for i, jump in enumerate(jumps):
         constraints.append(storage[i - 1][3] - jump.T @ storage[i][0] @ jump >> STRICT * np.eye(n))
     solve_program(cp.Problem(cp.Minimize(reach), constraints), "CLARABEL")
-    if reach.value is None or mu.value is None or any(P.value is None for b in storage for P in b):
+    if reach.value is None:
         return None
-    found = np.array([[(P.value + P.value.T) / 2 for P in b] for b in storage])
+    found = np.array([[P.value for P in b] for b in storage])
     weights = np.where(allowed, np.maximum(mu.value, 0) / scale, 0.0)
-    kept = sum(w * S for w, S in zip(weights, stores, strict=True))
-    energies = np.pad(found.reshape(-1, n, n), ((0, 0), (0, n_ports), (0, n_ports))) + kept
-    solved = np.linalg.solve(energies, np.broadcast_to(np.hstack(positions), (len(energies), n + n_ports, n_ports)))
-    squared = np.einsum("eip,ip->ep", solved, np.hstack(positions)).max(axis=0)
+    energies = np.pad(found.reshape(-1, n, n), ((0, 0), (0, n_ports), (0, n_ports))) + np.tensordot(weights, stores, 1)
+    solved = np.linalg.solve(energies, np.broadcast_to(positions.T, (len(energies), n + n_ports, n_ports)))
+    squared = np.einsum("eip,pi->ep", solved, positions).max(axis=0)
     if not (squared > 0).all():
         return None
     factor = unit[n_ports] ** 2  # the program had the rest in a unit of its own
@@ -193,8 +214,8 @@ def settle_at_rate(
 
 def with_filters(
     loop: FrictionLoop, rates: np.ndarray, rests: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], np.ndarray, np.ndarray]:
-    """Return A, B (inputs d and r of each port), jumps, x, v of the loop with the filters of the friction."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return A, B (inputs d and r of each port), (S, n, n) jumps, x, v of the loop with the filters of the friction."""
     (n, n_ports), extra = loop.columns.shape, rates.size - 1
     size, rest = n + n_ports * extra, loop.rest()[0].reshape(n, n_ports)
     A, B = np.zeros((size, size)), np.zeros((size, 2 * n_ports))
@@ -202,6 +223,6 @@ def with_filters(
     B[:n, :n_ports], B[:n, n_ports:] = loop.columns - rates[0] * rest, loop.columns * rests
     for port in range(n_ports):
         B[n + port * extra : n + (port + 1) * extra, port] = rates[1:] - rates[0]
-    jumps = [block_diag(jump, np.eye(size - n)) for jump in loop.jumps]
+    jumps = np.array([block_diag(jump, np.eye(size - n)) for jump in loop.jumps]).reshape(-1, size, size)
     wider = ((0, 0), (0, size - n))
     return A, B, jumps, np.pad(loop.displacements, wider), np.pad(loop.velocities, wider)

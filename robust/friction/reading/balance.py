@@ -28,10 +28,9 @@ regressors; lines are weighted by their residual, and the motion is shrunk by wh
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -107,7 +106,19 @@ REPORTED = {
 }
 
 
-def format_numbers(fit: Any) -> list[str]:
+class NumbersRead:
+    """Numbers of a machine as they were read, by name, each with its standard deviation and unit."""
+
+    stds: dict[str, float]
+    units: tuple[str, str]
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """95 % interval of a number, by its name."""
+        half = HALF_WIDTH * self.stds[name]
+        return getattr(self, name) - half, getattr(self, name) + half
+
+
+def format_numbers(fit: NumbersRead) -> list[str]:
     """A line for each number of a fit that has a standard deviation: its 95 % interval, or that it is left open."""
     rows = []
     for name, (label, unit, factor) in REPORTED.items():
@@ -131,7 +142,7 @@ def format_rounded(number: float, half: float) -> str:
     return f"{float(np.round(number / step)) * step + 0.0:.6g}"
 
 
-def units_of(record: Any) -> tuple[str, str]:
+def units_of(record: nlfrf.Record) -> tuple[str, str]:
     """Units of force and position of a record; N and m where it has none."""
     return record.u_unit or "N", record.y_unit or "m"
 
@@ -254,7 +265,9 @@ class Candidate:
         return np.append(self.stiffness, self.load_stiffness), np.append(self.breakaway, self.load_breakaway)
 
 
-def motion_of_record(record: Any, upsampling: int, shrinkage: float = 2.0, per_cycle: float = np.inf) -> Motion:
+def motion_of_record(
+    record: nlfrf.Record, upsampling: int, shrinkage: float = 2.0, per_cycle: float = np.inf
+) -> Motion:
     """Mean period of a record: spectra on the lines of the band, and the motion between the samples.
 
     per_cycle : steps in a cycle of the highest line at most, where the record has more samples than these in it.
@@ -672,7 +685,7 @@ def extend(
     options: list[tuple[float, Candidate]] = []
     terms = candidate.terms
 
-    def offer(parts: list[np.ndarray], made: Any) -> None:
+    def offer(parts: list[np.ndarray], made: Callable[[float], Candidate]) -> None:
         column = as_real([part / std for part, std in zip(parts, stds, strict=True)])
         worth, amount = gain_of(column, Q, left)
         if worth > WORTH and amount > 0:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from robust.friction.reading.balance import (
     WORTH,
     Candidate,
     Motion,
+    NumbersRead,
     as_real,
     derived_numbers,
     deviations,
@@ -186,7 +186,7 @@ class LevelBalance:
 
 
 @value
-class FrictionFit:
+class FrictionFit(NumbersRead):
     """Machine and friction identified from all levels together, given Maxwell slip.
 
     Fields
@@ -268,11 +268,6 @@ class FrictionFit:
     load_Fs: float = 0.0
     load_coulomb: float = 0.0
     load_sliders: nlfrf.friction.VaryingSliders | None = None
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a number, by its name."""
-        half = HALF_WIDTH * self.stds[name]
-        return getattr(self, name) - half, getattr(self, name) + half
 
     @property
     def reason(self) -> str:
@@ -437,8 +432,8 @@ def questions_of(
     mode: str | None,
     split: float,
     damping: tuple[float, float],
-) -> list[OpenQuestion]:
-    """Return what the levels leave open.
+) -> Iterator[OpenQuestion]:
+    """Yield what the levels leave open.
 
     levels : the highest first.
     stuck : stiffness that never slips [N/m].
@@ -447,57 +442,48 @@ def questions_of(
     damping : viscous friction and three standard deviations of it [Ns/m].
     """
     N, speed_unit = units[0], unit_of("L/s", units)
-    found: list[OpenQuestion] = []
     k, D = candidate.all_elements
     Fs, K0 = float(k @ D), float(k.sum())
     two = candidate.terms.load
     limits = [MOST_UNEXPLAINED_SLIPPING if two and one.force > Fs / 2 else MOST_UNEXPLAINED for one in balances]
     worst, limit = max(zip(balances, limits, strict=True), key=lambda one: one[0].unexplained / one[1])
+    model = "motor and load" if two else "one mass"
     if worst.unexplained > limit:
-        model = "motor and load" if two else "one mass"
         slips = not two and balances[-1].unexplained < limit
-        found.append(
-            OpenQuestion(
-                kind=Gap.OTHER_MACHINE,
-                description=(
-                    f"{model} with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or of Fs) at "
-                    f"{worst.force:.3g} {N} rms unexplained, more than {100 * limit:g} % beyond noise. "
-                    f"{ANOTHER_FRICTION if slips else ANOTHER_MACHINE[two]}"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.OTHER_MACHINE,
+            description=(
+                f"{model} with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or of Fs) at "
+                f"{worst.force:.3g} {N} rms unexplained, more than {100 * limit:g} % beyond noise. "
+                f"{ANOTHER_FRICTION if slips else ANOTHER_MACHINE[two]}"
+            ),
         )
     c, half = damping
     if c + half < 0:
-        found.append(
-            OpenQuestion(
-                kind=Gap.OTHER_MACHINE,
-                description=(
-                    f"viscous friction of {c:.3g} +- {half:.1g} {unit_of('F s/L', units)} would drive the machine: the "
-                    f"search ended in a wrong minimum, or another delay is taken for it. {ANOTHER_MACHINE[two]}"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.OTHER_MACHINE,
+            description=(
+                f"viscous friction of {c:.3g} +- {half:.1g} {unit_of('F s/L', units)} would drive the machine: the "
+                f"search ended in a wrong minimum, or another delay is taken for it. {ANOTHER_MACHINE[two]}"
+            ),
         )
     delay, period = candidate.numbers["delay"], float(2 * np.pi / levels[0].omega.min())
     if abs(delay) > period:
-        found.append(
-            OpenQuestion(
-                kind=Gap.OTHER_MACHINE,
-                description=(
-                    f"{'motor and load' if two else 'one mass'} with Maxwell slip needs a delay of {delay:.3g} s, "
-                    f"longer than the {period:.3g} s of the lowest line: the search ended in a wrong minimum. "
-                    f"{ANOTHER_MACHINE[two]}"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.OTHER_MACHINE,
+            description=(
+                f"{model} with Maxwell slip needs a delay of {delay:.3g} s, "
+                f"longer than the {period:.3g} s of the lowest line: the search ended in a wrong minimum. "
+                f"{ANOTHER_MACHINE[two]}"
+            ),
         )
     if mode is not None:
-        found.append(
-            OpenQuestion(
-                kind=Gap.FLEXIBLE,
-                description=(
-                    f"the machine is no rigid mass with Maxwell slip in the band: {mode}. What is read holds for "
-                    f"no one mass, so that mass and friction are off by several per cent. {ANOTHER_MACHINE[two]}"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.FLEXIBLE,
+            description=(
+                f"the machine is no rigid mass with Maxwell slip in the band: {mode}. What is read holds for "
+                f"no one mass, so that mass and friction are off by several per cent. {ANOTHER_MACHINE[two]}"
+            ),
         )
     outer = levels[0].half_swing
     begins = OUTER_WITH_SPRING if candidate.terms.spring else OUTER_OF_FREE
@@ -508,64 +494,56 @@ def questions_of(
             if stuck
             else f"{100 * late:.2g} % of Fs breaks away beyond {begins:.2g} of that"
         )
-        found.append(
-            OpenQuestion(
-                kind=Gap.HIGHEST_LEVEL_STICKS,
-                description=(
-                    f"the highest level still sticks: it swings +-{format_length(outer, units[1])}, and {seen}. "
-                    "Fs is not known, nor what is spring and what friction. Measure at three times the force"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.HIGHEST_LEVEL_STICKS,
+            description=(
+                f"the highest level still sticks: it swings +-{format_length(outer, units[1])}, and {seen}. "
+                "Fs is not known, nor what is spring and what friction. Measure at three times the force"
+            ),
         )
     inner = float(np.std(levels[-1].x))
     early = float(k[inner > D].sum()) / K0
     if early > MOST_EARLY:
-        found.append(
-            OpenQuestion(
-                kind=Gap.LOWEST_LEVEL_SLIPS,
-                description=(
-                    f"the lowest level does not stick: it moves {format_length(inner, units[1])} rms, where "
-                    f"{100 * early:.2g} % of K0 slips, and what slips earlier is not seen. Measure at a third of the "
-                    "force"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.LOWEST_LEVEL_SLIPS,
+            description=(
+                f"the lowest level does not stick: it moves {format_length(inner, units[1])} rms, where "
+                f"{100 * early:.2g} % of K0 slips, and what slips earlier is not seen. Measure at a third of the "
+                "force"
+            ),
         )
-    # where friction slides the motion grows, and the force hardly does
-    rises = [max(high.force / low.force, high.half_swing / low.half_swing) for high, low in pairwise(levels)]
-    distinct = 1 + sum(rise > SAME_LEVEL for rise in rises)
+    distinct = count_distinct(levels)
     if distinct < min(3, len(levels)):
         listed = ", ".join(f"{level.force:.3g}" for level in levels)
-        found.append(
-            OpenQuestion(
-                kind=Gap.EQUAL_LEVELS,
-                description=(
-                    f"levels of {listed} {N} rms count as {distinct}, as neighbours differ by less than {SAME_LEVEL:g} "
-                    "times in force and motion. Measure at three that differ: sticking, bending, sliding"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.EQUAL_LEVELS,
+            description=(
+                f"levels of {listed} {N} rms count as {distinct}, as neighbours differ by less than {SAME_LEVEL:g} "
+                "times in force and motion. Measure at three that differ: sticking, bending, sliding"
+            ),
         )
     if split > MOST_SPLIT * Fs:
-        found.append(
-            OpenQuestion(
-                kind=Gap.SPLIT,
-                description=(
-                    f"friction of the motor and of the load look alike: {split:.2g} {N} of Fs = {Fs:.4g} {N} may be at "
-                    "either. Their sum holds. Measure to beyond the resonance"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.SPLIT,
+            description=(
+                f"friction of the motor and of the load look alike: {split:.2g} {N} of Fs = {Fs:.4g} {N} may be at "
+                "either. Their sum holds. Measure to beyond the resonance"
+            ),
         )
     if not candidate.terms.stiction:
-        speed = float(np.abs(levels[0].v).max())
-        found.append(
-            OpenQuestion(
-                kind=Gap.STICTION,
-                description=(
-                    f"no stiction above Coulomb friction is seen at speeds up to {speed:.2g} {speed_unit}; one that "
-                    "needs more speed to fade is part of Fs"
-                ),
-            )
+        yield OpenQuestion(
+            kind=Gap.STICTION,
+            description=(
+                f"no stiction above Coulomb friction is seen at speeds up to {np.abs(levels[0].v).max():.2g} "
+                f"{speed_unit}; one that needs more speed to fade is part of Fs"
+            ),
         )
-    return found
+
+
+def count_distinct(levels: list[Motion]) -> int:
+    """Return how many levels differ: where friction slides the motion grows, and the force hardly does."""
+    rises = [max(high.force / low.force, high.half_swing / low.half_swing) for high, low in pairwise(levels)]
+    return 1 + sum(rise > SAME_LEVEL for rise in rises)
 
 
 #: Shares of mass and friction that a load is tried to have; only their ratio matters.
@@ -688,19 +666,8 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
     """
     if masses not in (1, 2):
         raise ValueError(f"masses must be 1, or 2 for a motor and a load, got {masses}")
-    records = list(records) if isinstance(records, Iterable) else records
-    if not isinstance(records, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in records):
-        raise ValueError(f"records must be a list of Records of one input and output, got {short_form(records)}")
-    if len(records) < 3:
-        raise ValueError(f"records must hold at least three levels, from sticking to sliding, got {len(records)}")
-    require_one_position_unit("records", [record.y_unit for record in records])
-    for record in records:
-        require_si("records", f"{record.y_unit}/{record.u_unit}")
-        if record.lines.excited.size < FEWEST_LINES:
-            raise ValueError(f"records must have at least {FEWEST_LINES} lines, got {record.lines.excited.size}")
+    records = list_levels(records)
     coarse = [motion_of_record(record, COARSE, per_cycle=COARSE_CYCLE) for record in records]
-    order = sorted(range(len(records)), key=lambda i: -coarse[i].force)
-    records, coarse = [records[i] for i in order], [coarse[i] for i in order]
     span = (min(float(np.std(one.x)) for one in coarse) / 2, 0.9 * max(one.half_swing for one in coarse))
     two = masses == 2
     starts = start_with_load(coarse, spring=not free) if two else start_candidates(coarse, span, spring=not free)
@@ -732,18 +699,15 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
         mode = sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
     damping = numbers["damping"], 3 * spread["damping"]
-    questions = questions_of(
-        fine, candidate, balances=balances, units=units, stuck=stuck, mode=mode, split=split, damping=damping
+    questions = list(
+        questions_of(
+            fine, candidate, balances=balances, units=units, stuck=stuck, mode=mode, split=split, damping=damping
+        )
     )
-    for question in questions:
-        # what is assumed, such as no spring, has no deviation and is not left open
-        spread |= {name: np.inf for name in LEFT_OPEN.get(question.kind, ()) if spread.get(name)}
-    if stuck:  # a spring of a free axis that never slips is friction, and more than K0 of its elements
-        spread["K0"] = np.inf
     return FrictionFit(
         **numbers,
         vs=candidate.vs,
-        stds=spread,
+        stds=leave_open(spread, questions, stuck),
         element_stiffness=candidate.stiffness,
         element_strength=candidate.stiffness * candidate.breakaway,
         seen_from=span[0],
@@ -753,6 +717,21 @@ def identify_friction(records: Sequence[nlfrf.Record], *, free: bool = False, ma
         units=units,
         load_sliders=candidate.load_sliders,
     )
+
+
+def list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
+    """Return the records of at least three levels of one axis, the highest force first; refuse what is none."""
+    levels = list(records) if isinstance(records, Iterable) else records
+    if not isinstance(levels, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in levels):
+        raise ValueError(f"records must be a list of Records of one input and output, got {short_form(levels)}")
+    if len(levels) < 3:
+        raise ValueError(f"records must hold at least three levels, from sticking to sliding, got {len(levels)}")
+    require_one_position_unit("records", [record.y_unit for record in levels])
+    for record in levels:
+        require_si("records", f"{record.y_unit}/{record.u_unit}")
+        if record.lines.excited.size < FEWEST_LINES:
+            raise ValueError(f"records must have at least {FEWEST_LINES} lines, got {record.lines.excited.size}")
+    return sorted(levels, key=lambda record: -motion_of_record(record, 1).force)
 
 
 #: Numbers that a question leaves open. Of what is not one mass the intervals hold for none.
@@ -766,8 +745,23 @@ LEFT_OPEN = {
 }
 
 
+def leave_open(spread: dict[str, float], questions: list[OpenQuestion], stuck: float) -> dict[str, float]:
+    """Return the standard deviations, infinite of what the questions leave open.
+
+    A stiffness that never slips, of a free axis, is friction, and more than K0 of its elements. What is assumed, such
+    as no spring, has no deviation and is not left open.
+    """
+    names = {name for question in questions for name in LEFT_OPEN.get(question.kind, ())} | ({"K0"} if stuck else set())
+    return spread | {name: np.inf for name in names if spread.get(name)}
+
+
 def numbers_with_spread(
-    records: list[Any], fine: list[Motion], *, stds: list[np.ndarray], candidate: Candidate, span: tuple[float, float]
+    records: list[nlfrf.Record],
+    fine: list[Motion],
+    *,
+    stds: list[np.ndarray],
+    candidate: Candidate,
+    span: tuple[float, float],
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the numbers and their standard deviations.
 

@@ -12,11 +12,11 @@ from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
 from robust.friction.reading.balance import (
     FORCE_ERROR,
-    HALF_WIDTH,
     MODEL_ERROR,
     N_PASSES,
     Candidate,
     Motion,
+    NumbersRead,
     Terms,
     derived_numbers,
     deviations,
@@ -35,7 +35,7 @@ from robust.friction.reading.levels import require_si, weighted_mean
 
 
 @value
-class SlidingFit:
+class SlidingFit(NumbersRead):
     """Mass, viscous and Coulomb friction of an axis in motion, with intervals.
 
     Fields
@@ -77,11 +77,6 @@ class SlidingFit:
     velocities: np.ndarray
     misfit: float
     units: tuple[str, str] = ("N", "m")
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """95 % interval of a number, by its name."""
-        half = HALF_WIDTH * self.stds[name]
-        return getattr(self, name) - half, getattr(self, name) + half
 
     def __str__(self) -> str:
         speeds = ", ".join(f"{v:.3g}" for v in self.velocities) + " " + unit_of("L/s", self.units)
@@ -141,21 +136,9 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
             f"records must be from force to position, got a mass of {mass:.3g} kg: the output falls when the input "
             "rises. Turn the sign of the sensor"
         )
-    slopes, slope_stds = (np.array([one[i]["damping"] for one in fits]) for i in (0, 1))
-    means = [np.asarray(record.u).mean(axis=-1).ravel() for record in records]
-    forces = np.array([one.mean() for one in means])
-    scatter = [one.std(ddof=1) / np.sqrt(one.size) if one.size > 1 else 0.0 for one in means]
-    force_stds = np.hypot(scatter, MODEL_ERROR * np.abs(forces))
-    both = bool(np.any(speeds > 0) and np.any(speeds < 0))
-    # mean force: c v + Fc sgn v + offset; slope: c
-    table = np.column_stack([speeds, np.sign(speeds), *([np.ones(speeds.size)] if both else [])])
-    below = np.column_stack([np.ones(speeds.size), np.zeros((speeds.size, table.shape[1] - 1))])
-    std = np.concatenate([force_stds, slope_stds])
-    A = np.vstack([table, below]) / std[:, np.newaxis]
-    b = np.concatenate([forces, slopes]) / std
-    found = np.linalg.lstsq(A, b, rcond=None)[0]
-    misfit = float(((b - A @ found) ** 2).sum() / max(1, b.size - found.size))
-    spread = np.sqrt(max(1.0, misfit) * np.diag(np.linalg.inv(A.T @ A)))
+    slopes = np.array([[one[i]["damping"] for one in fits] for i in (0, 1)])
+    found, spread, misfit = fit_forces(speeds, mean_forces(records), slopes)
+    both = found.size == 3
     delay, delay_std = weighted_mean([one[0]["delay"] for one in fits], [one[1]["delay"] for one in fits])
     stds = {
         # the errors of all records are alike
@@ -175,6 +158,30 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
         misfit=misfit,
         units=units_of(records[0]),
     )
+
+
+def mean_forces(records: Sequence[nlfrf.Record]) -> np.ndarray:
+    """Return (2, R) mean force of each record and its standard deviation [N]."""
+    means = [np.asarray(record.u).mean(axis=-1).ravel() for record in records]
+    forces = np.array([one.mean() for one in means])
+    scatter = [one.std(ddof=1) / np.sqrt(one.size) if one.size > 1 else 0.0 for one in means]
+    return np.stack([forces, np.hypot(scatter, MODEL_ERROR * np.abs(forces))])
+
+
+def fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return viscous and Coulomb friction and, of both directions, a force that does not turn; deviations; misfit.
+
+    forces, slopes : (2, R) mean force and slope of the friction at each speed, and their standard deviations.
+    """
+    both = bool(np.any(speeds > 0) and np.any(speeds < 0))
+    # mean force: c v + Fc sgn v + offset; slope: c
+    table = np.column_stack([speeds, np.sign(speeds), *([np.ones(speeds.size)] if both else [])])
+    below = np.column_stack([np.ones(speeds.size), np.zeros((speeds.size, table.shape[1] - 1))])
+    b, std = np.hstack([forces, slopes])
+    A, b = np.vstack([table, below]) / std[:, np.newaxis], b / std
+    found = np.linalg.lstsq(A, b, rcond=None)[0]
+    misfit = float(((b - A @ found) ** 2).sum() / max(1, b.size - found.size))
+    return found, np.sqrt(max(1.0, misfit) * np.diag(np.linalg.inv(A.T @ A))), misfit
 
 
 def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:

@@ -647,27 +647,31 @@ def require_fittable(n_poles: int, omega: np.ndarray, dt: float) -> None:
         )
 
 
+def given_lines(
+    frf: control.FrequencyResponseData, std: np.ndarray | None, dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return omega, G, its variance and degrees of freedom of an FRF from elsewhere; without a std relative errors."""
+    if (frf.ninputs, frf.noutputs) != (1, 1):
+        raise ValueError(f"bla must have one input and one output, got {frf.ninputs} and {frf.noutputs}")
+    if frf.dt and abs(frf.dt - dt) > SAMPLING_TOLERANCE * frf.dt:
+        raise ValueError(f"dt must be that of bla, a sampled FRF at {frf.dt:g} s, got {dt:g} s")
+    omega, G = np.asarray(frf.omega, dtype=float), np.asarray(frf.frdata[0, 0], dtype=complex)
+    if std is None:
+        if np.any(G) and not np.all(G):
+            at = omega[np.argmin(np.abs(G))]
+            raise ValueError(f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s")
+        return omega, G, np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
+    var = require_real_array("std", std, ndim=1) ** 2
+    if var.shape != G.shape or np.any(var <= 0):
+        raise ValueError(f"std must hold one positive number per line ({G.size}), got {short_form(std)}")
+    return omega, G, var, np.full(G.size, np.inf)
+
+
 def measured_lines(bla: Measurement, std: np.ndarray | None, dt: float) -> FrfData:
     """Return lines, variances and degrees of freedom of an FRF, behind the hold that a model of dt has."""
     hold = "unknown"
     if isinstance(bla, control.FrequencyResponseData):
-        if (bla.ninputs, bla.noutputs) != (1, 1):
-            raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
-        if bla.dt and abs(bla.dt - dt) > SAMPLING_TOLERANCE * bla.dt:
-            raise ValueError(f"dt must be that of bla, a sampled FRF at {bla.dt:g} s, got {dt:g} s")
-        G = np.asarray(bla.frdata[0, 0], dtype=complex)
-        if std is None:
-            if np.any(G) and not np.all(G):
-                at = float(np.asarray(bla.omega)[np.argmin(np.abs(G))])
-                raise ValueError(
-                    f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s"
-                )
-            var, dof = np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
-        else:
-            var, dof = require_real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)
-            if var.shape != G.shape or np.any(var <= 0):
-                raise ValueError(f"std must hold one positive number per line ({G.size}), got {short_form(std)}")
-        omega = np.asarray(bla.omega, dtype=float)
+        omega, G, var, dof = given_lines(bla, std, dt)
     else:
         many = list(bla) if isinstance(bla, Sequence) else [bla]
         if not many or not all(map(is_single, many)):

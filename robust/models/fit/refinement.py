@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from itertools import zip_longest
 
 import numpy as np
 
@@ -48,8 +49,8 @@ def refine(
         out = base * theta[0] * factor(tau)
         top, d_top = evaluate_sections(x, theta[1 : 1 + n_zero], n_zero)
         bottom, d_bottom = evaluate_sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole)
-        for k in range(max(len(top), len(bottom))):
-            out = out * (top[k] if k < len(top) else 1.0) / (bottom[k] if k < len(bottom) else 1.0)
+        for one, other in zip_longest(top, bottom, fillvalue=1.0):
+            out = out * one / other
         relative = [np.full(x.size, 1 / theta[0] if theta[0] else 1.0, dtype=complex), *d_top, *(-d for d in d_bottom)]
         if free_delay:
             relative.append(slope)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import control
 import numpy as np
@@ -16,13 +16,14 @@ from robust.models.fit.nominal import frd
 from robust.models.sets.forms import DEFAULT_FORM
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import RadiusSpec, record_radius_parts, sum_of_parts
+from robust.models.sets.records import Origin
 
 #: Whatever has an FRF on its lines.
 FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
 RATE_RATIO = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
 
 
-def origin_of(model: FrfSource) -> Any:
+def origin_of(model: FrfSource) -> Bla | Origin | control.FrequencyResponseData:
     """Return what says hold, sampling frequency and unit: a Bla itself, the origin of a set, an FRF that says none."""
     return model.origin if isinstance(model, UncertaintyModel) else model
 

@@ -211,21 +211,8 @@ class UncertaintyModel:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        held, is_frf = self.__dict__, isinstance(self.nominal, control.FrequencyResponseData)
-        if self.left or self.right:
-            for name in ("left", "right"):
-                held[name] = tuple(multivariable(name, weight) for weight in getattr(self, name))
-            G = held["nominal"] = multivariable("nominal", self.nominal)
-            if one := (G.ninputs, G.noutputs) == (1, 1) and reduce_to_one_channel(
-                self.form, self.left, right=self.right, radius=self._given_radius()
-            ):
-                held.update(one, left=(), right=())
-        elif count_channels(self.nominal) != (1, 1):
-            raise ValueError(
-                f"left and right must hold the weights of a plant of {format_channels(self.nominal)}, got weight "
-                f"{short_form(self.weight)}: {own_weights_call(self.nominal, self.form)}"
-            )
-        single = self.is_single
+        self._take_sides()
+        held, single = self.__dict__, self.is_single
         require_choice("form", self.form, tuple(FORMS) if single else MATRIX_FORMS)
         require_choice("perturbation", self.perturbation, PERTURBATIONS)
         if not np.isnan(self.confidence):
@@ -235,7 +222,7 @@ class UncertaintyModel:
         held["omega"] = omega = require_real_array("omega", self.omega, ndim=1)
         if np.any(np.diff(omega) <= 0) or not omega.size or omega[0] <= 0:
             raise ValueError("omega must be positive and increasing")
-        if not is_frf:
+        if not self.measured_only:
             held["nominal"] = (state_space if single else multivariable)("nominal", self.nominal)
         if single:
             held["weight"] = state_space("weight", self.weight)
@@ -251,6 +238,23 @@ class UncertaintyModel:
             raise ValueError(f"W1 and W2 must be left out but for the coprime form, got scaling with {self.form}")
         known = (("u",), ("y",)) if single else signal_names(self.nominal)
         held["inputs"], held["outputs"] = tuple(self.inputs) or known[0], tuple(self.outputs) or known[1]
+
+    def _take_sides(self) -> None:
+        """Make systems of the weights of several channels, or the one weight that they are of a single channel."""
+        held = self.__dict__
+        if self.left or self.right:
+            for name in ("left", "right"):
+                held[name] = tuple(multivariable(name, weight) for weight in getattr(self, name))
+            G = held["nominal"] = multivariable("nominal", self.nominal)
+            if one := (G.ninputs, G.noutputs) == (1, 1) and reduce_to_one_channel(
+                self.form, self.left, right=self.right, radius=self._given_radius()
+            ):
+                held.update(one, left=(), right=())
+        elif count_channels(self.nominal) != (1, 1):
+            raise ValueError(
+                f"left and right must hold the weights of a plant of {format_channels(self.nominal)}, got weight "
+                f"{short_form(self.weight)}: {own_weights_call(self.nominal, self.form)}"
+            )
 
     def _given_radius(self) -> np.ndarray:
         """Return the radius that was given, else that of the weights."""
@@ -286,7 +290,7 @@ class UncertaintyModel:
             )
 
     def _check_radius(self) -> None:
-        """Refuse radii, weights and parts that do not fit each other or the nominal."""
+        """Refuse radii and parts that do not fit each other or the nominal, and weights that do not cover them."""
         omega, dt = self.omega, 0.0 if self.measured_only else timebase(self.nominal)
         radius = require_real_array("radius", self._given_radius(), ndim=1 if self.is_single else 2)
         gains = self.weight_gains(omega)
@@ -298,6 +302,17 @@ class UncertaintyModel:
             raise ValueError(f"radius must be positive, got {radius.min():g} at {where:g} rad/s")
         if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
             raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
+        self._check_weights(gains / radius, dt)
+        self.__dict__["radius"] = radius
+        require_known("budget", self.budget, PARTS)
+        known = {name: freeze_array(np.asarray(part, dtype=float)) for name, part in self.budget.items()}
+        for name, part in known.items():
+            if part.shape != shape:
+                raise ValueError(f"budget must have one value per frequency in {name}, {shape}, got {part.shape}")
+        self.__dict__["budget"] = known
+
+    def _check_weights(self, covers: np.ndarray, dt: float) -> None:
+        """Refuse weights that are unstable, have another sampling time than dt [s], or a (n, W) cover below one."""
         names = ["weight"] if self.is_single else [f"left[{k}]" for k in range(len(self.left))]
         names += [f"right[{k}]" for k in range(len(self.right))]
         for name, weight in zip(names, self.weights, strict=True):
@@ -308,20 +323,12 @@ class UncertaintyModel:
             if not is_stable(weight):
                 raise ValueError(f"{name} must be stable, got a pole at {rightmost_pole(weight):.4g}")
         rows_of = [name for name, weight in zip(names, self.weights, strict=True) for _ in range(weight.noutputs)]
-        for name, gain, row in zip(rows_of, gains, np.atleast_2d(radius), strict=True):
-            cover = gain / row
+        for name, cover in zip(rows_of, covers, strict=True):
             if cover.min() < 1 - 1e-6:
                 raise ValueError(
                     f"{name} must cover its radius, |weight| >= radius, got a ratio of {cover.min():g} "
-                    f"at {omega[cover.argmin()]:g} rad/s"
+                    f"at {self.omega[cover.argmin()]:g} rad/s"
                 )
-        self.__dict__["radius"] = radius
-        require_known("budget", self.budget, PARTS)
-        known = {name: freeze_array(np.asarray(part, dtype=float)) for name, part in self.budget.items()}
-        for name, part in known.items():
-            if part.shape != shape:
-                raise ValueError(f"budget must have one value per frequency in {name}, {shape}, got {part.shape}")
-        self.__dict__["budget"] = known
 
     def __str__(self) -> str:
         single, dt = self.is_single, 0.0 if self.measured_only else timebase(self.nominal)

@@ -134,7 +134,7 @@ class LoopClaim:
             )
         if self.performance is None and not set(self.claims) <= {STABILITY, ALIASED[STABILITY]}:
             raise ValueError("performance must be given where performance is claimed, got none")
-        if not (np.isfinite(self.delay) and self.delay >= 0):
+        if not 0 <= self.delay < np.inf:
             raise ValueError(f"delay must be nonnegative [s], got {self.delay}")
-        if not (np.isfinite(self.scaling) and self.scaling > 0):
+        if not 0 < self.scaling < np.inf:
             raise ValueError(f"scaling must be positive, got {self.scaling}")

@@ -12,12 +12,12 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from types import UnionType
-from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from nlfrf._base.files import parse_json, require_schema, write_text
-from nlfrf._base.types import JsonObject
+from nlfrf._base.types import Json, JsonObject
 from robust.proofs.exact.claim import Matrices
 
 VERSION = 1
@@ -36,7 +36,7 @@ T = TypeVar("T")
 C = TypeVar("C", bound=Claim)
 
 
-def to_plain(part: object) -> Any:
+def to_plain(part: object) -> Json:
     """Return a part of a claim as JSON has it; floats are written with the digits that restore them exactly."""
     if is_dataclass(part):
         return {one.name: to_plain(getattr(part, one.name)) for one in fields(part)}
@@ -59,14 +59,16 @@ def from_plain(kind: type[T], given: object) -> T:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
-def part_from_plain(hint: Any, given: Any) -> Any:
+def part_from_plain(hint: type | UnionType, given: Json) -> object:
     """Return a part of a claim of the type that its field has."""
     inner = get_args(hint)
     if isinstance(hint, UnionType):  # X or None, or claims that differ in their entries
         fitting = [
-            one for one in inner if is_dataclass(one) and {each.name for each in fields(one)} == set(given or ())
+            k
+            for k, one in enumerate(inner)
+            if is_dataclass(one) and {each.name for each in fields(one)} == set(given or ())
         ]
-        return part_from_plain((fitting or inner)[0], given) if given is not None else None
+        return part_from_plain(inner[(fitting or [0])[0]], given) if given is not None else None
     if hint is np.ndarray:
         return np.array(given, dtype=float)
     if get_origin(hint) is Annotated:
@@ -79,7 +81,7 @@ def part_from_plain(hint: Any, given: Any) -> Any:
     if hint is Matrices:
         return system_from_plain(given)
     if is_dataclass(hint):
-        return from_plain(hint, given)  # type: ignore[arg-type]
+        return from_plain(hint, given)
     return given is True if hint is bool else hint(given)
 
 

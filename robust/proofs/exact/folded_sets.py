@@ -15,6 +15,7 @@ taken one by one, the others by upper bounds of |h_k| |G_k W_l,k| in blocks and 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import reduce
 from math import ceil, prod
@@ -419,6 +420,17 @@ def is_below_one(upper: list[list[acb]]) -> bool:
     return len(pivots) == 2 * n and all(p > 0 for p in pivots)
 
 
+def diagonal(entries: list[Expansion]) -> list[list[Expansion]]:
+    """Return the rows of a diagonal matrix."""
+    zero = Expansion.line(0)
+    return [[x if i == j else zero for j in range(len(entries))] for i, x in enumerate(entries)]
+
+
+def ratios_of(paths: Iterable[Quotient]) -> list[Ratio]:
+    """Return the magnitudes of all that is not zero."""
+    return [magnitude_ratio(path) for path in paths if path.num]
+
+
 def upper_sinc(x: Expansion) -> Expansion:
     """Return a polynomial that is sin(x)/x or more, by at most 4e-7 up to pi/2: its series breaks off at a plus."""
     minus, one, found = x * x * Expansion.line(-1), Expansion.line(1), Expansion.line(1)
@@ -484,10 +496,10 @@ class FoldedSum:
         self.farthest = float(root_radius(*plant, *lefts, *rights)) / float(self.step.mid())
         self.singles = (0, FEW_SINGLE, min(max(SINGLE, ceil(min(self.farthest, 1e6)) + 2), MOST_SINGLE))
         through = map(product_of_systems, plant, lefts * len(lefts)) if plant else lefts
-        F, right = [magnitude_ratio(path) for path in through if path.num], [magnitude_ratio(w) for w in rights]
+        F, right = ratios_of(through), [magnitude_ratio(w) for w in rights]
         self.tails = {k: self.tail(F, k) for k in self.singles}
         self.highest = {k: [self.largest_beyond(w, k) for w in right] for k in self.singles}
-        self.plant_tail = self.tail([magnitude_ratio(g) for g in plant if g.num], 0)
+        self.plant_tail = self.tail(ratios_of(plant), 0)
 
     def tail(self, paths: list[Ratio], n: int) -> arb:
         """Upper bound of the sum of |h_k F_k| over |k| > n and over all F, without |sin(omega dt/2)|."""
@@ -510,7 +522,7 @@ class FoldedSum:
         """
         try:
             V = [w.at(at.z, at.z_offset).inverse for w in self.V_left]
-            terms = self.terms(at, V, singles)
+            terms = list(self.terms(at, V, singles))
         except ValueError:
             return False, 0.0
         sizes = [term.size(V) for term in terms]
@@ -523,51 +535,52 @@ class FoldedSum:
         right = all((x * times).ball.real < 1 for x in sums.right)
         return right and is_below_one([[(x * over).ball for x in row] for row in sums.left]), reached
 
-    def terms(self, at: Interval, V: list[Product], singles: int) -> list[Term]:
-        """Return the terms of both sums, the first one of all aliases that are not taken one by one. V : 1/V_l.
+    def terms(self, at: Interval, V: list[Product], singles: int) -> Iterator[Term]:
+        """Yield the terms of both sums, the first one of all aliases that are not taken one by one. V : 1/V_l.
 
-        On an interval from zero on, where the plant may have a pole, G_0 is not taken: h_0 G_0 is G_d less the sum of
-        the other h_k G_k, so that G_d^-1 h_0 G_0 is off from one by at most `off`. ValueError where a pole is near.
+        ValueError where a pole is near.
         """
         v = [w.at(at.z, at.z_offset).inverse.function.squared for w in self.V_right]
-        inverse, n = [[y.at(at.z, at.z_offset) for y in row] for row in self.inverse], len(V)
+        inverse = [[y.at(at.z, at.z_offset) for y in row] for row in self.inverse]
         rest = [v[i] * Expansion.line(w * w) for i, w in enumerate(self.highest[singles])]
-        one, zero, sinc = Expansion.line(1), Expansion.line(0), upper_sinc(at.omega * Expansion.line(self.dt / 2))
-
-        def diagonal(entries: list[Expansion]) -> list[list[Expansion]]:
-            return [[x if i == j else zero for j in range(n)] for i, x in enumerate(entries)]
-
+        sinc = upper_sinc(at.omega * Expansion.line(self.dt / 2))
         scaled = [[(V[i] * y).function for y in row] for i, row in enumerate(inverse)]
-        found = [
-            Term(
-                hold=sinc * at.omega * Expansion.line(self.dt / 2 * self.tails[singles]),
-                M=scaled or diagonal([x.function for x in V]),
-                right=rest,
-            )
-        ]
+        yield Term(
+            hold=sinc * at.omega * Expansion.line(self.dt / 2 * self.tails[singles]),
+            M=scaled or diagonal([x.function for x in V]),
+            right=rest,
+        )
         for k in range(-singles, singles + 1):
             start = acb(0, at.middle + k * self.step)
-            W = [w.at(start, at.s_offset) for w in self.left]
             right = [w.at(start, at.s_offset).function.squared * v[i] for i, w in enumerate(self.right)]
-            if not inverse:
-                M = diagonal([(x * w).function for x, w in zip(V, W, strict=True)])
-            elif at.starts_at_zero and not k:
-                size = sum((y.function.total * y.function.total for row in inverse for y in row), arb(0)).sqrt()
-                off = size * self.plant_tail * self.dt * arb(at.middle + at.radius) / 2
-                most = Expansion.line((off * sum((w.function.total for w in W), arb(0))).abs_upper())
-                found.append(Term(hold=one, M=diagonal([x.function * most for x in V]), right=right))
-                found.append(
-                    Term(hold=one, M=diagonal([(x * w).function for x, w in zip(V, W, strict=True)]), right=right)
-                )
-                continue
-            else:
-                G = [[g.at(start, at.s_offset) for g in row] for row in self.G]
-                M = [
+            hold = sinc * self.hold_share(at, k) if k else Expansion.line(1) if inverse and at.starts_at_zero else sinc
+            for M in self.alias_matrices(at, V, inverse, start, k):
+                yield Term(hold=hold, M=M, right=right)
+
+    def alias_matrices(
+        self, at: Interval, V: list[Product], inverse: list[list[Product]], start: acb, k: int
+    ) -> list[list[list[Expansion]]]:
+        """Return M_k, or two that stand for |h_0| M_0 on an interval from zero on, where the plant may have a pole.
+
+        There G_0 is not taken: h_0 G_0 is G_d less the sum of the other h_k G_k, so that G_d^-1 h_0 G_0 is off from one
+        by at most `off`. inverse : G_d^-1. start : j omega_k in the middle.
+        """
+        W, n = [w.at(start, at.s_offset) for w in self.left], len(V)
+        if inverse and (k or not at.starts_at_zero):
+            zero, G = Expansion.line(0), [[g.at(start, at.s_offset) for g in row] for row in self.G]
+            return [
+                [
                     [sum(((V[i] * inverse[i][m] * G[m][j] * W[j]).function for m in range(n)), zero) for j in range(n)]
                     for i in range(n)
                 ]
-            found.append(Term(hold=sinc * self.hold_share(at, k) if k else sinc, M=M, right=right))
-        return found
+            ]
+        direct = diagonal([(x * w).function for x, w in zip(V, W, strict=True)])
+        if not inverse:
+            return [direct]
+        size = sum((y.function.total * y.function.total for row in inverse for y in row), arb(0)).sqrt()
+        off = size * self.plant_tail * self.dt * arb(at.middle + at.radius) / 2
+        most = Expansion.line((off * sum((w.function.total for w in W), arb(0))).abs_upper())
+        return [diagonal([x.function * most for x in V]), direct]
 
     def hold_share(self, at: Interval, k: int) -> Expansion:
         """Return |h_k/h_0| = |omega/omega_k|."""

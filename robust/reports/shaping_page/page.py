@@ -69,6 +69,18 @@ NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
 MAX_LINES = 400
 
 
+def list_models(models: UncertaintyModel | Sequence[UncertaintyModel]) -> list[UncertaintyModel]:
+    """Return the models of a page, or refuse what is none, or has no parametric nominal."""
+    found = list(models) if isinstance(models, Sequence) else [models]
+    if not found or not all(isinstance(model, UncertaintyModel) for model in found):
+        raise ValueError(f"model must be an UncertaintyModel or a list of them, got {short_form(found)}")
+    if any(model.measured_only for model in found):
+        raise ValueError(
+            "model must have a parametric nominal to be shaped on, got one on an FRF. Make it by fit_nominal"
+        )
+    return found
+
+
 def page_content(
     models: UncertaintyModel | Sequence[UncertaintyModel],
     *,
@@ -80,13 +92,7 @@ def page_content(
     omega_c: float | None = None,
 ) -> JsonObject:
     """Return everything the page needs, as JSON holds it; omega_c [rad/s] is where |L| = 1 at first, without a K."""
-    models = list(models) if isinstance(models, Sequence) else [models]
-    if not models or not all(isinstance(model, UncertaintyModel) for model in models):
-        raise ValueError(f"model must be an UncertaintyModel or a list of them, got {short_form(models)}")
-    if any(model.measured_only for model in models):
-        raise ValueError(
-            "model must have a parametric nominal to be shaped on, got one on an FRF. Make it by fit_nominal"
-        )
+    models = list_models(models)
     initial = state_space("K", 1.0 if K is None else K)
     w_P = None if w_P is None else state_space("w_P", w_P)
     dt = loop_sampling_time(models, initial, dt)
@@ -99,12 +105,11 @@ def page_content(
         warn_of_unknown_hold(model, dt)
     names = [*sources.names, *(f"level {k + 1}" for k in range(len(sources.names), len(models)))]
     omega = shared_grid(models, loops)
-    begin: JsonObject = {"gain": 1, "elements": []}
-    if K is None:
-        begin = starting_state(models, loops, np.array(omega), omega_c=omega_c, delay=delay)
     return {
         "title": sources.title,
-        "begin": begin,
+        "begin": {"gain": 1, "elements": []}
+        if K is not None
+        else starting_state(models, loops, np.array(omega), omega_c=omega_c, delay=delay),
         "warnings": list(dict.fromkeys(text for model in models for text in model.warnings)),
         "dt": dt,
         "delay": delay,

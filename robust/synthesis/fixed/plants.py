@@ -168,7 +168,7 @@ def measured_lines(
 
 
 def modelled_lines(
-    plant: Any,
+    plant: UncertaintyModel | AnySystem,
     dt: float,
     delay: float,
     *,

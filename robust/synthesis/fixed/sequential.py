@@ -11,7 +11,7 @@ loops see the same dG) is left to the check of the whole: where it fails, the di
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -184,16 +184,13 @@ def require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
 
 def loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
     """Structure and demands of one loop: of a list the one that is its own."""
-
-    def own(name: str, given: object) -> Any:
-        if not isinstance(given, list):
-            return given
-        if len(given) != n:
+    own = {**options, "structure": structure}
+    for name in (*PER_LOOP_OPTIONS, "structure"):
+        given = own[name]
+        if isinstance(given, list) and len(given) != n:
             raise ValueError(f"{name} must have one of {n} loops each where it is a list, got {len(given)}")
-        return given[k]
-
-    rest = {name: own(name, given) if name in PER_LOOP_OPTIONS else given for name, given in options.items()}
-    return own("structure", structure), rest
+        own[name] = given[k] if isinstance(given, list) else given
+    return own.pop("structure"), own
 
 
 def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:

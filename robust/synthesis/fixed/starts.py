@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import control
@@ -168,23 +169,37 @@ def find_start(
     box = genes.min(axis=0) - BEYOND, genes.max(axis=0) + BEYOND
     evolved, own_genes = evolve(basis, genes[chosen], signs[chosen], box=box, merit=merit, allowed=allowed)
     simple = sorted((k for own in niches.values() for k in own), key=lambda k: (hard[k], best[k]))
-    found: list[np.ndarray] = []
-    used: list[np.ndarray] = []
+    is_right = partial(stabilises, basis, family=family, n_unstable=n_unstable, allow_unstable=allow_unstable)
+    found = add_distinct([], evolved, own_genes, most=wanted, is_right=is_right)
     # behind those that evolved a simple one, where the convex steps may go further; all of them where none of the
     # others is known to be stable: the winding number was guessed
-    for k, (one, own) in enumerate(
-        zip(np.vstack([evolved, theta[simple]]), np.vstack([own_genes, genes[simple]]), strict=True)
-    ):
-        is_simple = k >= len(evolved)
-        if (len(found) >= wanted and not is_simple) or any(np.abs(own - other).max() < DISTINCT for other in used):
-            continue
-        K = basis.controller(one)
-        may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
-        if may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE:
-            found.append(one)
-            used.append(own)
-        if len(found) > wanted:
+    return [one for one, _ in add_distinct(found, theta[simple], genes[simple], most=wanted + 1, is_right=is_right)]
+
+
+def stabilises(
+    basis: Basis, theta: np.ndarray, *, family: list[PlantOnLines], n_unstable: int, allow_unstable: bool
+) -> bool:
+    """Return whether parameters are of a controller that stabilises every plant, and is stable where it has to be."""
+    K = basis.controller(theta)
+    may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
+    return may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE
+
+
+def add_distinct(
+    found: list[tuple[np.ndarray, np.ndarray]],
+    thetas: np.ndarray,
+    genes: np.ndarray,
+    *,
+    most: int,
+    is_right: Callable[[np.ndarray], bool],
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return parameters with their genes: those found, and others that are right and unlike them, up to so many."""
+    found = list(found)
+    for theta, own in zip(thetas, genes, strict=True):
+        if len(found) >= most:
             break
+        if not any(np.abs(own - other).max() < DISTINCT for _, other in found) and is_right(theta):
+            found.append((theta, own))
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import control
 import numpy as np
@@ -18,8 +18,19 @@ def describe_controller(K: control.StateSpace) -> str:
     return f"controller of order {K.nstates}, {f'sampled at {1 / K.dt:g} Hz' if K.dt else 'continuous'}"
 
 
+class Unpacked:
+    """What unpacks as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
+
+    K: control.StateSpace
+    CL: control.StateSpace | None
+    LEVEL: ClassVar[str] = "gamma"
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.K, self.CL, getattr(self, self.LEVEL), self))
+
+
 @value
-class Design:
+class Design(Unpacked):
     """A controller and how good it is by its own measure; unpacks as K, CL, gamma, info = ncfsyn(G).
 
     Fields
@@ -75,10 +86,6 @@ class Design:
     history: tuple[float, ...] = ()
     certificate: Certificate | None = None
     CL: control.StateSpace | None = None
-
-    def __iter__(self) -> Iterator[Any]:
-        """Unpack as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
-        return iter((self.K, self.CL, self.gamma, self))
 
     def __str__(self) -> str:
         found = [] if np.isnan(self.gamma) else [f"gamma {self.gamma:.4g}{' proved' if self.certified else ''}"]

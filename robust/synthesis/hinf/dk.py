@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import control
 import numpy as np
@@ -33,7 +33,7 @@ from robust.mu.scalings import upper
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 from robust.synthesis.hinf.descent import descend, least_level
-from robust.synthesis.hinf.design import describe_controller
+from robust.synthesis.hinf.design import Unpacked, describe_controller
 from robust.synthesis.hinf.hinfsyn import synthesise
 from robust.synthesis.hinf.mixsyn import weight_on_time_base
 
@@ -51,7 +51,7 @@ STRETCH, LONGEST_STRETCH = 2.0, 8.0  # how much farther the scalings are moved a
 
 
 @value
-class DkDesign:
+class DkDesign(Unpacked):
     """What D-K iteration found; unpacks as K, CL, mu, info = dk_iteration(P, ...).
 
     Fields
@@ -98,6 +98,8 @@ class DkDesign:
     reason: str
     CL: control.StateSpace | None = None
 
+    LEVEL = "mu"
+
     def __str__(self) -> str:
         if not np.isfinite(self.mu):
             return f"no controller: {self.reason}"
@@ -108,10 +110,6 @@ class DkDesign:
             f"{f'proved below {1.01 * self.mu:.4g} at all frequencies' if proved else 'on a grid, not proved'}\n"
             f"  {self.reason}"
         )
-
-    def __iter__(self) -> Iterator[Any]:
-        """Unpack as in MATLAB and python-control: K, CL, mu, info = ..., info the whole result."""
-        return iter((self.K, self.CL, self.mu, self))
 
 
 #: A function that scales a block, and its inverse.

@@ -5,10 +5,9 @@ The bracket on gamma is closed on the existence conditions; what is returned is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import control
 import numpy as np
@@ -23,6 +22,7 @@ from robust.lti.norms import hinf_norm, stabilising_riccati
 from robust.lti.realisation import multivariable
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import certify_closed_loop, decide_stability
+from robust.synthesis.hinf.design import Unpacked
 from robust.synthesis.hinf.generalised_plant import (
     Plant,
     dual_plant,
@@ -410,7 +410,7 @@ STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
 
 
 @value
-class Synthesis:
+class Synthesis(Unpacked):
     """A controller, the norm it reaches, and the bracket on what any controller can reach.
 
     Unpacks as K, CL, gamma, info = hinfsyn(P, n_y, n_u).
@@ -454,10 +454,6 @@ class Synthesis:
     reason: str
     certificate: Certificate | None = None
     CL: control.StateSpace | None = None
-
-    def __iter__(self) -> Iterator[Any]:
-        """Unpack as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
-        return iter((self.K, self.CL, self.gamma, self))
 
     @property
     def certified(self) -> bool:

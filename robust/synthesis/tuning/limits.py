@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import require_kind, require_positive, require_real_array, short_form
 from nlfrf._base.values import value
-from robust._base.types import LinearSystem
+from robust._base.types import LinearSystem, SystemField
 from robust.lti.lti import is_clockless, response, timebase
 from robust.lti.realisation import rightmost_pole, state_space
 from robust.lti.stability import is_stable
@@ -73,9 +73,9 @@ class Limit:
 
     inputs: Names
     outputs: Names
-    bound: Magnitude = 1.0
+    bound: SystemField = 1.0
     band: Sequence[float] | None = None
-    weight: Magnitude = 1.0
+    weight: SystemField = 1.0
     worst: bool = False
 
     def __post_init__(self) -> None:
@@ -113,7 +113,7 @@ class Limit:
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) weight over bound at true frequencies [rad/s]."""
-        if isinstance(self.bound, float) and isinstance(self.weight, float):
+        if self.is_constant:
             return np.full(np.size(omega), self.weight / self.bound)
         return evaluate_magnitude("weight", self.weight, omega) / evaluate_magnitude("bound", self.bound, omega)
 

@@ -19,7 +19,6 @@ from nlfrf._base.arguments import (
     require_positive,
     short_form,
 )
-from robust._base.types import LinearSystem
 from robust.lti.lti import require_sampling_time, to_s_plane, with_names
 from robust.lti.norms import discrete_matrices
 from robust.lti.realisation import multivariable
@@ -53,7 +52,7 @@ UNMOVED_TOLERANCE = 1e-9
 
 
 def tune(
-    system: Sequence[LinearSystem],
+    system: Sequence[object],
     plant: Plants,
     blocks: Mapping[str, TunableBlock],
     *,
@@ -172,7 +171,7 @@ def tune(
     )
 
 
-def fixed_parts(system: LinearSystem | Sequence[LinearSystem], dt: float) -> list[control.StateSpace]:
+def fixed_parts(system: object, dt: float) -> list[control.StateSpace]:
     """Return all that is fixed, on the time base of the design, or a refusal."""
     if isinstance(system, control.StateSpace | control.TransferFunction):
         system = [system]
