@@ -201,13 +201,12 @@ class NonlinearityOrder:
         if self.order == 3:
             what = SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
             return (
-                f"{100 * self.coherence:.0f} % of the power on odd detection lines has the phases of the cube of {what}"
+                f"the odd distortion is cubic: {100 * self.coherence:.0f} % of it is coherent with the cube of {what}"
             )
-        otherwise = ", or much of them is noise" if one_period else ""
-        flatter = f"what makes them saturates or jumps, or has a memory{otherwise}"
+        otherwise = ", or noise hides its order" if one_period else ""
         return {
-            5: "odd detection lines have the phases of a fifth power as much as of a cube",
-            1: f"odd detection lines have the phases of no power: {flatter}",
+            5: "the odd distortion fits a fifth power as well as a cube",
+            1: f"the odd distortion fits no power: the machine saturates, jumps or has a memory{otherwise}",
         }.get(self.order, "")
 
 

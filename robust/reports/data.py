@@ -60,7 +60,7 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
     return Section(
         name="record",
         title="Excitation and record",
-        lead="Periods that lie over one another say that the machine was in steady state and the channels were alive.",
+        lead="Where periods lie over one another, the machine was in steady state and its channels worked.",
         facts=tuple(facts),
         pictures=tuple(pictures),
     )
@@ -77,9 +77,9 @@ def describe_stray_energy(record: Record) -> str:
     with np.errstate(divide="ignore"):
         below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[detection]))
     return (
-        f"where nothing was to be played stands nothing to speak of (over {NEGLIGIBLE_DECIBELS:g} dB less)"
+        f"lines that were not to be excited lie over {NEGLIGIBLE_DECIBELS:g} dB under the excited ones"
         if below > NEGLIGIBLE_DECIBELS
-        else f"where nothing was to be played stands a line only {below:.0f} dB under the excited ones"
+        else f"of the lines that were not to be excited the largest lies {below:.0f} dB under the excited ones"
     )
 
 

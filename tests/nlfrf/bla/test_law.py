@@ -115,11 +115,11 @@ def test_it_is_said_in_words():
     (wiener,), (jumping,) = laws_of(PLANTS["Wiener"], n=1), laws_of(PLANTS["jump"], n=1)
     said = wiener.describe(gain_varies=True, one_period=True)
     assert re.fullmatch(
-        r"(9\d|100) % of .* the phases of the cube of the output, behind the dynamics as by a sensor", said
+        r".* cubic: (9\d|100) % of it is coherent with the cube of the output, behind the dynamics as by a sensor", said
     )
     assert wiener.describe(gain_varies=False, one_period=True).endswith("the cube of its drive")
-    assert jumping.describe(gain_varies=False, one_period=False).endswith("saturates or jumps, or has a memory")
-    assert jumping.describe(gain_varies=False, one_period=True).endswith("or much of them is noise")
+    assert jumping.describe(gain_varies=False, one_period=False).endswith("saturates, jumps or has a memory")
+    assert jumping.describe(gain_varies=False, one_period=True).endswith("or noise hides its order")
     assert UNKNOWN_ORDER.describe(gain_varies=True, one_period=True) == ""
     ms = multisine(**DESIGN, rng=4)
     u, y = played(ms, PLANTS["Wiener"], 1, np.random.default_rng(4))
