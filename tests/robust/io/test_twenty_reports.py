@@ -359,7 +359,7 @@ def told_of_the_opinion(facts):
     """The median difference of the two readings, and the limit between agreeing and not."""
     opinion = second_opinion(RECORD)
     assert not opinion.disagree.any()
-    percent = float(opinion.law.split(" %")[0])  # of a record of a cubic
+    percent = float(opinion.law.split(" %")[0].rpartition(" ")[2])  # of a record of a cubic
     holds(facts["opinion", "opinion"], np.median(opinion.difference), 6, percent)
 
 
