@@ -132,6 +132,14 @@ def is_constant(x: np.ndarray) -> bool:
     return all(bool((row[some] == rows[0, 0]).all()) for row in rows for some in iterate_blocks(row.size))
 
 
+def smallest_step(x: np.ndarray) -> float:
+    """Return the smallest step between neighbouring samples: that of the encoder of a position; zero of a constant."""
+    x = np.asarray(x)
+    steps = np.abs(np.diff(x.ravel()))
+    steps = steps[steps > 1e-9 * np.ptp(x)]
+    return float(steps.min()) if steps.size else 0.0
+
+
 @lru_cache(maxsize=64)
 def fast_length(n: int) -> int:
     """Return the least 2^a 3^b 5^c that is n or more: a length that the FFT is quick for.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nlfrf._base.arguments import require_kind, short_form
-from nlfrf._base.numbers import squared_modulus
+from nlfrf._base.numbers import smallest_step, squared_modulus
 from nlfrf._base.values import value
 from nlfrf.axis.loop import record_spectra
 from nlfrf.axis.trace import in_design_units
@@ -224,11 +224,17 @@ def read_level(record: Record) -> Level:
     A = np.concatenate([columns.real, columns.imag]) / scale
     found = np.linalg.lstsq(A, np.concatenate([U[low].real, U[low].imag]), rcond=None)[0] / scale
     force, position = (float(np.sqrt(np.sum(squared_modulus(one)) / 2)) for one in (U, Y))
-    steps = np.abs(np.diff(record.y.ravel()))
-    steps = steps[steps > 1e-9 * np.ptp(record.y)]
     limited = clipped_share(np.ascontiguousarray(record.u[0]).ravel()) > CLIPPED
     share, _, damped = found * scale / np.linalg.norm(U[low])
-    return Level(force, position, float(found[0]), float(share), float(damped), position / float(steps.min()), limited)
+    return Level(
+        force,
+        position,
+        float(found[0]),
+        float(share),
+        float(damped),
+        position / (smallest_step(record.y) or np.inf),
+        limited,
+    )
 
 
 def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:

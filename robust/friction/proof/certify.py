@@ -25,6 +25,7 @@ from robust.friction.proof.multipliers import (
     bristle_multipliers,
     bristle_terms,
     filter_rates,
+    used_multipliers,
 )
 from robust.friction.proof.ports import (
     coupling_of_rests,
@@ -40,6 +41,7 @@ from robust.proofs.search.certificate import Certificate, failed_certificate
 # ---- From weights to a judged certificate for the friction of a class, up to the stiffest that is proved.
 
 SUBJECT = "the stored energy falls"
+SATURATED_SUBJECT = "the stored energy falls, the actuator saturated or not"
 N_POINTS = 300  # of the frequencies of a cone program
 
 
@@ -78,11 +80,7 @@ def certify_friction(
             continue
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho))
         if not reason:
-            numbers = []
-            for own in mu:
-                used = np.append(True, own[2:] > 0)
-                numbers.append(Multipliers(rates=rates[used], weights=own[1:][used], free=float(own[0])))
-            return FrictionCertificate("", tuple(numbers), energy)
+            return FrictionCertificate("", tuple(used_multipliers(rates, own) for own in mu), energy)
     return FrictionCertificate(reason)
 
 
@@ -223,25 +221,15 @@ def certified_verdict(
 ) -> FrictionProof:
     """Return the proof of a loop that no spring of the class makes unstable, where there is one."""
     machine, friction = undecided.machine, undecided.friction
-    reference = reference_rate(machine, loop)
     try:
-        found = certify_friction(loop, friction, reference)
+        found = certify_friction(loop, friction, reference_rate(machine, loop))
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return replace(undecided, reason=f"numerical failure: {error}")
     if found.energy is None:
         certificate = failed_certificate(SUBJECT, 0.0, found.reason)
         return replace(undecided, reason=found.reason, certificate=certificate)
-    certificate = Certificate(
-        subject=SUBJECT,
-        outcome=Outcome.HOLDS,
-        level=0.0,
-        method=METHOD,
-        intervals=np.array([[0.0, np.inf]]),
-        reason="",
-        claim=build_claim(machine, K, delay=delay, friction=friction, numbers=found.numbers, stored=found.energy),
-        again=verify_friction,
-    )
-    return replace(undecided, verdict=FrictionVerdict.PROVED, certificate=certificate)
+    claim = build_claim(machine, K, delay=delay, friction=friction, numbers=found.numbers, stored=found.energy)
+    return replace(undecided, verdict=FrictionVerdict.PROVED, certificate=certificate_of(claim))
 
 
 def settling_verdict(
@@ -279,19 +267,24 @@ def settling_verdict(
             build_claim(machine, K, delay=delay, friction=friction, numbers=numbers, stored=one), settling=own_settling
         )
         if verify_friction(exact).verified:
-            certificate = Certificate(
-                subject=SETTLING_SUBJECT,
-                outcome=Outcome.HOLDS,
-                level=error,
-                method=SETTLING_METHOD,
-                intervals=np.array([[0.0, np.inf]]),
-                reason="",
-                claim=exact,
-                again=verify_friction,
-            )
-            smaller = error_bound if error_bound < error else error
-            return replace(undecided, verdict=FrictionVerdict.SETTLES, settling_error=smaller, certificate=certificate)
+            smaller, proved = error_bound if error_bound < error else error, certificate_of(exact)
+            return replace(undecided, verdict=FrictionVerdict.SETTLES, settling_error=smaller, certificate=proved)
     return any_friction
+
+
+def certificate_of(claim: FrictionClaim) -> Certificate:
+    """Return the certificate of a claim that was judged: that the energy falls, or within what the loop settles."""
+    settling, subject = claim.settling, SUBJECT if claim.actuator is None else SATURATED_SUBJECT
+    return Certificate(
+        subject=subject if settling is None else SETTLING_SUBJECT,
+        outcome=Outcome.HOLDS,
+        level=0.0 if settling is None else settling.error,
+        method=METHOD if settling is None else SETTLING_METHOD,
+        intervals=np.array([[0.0, np.inf]]),
+        reason="",
+        claim=claim,
+        again=verify_friction,
+    )
 
 
 def build_claim(

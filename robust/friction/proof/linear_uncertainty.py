@@ -18,7 +18,7 @@ from nlfrf._base.values import value
 from robust._base.types import Controller
 from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies, mobility, require_one_port
-from robust.friction.proof.multipliers import filter_rates, negative_multipliers
+from robust.friction.proof.multipliers import filter_rates, filter_terms, negative_multipliers
 from robust.lti.realisation import state_space
 
 N_POINTS = 200
@@ -157,12 +157,10 @@ def uncertain_rows(
 
     error : (W,) largest |p/x| [N/m].
     """
-    s = 1j * omega[:, None]
-    multiplier_row = np.column_stack([np.ones(omega.size), 1 - rates / (rho * (rates - s))]) * mobility[:, None]
-    lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
+    factors, lost = filter_terms(omega, rates, K0=K0, rho=rho)
+    multiplier_row = factors * mobility[:, None]
     table = np.zeros((omega.size, 1 + rates.size, 2, 2), complex)
-    table[..., 0, 0] = multiplier_row.real
-    table[:, 1:, 0, 0] -= lost
+    table[..., 0, 0] = multiplier_row.real - lost
     table[..., 0, 1], table[..., 1, 0] = -multiplier_row / 2, -multiplier_row.conj() / 2  # v = M (f - p)
     squared_error = (error * np.abs(mobility) / omega) ** 2
     q = squared_error[:, None, None] * np.array([[1, -1], [-1, 1]]) - np.diag([0, 1])

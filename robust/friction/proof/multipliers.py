@@ -45,6 +45,15 @@ class Multipliers:
     bounds: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
+def used_multipliers(rates: np.ndarray, mu: np.ndarray) -> Multipliers:
+    """Return the multipliers of one port without the filters of no weight; mu (1 + J,) : that of f v, then one a rate.
+
+    The first filter, the reference, stays.
+    """
+    used = np.append(True, mu[2:] > 0)
+    return Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0]))
+
+
 N_FILTERS = 24
 #: Where filters are tried, one set after another [rad/s].
 FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))

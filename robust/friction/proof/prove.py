@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import control
 import numpy as np
 
 from nlfrf._base.arguments import short_form
@@ -37,7 +36,7 @@ from robust.friction.proof.saturation import limits_of_force, with_actuator
 from robust.lti.realisation import state_space
 
 #: Verdicts with a claim.
-CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.SETTLES)
+CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY, FrictionVerdict.SETTLES)
 #: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
 ROUNDING = 1e-9
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
@@ -144,9 +143,11 @@ def prove_friction(
     else:
         verdict, reason = passive_verdict(machine, K, delay=delay, loop=loop)
         proof = replace(proof, verdict=verdict, reason=reason)
-    if proof.verdict in CLAIMED:
-        proof = replace(proof, claim=describe_claim(proof, K, delay=delay, forces=forces))
-    return proof if known is None else with_actuator(proof, K, delay=delay, known=known)
+    if known is not None:
+        proof = with_actuator(proof, K, delay=delay, known=known)
+    if proof.verdict not in CLAIMED:
+        return proof
+    return replace(proof, claim=describe_claim(proof, describe_scope(machine, given, K=K, delay=delay), forces))
 
 
 def bounds_of_bounded(
@@ -204,20 +205,21 @@ def format_pole_modulus(size: float) -> str:
     return f"{size:.{digits}g}"
 
 
-def describe_claim(proof: FrictionProof, K: control.StateSpace, *, delay: float, forces: np.ndarray) -> str:
-    """State what is proved in one sentence."""
-    machine, friction = proof.machine, proof.friction
+def describe_claim(proof: FrictionProof, scope: str, forces: np.ndarray) -> str:
+    """State what is proved in one sentence. scope : for which loop. forces : (P,) largest friction at each port."""
+    friction, units = proof.friction, proof.machine.units
+    places = [f" at {name}" for name in friction.names] if isinstance(friction, FrictionAtPorts) else [""]
+    most = " and ".join(f"{force:g} {units.force}{place}" for force, place in zip(forces, places, strict=True))
     if proof.verdict is FrictionVerdict.SETTLES:
-        bound = f"{proof.settling_error:.3g} {machine.units.position}"
-        largest = [f"{force:g} {machine.units.force}" for force in forces]
-        if isinstance(friction, FrictionAtPorts):
-            largest = [f"{force} at {name}" for force, name in zip(largest, friction.names, strict=True)]
-        most = f"of at most {' and '.join(largest)}"
-        scope = describe_scope(machine, friction, K=K, delay=delay)
-        return f"Settles within {bound} of rest from every state {scope}, {most}. It may move within that for ever."
-    rest = (
-        f"Stays within {proof.error_bound:.3g} {machine.units.position} of rest in the end"
-        if friction.kind == "bounded"
-        else "Comes to rest from every state"
-    )
-    return f"{rest} {describe_scope(machine, friction, K=K, delay=delay)}."
+        bound = f"{proof.settling_error:.3g} {units.position}"
+        settles = f"Settles within {bound} of rest from every state {scope}, of at most {most}"
+        return f"{settles}. It may move within that for ever."
+    if proof.verdict is FrictionVerdict.PROVED_LOCALLY:
+        hit = f"a kick of at most {1e3 * proof.kick:.3g} m{units.velocity} at the friction port"
+        rest = f"At rest and relaxed, comes to rest again after {hit}"
+    elif friction.kind == "bounded":
+        rest = f"Stays within {proof.error_bound:.3g} {units.position} of rest in the end"
+    else:
+        rest = "Comes to rest from every state"
+    limited = f", with an actuator of {proof.saturation:g} {units.force} and friction of at most {most}"
+    return f"{rest} {scope}{limited if np.isfinite(proof.saturation) else ''}."

@@ -10,11 +10,10 @@ from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
-from robust._base.states import FrictionVerdict, Outcome
+from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.exact.claim import Actuator
-from robust.friction.exact.verify import verify_friction
 from robust.friction.plant import (
     FrictionLoop,
     FrictionPlant,
@@ -27,8 +26,8 @@ from robust.friction.proof.certify import (
     NOT_IN_CLASS,
     FrictionProof,
     build_claim,
+    certificate_of,
     certify_friction,
-    describe_scope,
     reference_rate,
 )
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
@@ -38,11 +37,10 @@ from robust.friction.proof.multipliers import (
     friction_forms,
     hermitian_product,
     negative_multipliers,
+    used_multipliers,
 )
-from robust.friction.proof.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
-from robust.friction.units import MechanicalUnits
+from robust.friction.proof.storage import Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.lti.realisation import state_space
-from robust.proofs.search.certificate import Certificate
 
 if TYPE_CHECKING:
     import control
@@ -300,7 +298,7 @@ def region_for_sector(
         if theta is None or not theta[1 : rates.size + 1].any():
             continue
         mu, sector, given = theta[: rates.size + 1], float(theta[rates.size + 1]), theta[rates.size + 2 :]
-        used, own = np.append(True, mu[2:] > 0), given > 0
+        own = given > 0
         wider = open_at_actuator(machine, K, delay, forgets[own])
         form = maxwell_slip_dissipation(wider.loop, rates, mu=mu, K0=friction.K0, rho=friction.stiction)
         form = with_saturation(form, wider, share=known.share, sector=sector, given=given[own])
@@ -311,13 +309,12 @@ def region_for_sector(
                 kick = velocity_within_reach(machine, wider, energy=energy, reach=left / (1 - known.share))
             return RegionOfAttraction(
                 actuator=replace(known, kick=kick, sector=sector, forgets=forgets[own], weights=given[own]),
-                numbers=Multipliers(rates=rates[used], weights=mu[1:][used], free=float(mu[0])),
+                numbers=used_multipliers(rates, mu),
                 energy=energy,
             )
     return None
 
 
-SUBJECT = "the stored energy falls, the actuator saturated or not"
 NOT_CLAIMED = (
     "Not claimed: {other}friction above {Fs:g} {unit}, an actuator of less than {limit:g} {unit}, quantisation, "
     "another linear part."
@@ -347,7 +344,7 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
 
     def nothing(verdict: FrictionVerdict, reason: str) -> FrictionProof:
         none = replace(plain, kick=0.0, kick_linear=0.0, share=0.0, saturation=known.limit)
-        return replace(none, verdict=verdict, reason=reason, claim="", certificate=None, not_claimed=NO_ACTUATOR_CLAIM)
+        return replace(none, verdict=verdict, reason=reason, certificate=None, not_claimed=NO_ACTUATOR_CLAIM)
 
     if plain.verdict is not FrictionVerdict.PROVED:
         return nothing(plain.verdict, f"without saturation: {plain.reason}")
@@ -372,22 +369,12 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
         share = reach.actuator.share
         kick = np.inf if share == 1 else reach.actuator.kick
         exact = build_claim(machine, K, delay=delay, friction=friction, numbers=(reach.numbers,), stored=reach.energy)
-        certificate = Certificate(
-            subject=SUBJECT,
-            outcome=Outcome.HOLDS,
-            level=0.0,
-            method=METHOD,
-            intervals=np.array([[0.0, np.inf]]),
-            reason="",
-            claim=replace(exact, actuator=reach.actuator),
-            again=verify_friction,
-        )
-    everywhere, scope = bool(np.isinf(kick)), describe_scope(machine, friction, K=K, delay=delay)
+        certificate = certificate_of(replace(exact, actuator=reach.actuator))
+    everywhere = bool(np.isinf(kick))
     other, unit = NOT_IN_CLASS[friction.kind], friction.units.force
     return replace(
         plain,
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        claim=describe_claim(kick, scope, known, friction.units),
         reason="" if everywhere else describe_why_local(cut, friction),
         not_claimed=NOT_CLAIMED.format(other=other, Fs=known.Fs, limit=known.limit, unit=unit),
         certificate=certificate,
@@ -395,18 +382,6 @@ def with_actuator(plain: FrictionProof, K: control.StateSpace, *, delay: float, 
         kick=kick,
         kick_linear=kick_linear,
         share=share,
-    )
-
-
-def describe_claim(kick: float, scope: str, known: Actuator, units: MechanicalUnits) -> str:
-    """State what is proved in one sentence, from every state where the velocity of the kick is infinite."""
-    rest = "Comes to rest from every state"
-    if np.isfinite(kick):
-        hit = f"a kick of at most {1e3 * kick:.3g} m{units.velocity} at the friction port"
-        rest = f"At rest and relaxed, comes to rest again after {hit}"
-    return (
-        f"{rest} {scope}, with an actuator of {known.limit:g} {units.force} and friction of at most "
-        f"{known.Fs:g} {units.force}."
     )
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 import nlfrf
+from nlfrf._base.numbers import smallest_step
 from nlfrf._base.values import value
 from robust.friction.reading.balance import HALF_WIDTH, as_real, motion_of_record, unit_of
 from robust.friction.reading.identification import FrictionFit
@@ -328,9 +329,7 @@ def fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
 
 def encoder_step(record: nlfrf.Record) -> float:
     """Step of the encoder, as the position shows it; zero where it does not move."""
-    steps = np.abs(np.diff(np.asarray(record.y).ravel()))
-    steps = steps[steps > 1e-9 * np.ptp(record.y)]
-    return float(steps.min()) if steps.size else 0.0
+    return smallest_step(record.y)
 
 
 def break_away(peaks: Sequence[LevelPeak], coulomb: float) -> tuple[np.ndarray, str]:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from types import UnionType
-from typing import Annotated, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -59,30 +59,32 @@ def from_plain(kind: type[T], given: object) -> T:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
-def part_from_plain(hint: type | UnionType, given: Json) -> object:
+def part_from_plain(hint: Any, given: Any) -> object:
     """Return a part of a claim of the type that its field has."""
-    inner = get_args(hint)
-    if isinstance(hint, UnionType):  # X or None, or claims that differ in their entries
-        fitting = [
-            k
-            for k, one in enumerate(inner)
-            if is_dataclass(one) and {each.name for each in fields(one)} == set(given or ())
-        ]
-        return part_from_plain(inner[(fitting or [0])[0]], given) if given is not None else None
-    if hint is np.ndarray:
-        return np.array(given, dtype=float)
-    if get_origin(hint) is Annotated:
-        return np.array(given, dtype=int) if inner[1] == WHOLE else np.array(given, float).reshape(2 * (len(given),))
-    if get_origin(hint) is tuple:
-        kinds = inner[:1] * len(given) if inner[-1] is Ellipsis else inner
-        return tuple(part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
-    if get_origin(hint) is dict:
-        return {str(name): part_from_plain(inner[1], part) for name, part in given.items()}
-    if hint is Matrices:
-        return system_from_plain(given)
-    if is_dataclass(hint):
-        return from_plain(hint, given)
-    return given is True if hint is bool else hint(given)
+    kind: Any = get_origin(hint) or hint
+    if kind in MAKERS:
+        return MAKERS[kind](get_args(hint), given)
+    made: object = from_plain(hint, given) if isinstance(hint, type) and is_dataclass(hint) else hint(given)
+    return made
+
+
+def part_of_union(kinds: tuple[Any, ...], given: Any) -> object:
+    """Return None, or a part of that type, of several, whose entries were given; else of the first."""
+    if given is None:
+        return None
+    fitting = [one for one in kinds if is_dataclass(one) and {each.name for each in fields(one)} == set(given)]
+    return part_from_plain((*fitting, kinds[0])[0], given)
+
+
+def annotated_array(kinds: tuple[Any, ...], given: Any) -> np.ndarray:
+    """Return an array of integers, or a square one."""
+    return np.array(given, dtype=int) if kinds[1] == WHOLE else np.array(given, float).reshape(2 * (len(given),))
+
+
+def tuple_from_plain(kinds: tuple[Any, ...], given: Any) -> tuple[object, ...]:
+    """Return a tuple of parts, of one type each or all of the first."""
+    kinds = kinds[:1] * len(given) if kinds[-1] is Ellipsis else kinds
+    return tuple(part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
 
 
 def system_from_plain(given: JsonObject) -> Matrices:
@@ -97,6 +99,18 @@ def system_from_plain(given: JsonObject) -> Matrices:
     except ValueError as error:
         raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
     return Matrices(**parts, dt=float(given["dt"]))
+
+
+#: How a part is made of what was given, by the type of its field; of every other type its constructor makes it.
+MAKERS: Mapping[object, Callable[[tuple[Any, ...], Any], object]] = {
+    UnionType: part_of_union,
+    np.ndarray: lambda _, given: np.array(given, dtype=float),
+    Annotated: annotated_array,
+    tuple: tuple_from_plain,
+    dict: lambda kinds, given: {str(name): part_from_plain(kinds[1], part) for name, part in given.items()},
+    Matrices: lambda _, given: system_from_plain(given),
+    bool: lambda _, given: given is True,
+}
 
 
 def differing_fields(claim: object, other: object, names: Sequence[str]) -> list[str]:
