@@ -621,10 +621,10 @@ def check_drive(
     candidates = moving or list(range(len(records)))
     chosen = candidates[highest_level([blas[k] for k in candidates])]
     given = settings
-    machine_bla, nominal, settings = fit_machine(blas[chosen], records[chosen], settings, actual=actual)
+    machine_bla, nominal, settings = fit_machine(blas[chosen], records[chosen], settings, actual=actual, masses=masses)
     advance()
     at_rest = [record for k, record in enumerate(records) if k not in moving]
-    force, note = (None, "") if fit is not None else read_force(records, under)
+    force, note = (None, "") if fit is not None else read_force(records, under, masses)
     if force is not None and force.creeps:
         friction = DriveFriction(note=CREEP_NOTE)
     else:
@@ -720,8 +720,9 @@ def with_bound(
         return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
     damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
     any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
+    coupled = force.sliding if force is not None and force.load is not None else machine
     return replace(
-        friction, bounded=bound_any_friction(machine, settings, any_friction, output_unit=unit), largest=largest
+        friction, bounded=bound_any_friction(coupled, settings, any_friction, output_unit=unit), largest=largest
     )
 
 
@@ -791,21 +792,24 @@ def in_motion(under: Sequence[Conditions]) -> list[int]:
     return [k for k, one in enumerate(under) if one.motion is BaseMotion.MOVING]
 
 
-def read_force(records: Sequence[nlfrf.Record], under: Sequence[Conditions]) -> tuple[FrictionForce | None, str]:
+def read_force(
+    records: Sequence[nlfrf.Record], under: Sequence[Conditions], masses: int
+) -> tuple[FrictionForce | None, str]:
     """Return the friction without a law from traces in motion, and why there is none or no break-away force."""
     moving = in_motion(under)
     if not moving or records[0].u_unit == "A":
         return None, ""
     levels = under[0].levels or [record for k, record in enumerate(records) if k not in moving]
     try:
-        force = read_friction_force([records[k] for k in moving], [under[k].velocity for k in moving], levels)
+        velocities = [under[k].velocity for k in moving]
+        force = read_friction_force([records[k] for k in moving], velocities, levels, masses=masses)
     except (ValueError, np.linalg.LinAlgError) as error:
         return None, str(error)
     return force, force.reason
 
 
 def fit_machine(
-    bla: nlfrf.Bla, record: nlfrf.Record, settings: Drive, *, actual: bool
+    bla: nlfrf.Bla, record: nlfrf.Record, settings: Drive, *, actual: bool, masses: int
 ) -> tuple[nlfrf.Bla, NominalFit, Drive]:
     """Return the BLA of the machine, its fit, and the settings with a delay and lag that the trace does not refute.
 
@@ -813,7 +817,7 @@ def fit_machine(
     trace shows of an axis that slides. Where the best fit leads with both, as where a pole and a zero above the band
     nearly cancel, the best one that does not lead is taken: the radius of the set holds what it leaves.
     """
-    timings, not_leading, reason = [settings, *([] if actual else late_as_traced(record, settings))], [], ""
+    timings, not_leading, reason = [settings, *([] if actual else late_as_traced(record, settings, masses))], [], ""
     for timing in timings:
         s, machine = 1j * bla.omega, bla
         if not actual:  # delay and lag of the current loop are in the trace
@@ -835,12 +839,12 @@ def fit_machine(
     return min(not_leading, key=lambda one: one[0])[1:]
 
 
-def late_as_traced(record: nlfrf.Record, settings: Drive) -> list[Drive]:
+def late_as_traced(record: nlfrf.Record, settings: Drive, masses: int) -> list[Drive]:
     """Return the settings with delay and lag together as a trace of a sliding axis shows them; none where it does not.
 
     The lag is kept as far as there is so much.
     """
-    numbers, stds = fit_linear(motion_of_record(record, 1))
+    numbers, stds = fit_linear(motion_of_record(record, 1), masses)
     late = numbers["delay"]
     if not (numbers["mass"] > 0 and 0 < late < np.inf and np.isfinite(stds["delay"])):
         return []

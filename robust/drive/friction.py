@@ -20,7 +20,7 @@ from robust.drive.cures import FrictionCure, friction_cures
 from robust.drive.p_pi import cascade
 from robust.drive.simulation import SimulatedRest
 from robust.friction.classes import AnyFriction, FrictionAtPorts
-from robust.friction.plant import FrictionPlant, friction_plant, pad_states
+from robust.friction.plant import FrictionPlant, friction_plant, pad_states, two_mass_plant
 from robust.friction.proof.certify import FrictionProof
 from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
@@ -46,7 +46,7 @@ FORCE_NOTE = (
 BOUNDED_NOTE = (
     "The largest friction force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest "
     "is not judged. The bound is of the nominal linear model of these traces, not of its set, with the friction where "
-    "the motor acts."
+    "the motor acts, or at the load where one was read and that is worse."
 )
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
 MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
@@ -428,12 +428,42 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
 
 
 def bound_any_friction(
-    machine: control.StateSpace, settings: Drive, friction: AnyFriction, *, output_unit: str
+    machine: control.StateSpace | SlidingFit, settings: Drive, friction: AnyFriction, *, output_unit: str
 ) -> FrictionProof:
-    """Return the bound of the error of a linear machine with any bounded friction, under its drive."""
-    plant = friction_behind_lag(friction_plant(machine, position_unit=settings.base_unit), settings.lag)
-    K = cascade(settings, output_unit=output_unit)
-    return prove_friction(plant, K, friction, delay=settings.delay)
+    """Return the bound of the error of a machine with any bounded friction, under its drive, wherever it acts.
+
+    The bound is a sum over the forces at motor and load, so that it is largest with all of the friction at one of them.
+    """
+    K, unit = cascade(settings, output_unit=output_unit), settings.base_unit
+    plants = [friction_plant(machine, position_unit=unit)] if not isinstance(machine, SlidingFit) else []
+    if isinstance(machine, SlidingFit):
+        damping = max(0.0, machine.damping) / 2
+        both = two_mass_plant(
+            machine.mass - machine.load_mass,
+            machine.load_mass,
+            machine.coupling,
+            max(0.0, machine.coupling_damping),
+            motor_damping=damping,
+            load_damping=damping,
+            encoder=settings.encoder,
+            position_unit=unit,
+        )
+        late = max(0.0, machine.delay - settings.delay - settings.lag)
+        plants = [
+            replace(
+                both,
+                B_port=into,
+                C_port=both.C_measured,
+                port_names=(),
+                description=f"{both.description}, friction at the {name}",
+                delay=late,
+            )
+            for into, name in zip(both.B_port.T, both.port_names, strict=True)
+        ]
+    proofs = [
+        prove_friction(friction_behind_lag(one, settings.lag), K, friction, delay=settings.delay) for one in plants
+    ]
+    return max(proofs, key=lambda proof: np.nan_to_num(proof.error_bound, nan=np.inf))
 
 
 def largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.values import value
 from nlfrf.axis import Drive
-from robust.friction.reading.force import CoupledLoad, FrictionForce
+from robust.friction.reading.force import FrictionForce, coupled_load
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length
 
@@ -225,14 +225,13 @@ def run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.nd
 
 
 def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
-    """Return the friction with the load that was read with it, where motor, load and the spring between are known."""
+    """Return the friction with the load as the levels show it, where they show motor, load and the spring between."""
     if fit is None or not fit.load_mass or not force.sliding.mass > fit.load_mass:
         return force
     if not np.isfinite([fit.stds[name] for name in ("mass", "load_mass", "coupling")]).all():
         return force
-    share = float(np.clip(fit.load_Fs / fit.Fs, 0.0, 1.0)) if fit.Fs > 0 else 0.5
-    damping = max(0.0, fit.coupling_damping)
-    return replace(force, load=CoupledLoad(mass=fit.load_mass, stiffness=fit.coupling, damping=damping, share=share))
+    share = float(np.clip(fit.load_Fs / fit.Fs, 0.0, 1.0)) if fit.Fs > 0 else np.nan
+    return replace(force, load=coupled_load(fit, share))
 
 
 def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[nlfrf.rig.ServoAxis, int]:
@@ -251,12 +250,13 @@ def draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray
         own = replace(force, sliding=sliding, Fs=share * force.Fs, K0=share * force.K0)
         return draw_friction(law, own, settings, draws)[0] if share else None
 
+    at_load = float(draws[1]) if np.isnan(load.share) else load.share
     coupled = replace(
         axis,
         motor_inertia=force.sliding.mass - load.mass,
-        motor_friction=part(1 - load.share),
+        motor_friction=part(1 - at_load),
         load_inertia=load.mass,
-        load_friction=part(load.share),
+        load_friction=part(at_load),
         stiffness=load.stiffness,
         damping=load.damping,
     )

@@ -338,16 +338,20 @@ def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, v
 def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
     """Return (M, W) force with which the load reacts on the motion of the motor; zero without a load.
 
-    The load starts from rest, and its second period is taken. What of the first is left by then has decayed with
-    exp(-c/(2 m2) T) at least: by 1e-3 and more on the presets of `nlfrf.servo_axis`.
+    A load whose friction slides, so that it has no elements, is linear. Else it starts from rest, and its second period
+    is taken. What of the first is left by then has decayed with exp(-c/(2 m2) T) at least: by 1e-3 and more on the
+    presets of `nlfrf.servo_axis`.
     """
     found = np.zeros(motion.U.shape, dtype=complex)
     if not candidate.terms.load:
         return found
     numbers, n = candidate.numbers, motion.x.shape[1]
     mass, k, c = (float(np.exp(numbers[name])) for name in LOAD[:3])
-    faint = np.array([1e-12])  # a rig has some friction
-    sliders = candidate.load_sliders or nlfrf.friction.VaryingSliders(stiffness=faint, strength=faint)
+    sliders = candidate.load_sliders
+    if sliders is None:
+        s = 1j * motion.omega
+        link, inertia = k + s * c, s * numbers["load_damping"] + s**2 * mass
+        return np.asarray(link * inertia / (link + inertia) * motion.Y)
     rig = nlfrf.rig.Rig(mass, k, sliders, c + numbers["load_damping"])
     for m, (x, v) in enumerate(zip(motion.x, motion.v, strict=True)):
         with warnings.catch_warnings():
@@ -936,7 +940,8 @@ def derived_numbers(x: np.ndarray, like: Candidate) -> dict[str, float]:
     found["damping"] += numbers["load_damping"]
     for name in ("K0", "Fs", "coulomb"):
         found[name] += of_load[f"load_{name}"]
-    found["stiction"] = found["Fs"] / found["coulomb"]
+    if found["coulomb"]:
+        found["stiction"] = found["Fs"] / found["coulomb"]
     return found | of_load
 
 

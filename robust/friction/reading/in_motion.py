@@ -32,6 +32,10 @@ from robust.friction.reading.balance import (
     units_of,
 )
 from robust.friction.reading.levels import require_si, weighted_mean
+from robust.friction.reading.load import fit_sliding_level
+
+#: What is read of a load, besides what moves together with it.
+COUPLED = ("load_mass", "coupling", "coupling_damping")
 
 
 @value
@@ -55,6 +59,8 @@ class SlidingFit(NumbersRead):
         with a viscous part, as where Stribeck friction still falls.
     units : tuple of str
         Units of force and position; all others follow.
+    load_mass, coupling, coupling_damping : float
+        Of two masses: the load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero of one mass.
 
     References
     ----------
@@ -77,6 +83,9 @@ class SlidingFit(NumbersRead):
     velocities: np.ndarray
     misfit: float
     units: tuple[str, str] = ("N", "m")
+    load_mass: float = 0.0
+    coupling: float = 0.0
+    coupling_damping: float = 0.0
 
     def __str__(self) -> str:
         speeds = ", ".join(f"{v:.3g}" for v in self.velocities) + " " + unit_of("L/s", self.units)
@@ -84,7 +93,7 @@ class SlidingFit(NumbersRead):
         return "\n".join([*format_numbers(self), last])
 
 
-def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float]) -> SlidingFit:
+def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float], *, masses: int = 1) -> SlidingFit:
     """Identify mass, viscous and Coulomb friction of an axis from records in motion.
 
     While friction slides one way it is a constant force, and the FRF is that of the machine with the slope of the
@@ -97,6 +106,8 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
         keep its mean.
     velocities : (R,) sequence of float
         Base velocity of each record [m/s], with its sign. Two directions show a force that does not turn (weight).
+    masses : int
+        1, or 2 for a motor with the encoder and a load behind a spring and a damper. Measure to beyond the resonance.
 
     Returns
     -------
@@ -105,7 +116,8 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     Raises
     ------
     ValueError
-        No record; a velocity that is zero or missing; several channels; units with a prefix; a turned sign.
+        No record; a velocity that is zero or missing; several channels; units with a prefix; a turned sign; masses
+        other than one or two.
 
     References
     ----------
@@ -126,11 +138,17 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
         raise ValueError(f"records must be a list of Records of one input and output, got {short_form(records)}")
     if speeds.shape != (len(records),) or not np.all(np.isfinite(speeds) & (speeds != 0)):
         raise ValueError(f"velocities must be one for each of the {len(records)} records, none zero, got {speeds}")
+    if masses not in (1, 2):
+        raise ValueError(f"masses must be 1, or 2 for a motor and a load, got {masses}")
     for record in records:
         require_si("records", f"{record.y_unit}/{record.u_unit}")
     motions = [motion_of_record(record, 1) for record in records]
-    fits = [fit_linear(motion) for motion in motions]
-    mass, mass_std = weighted_mean([one[0]["mass"] for one in fits], [one[1]["mass"] for one in fits])
+    fits = [fit_linear(motion, masses) for motion in motions]
+
+    def joined(name: str) -> tuple[float, float]:
+        return weighted_mean([one[0][name] for one in fits], [one[1][name] for one in fits])
+
+    mass, mass_std = joined("mass")
     if not mass > 0:
         raise ValueError(
             f"records must be from force to position, got a mass of {mass:.3g} kg: the output falls when the input "
@@ -139,7 +157,13 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     slopes = np.array([[one[i]["damping"] for one in fits] for i in (0, 1)])
     found, spread, misfit = fit_forces(speeds, mean_forces(records), slopes)
     both = found.size == 3
-    delay, delay_std = weighted_mean([one[0]["delay"] for one in fits], [one[1]["delay"] for one in fits])
+    delay, delay_std = joined("delay")
+    coupled = {name: joined(name) for name in COUPLED} if masses == 2 else {}
+    if coupled and not 0 < coupled["load_mass"][0] < mass:
+        raise ValueError(
+            f"records must show motor and load apart, got a load of {coupled['load_mass'][0]:.3g} of {mass:.3g} kg. "
+            "Measure to beyond the resonance"
+        )
     stds = {
         # the errors of all records are alike
         "mass": float(np.hypot(max(mass_std, min(one[1]["mass"] for one in fits)), MODEL_ERROR / 2 * mass)),
@@ -153,10 +177,11 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
         coulomb=float(found[1]),
         offset=float(found[2]) if both else np.nan,
         delay=delay,
-        stds=stds | ({"offset": float(spread[2])} if both else {}),
+        stds=stds | ({"offset": float(spread[2])} if both else {}) | {name: std for name, (_, std) in coupled.items()},
         velocities=speeds,
         misfit=misfit,
         units=units_of(records[0]),
+        **{name: number for name, (number, _) in coupled.items()},
     )
 
 
@@ -184,7 +209,7 @@ def fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> tu
     return found, np.sqrt(max(1.0, misfit) * np.diag(np.linalg.inv(A.T @ A))), misfit
 
 
-def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:
+def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str, float]]:
     """Mass, damping, delay and what else is worth it of a linear machine, with standard deviations."""
     kept = motion.excited  # the others hold noise alone
     motion = replace(
@@ -192,10 +217,14 @@ def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:
         **{name: getattr(motion, name)[..., kept] for name in ("omega", "U", "Y", "noise", "lines")},
         excited=kept[kept],
     )
+    none, two = np.zeros(0), masses == 2
     size = -(motion.omega**2) * motion.Y
     mass = float((size.conj() * motion.U).real.sum() / (np.abs(size) ** 2).sum())
-    none, numbers = np.zeros(0), {"mass": mass, "damping": 0.0, "delay": 0.0}
-    candidate = Candidate(terms=Terms(spring=False), numbers=numbers, stiffness=none, breakaway=none)
+    numbers = {"mass": mass, "damping": 0.0, "delay": 0.0}
+    if two:
+        numbers = fit_sliding_level(motion, none, spring=False).numbers
+    terms = Terms(spring=False, lag=two, load=two)
+    candidate = Candidate(terms=terms, numbers=numbers, stiffness=none, breakaway=none)
     stds = [np.full(motion.U.shape, np.sqrt((np.abs(motion.U) ** 2).mean()))]
     for _ in range(N_PASSES):
         candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
@@ -205,7 +234,8 @@ def fit_linear(motion: Motion) -> tuple[dict[str, float], dict[str, float]]:
     candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
     found = derived_numbers(pack(candidate), candidate)
     spread = deviations([motion], reweight([motion], candidate), candidate)
-    lag = candidate.numbers.get("lag_squared", 0.0)
+    # behind a load that is read a lag is one
+    lag = 0.0 if two else candidate.numbers.get("lag_squared", 0.0)
     # a lag in the place of a mode turns the phase a little, which is read as damping
     errors = {
         "mass": mode_error(motion, found, lag) * abs(found["mass"]),

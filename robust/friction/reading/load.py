@@ -52,6 +52,22 @@ class LinearLoad:
     spring: float
     delay: float
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Of a candidate whose friction slides: it has no elements, and their stiction does not count."""
+        return {
+            "mass": self.motor,
+            "damping": self.damping / 2,
+            "delay": self.delay,
+            "lag_squared": 0.0,
+            "log_load_mass": float(np.log(self.load)),
+            "log_coupling": float(np.log(self.coupling)),
+            "log_coupling_damping": float(np.log(self.coupling_damping)),
+            "load_damping": self.damping / 2,
+            "load_log_excess": 0.0,
+            "load_log_vs": 0.0,
+        }
+
     def reaction(self, omega: np.ndarray, stiffness: float) -> np.ndarray:
         """Return (W,) force over displacement of the load behind its coupling, its friction a spring."""
         link = self.coupling + 1j * omega * self.coupling_damping
@@ -61,7 +77,8 @@ class LinearLoad:
 
 def start_with_load(levels: list[Motion], *, spring: bool) -> list[Candidate]:
     """Candidates of two masses to begin with, the likeliest first; levels the highest first."""
-    machine = fit_sliding_level(levels[0], spring=spring)
+    breakaway = levels[0].half_swing * np.geomspace(*COULOMB)
+    machine = fit_sliding_level(levels[0], breakaway, spring=spring)
     stiffness = fit_sticking_level(levels[-1], machine)
     scales = [float(np.sqrt((np.abs(level.U) ** 2).mean())) for level in levels]
     fastest = float(np.std(levels[0].v))
@@ -88,14 +105,16 @@ def start_with_load(levels: list[Motion], *, spring: bool) -> list[Candidate]:
     return [*first[:2], slow[1], *first[2:]]
 
 
-def fit_sliding_level(level: Motion, *, spring: bool) -> LinearLoad:
+def fit_sliding_level(level: Motion, breakaway: np.ndarray, *, spring: bool) -> LinearLoad:
     """Fit motor, load and coupling to a level that slides, by non-negative least squares on a grid of modes.
 
     The friction of the load acts on the motor through the response H of the load to the motion of the motor.
+
+    breakaway : (E,) break-away displacements of the elements at either that are tried [m]; none of an axis that slides
+    one way.
     """
     omega, n = level.omega, level.x.shape[1]
     scale = float(np.sqrt((np.abs(level.U) ** 2).mean()))
-    breakaway = level.half_swing * np.geomspace(*COULOMB)
     at_motor = element_spectra(level, breakaway, stiction=1.0, vs=np.inf)
     grid = 2 * np.pi * level.fs / n * np.arange(n // 2 + 1)
     X = np.fft.rfft(level.x)
@@ -167,18 +186,10 @@ def candidate_of(
     spring: bool,
 ) -> Candidate:
     """Return a candidate with elements of these stiffnesses and strengths, and this stiction, at motor and load."""
-    numbers = {
-        "mass": machine.motor,
-        "damping": machine.damping / 2,
+    numbers = machine.numbers | {
         **({"stiffness": machine.spring} if spring else {}),
-        "delay": machine.delay,
-        "lag_squared": 0.0,
         "log_excess": float(np.log(excess[0])),
         "log_vs": float(np.log(vs)),
-        "log_load_mass": float(np.log(machine.load)),
-        "log_coupling": float(np.log(machine.coupling)),
-        "log_coupling_damping": float(np.log(machine.coupling_damping)),
-        "load_damping": machine.damping / 2,
         "load_log_excess": float(np.log(excess[1])),
         "load_log_vs": float(np.log(vs)),
     }

@@ -36,6 +36,25 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     assert friction["reason"]
 
 
+@pytest.mark.attack(every=2)
+@pytest.mark.parametrize("law", ["lugre", "rigid"])
+def test_an_axis_with_a_load_of_any_friction_gets_a_verdict(law, tmp_path):
+    """The trace in motion was read as one mass: 2 % of it were found, and no bound."""
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    axis = rig.with_load(rig.Axis(law=law, resolution=1e-8), 1)
+    bench_stranger.play(rig, axis, tmp_path)
+    _, found, said, _ = bench_stranger.check(tmp_path, "--masses", 2)
+    friction = found["friction"]
+    assert friction["outcome"] == "settles", said
+    assert 0 < friction["within"] < 3 * bench_stranger.bound_of_truth(axis)
+    assert friction["simulated"] == "rests"
+    assert friction["mass"] == pytest.approx(8.0, rel=0.02)  # of both
+    assert friction["mass_interval"][0] < 8.0 < friction["mass_interval"][1]
+    assert friction["delay"] == pytest.approx(axis.delay_periods / axis.fs + axis.lag, abs=0.05 / axis.fs)
+    low, high = friction["Fs_interval"]
+    assert low < axis.Fs < high
+
+
 @pytest.mark.attack
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_pole_that_a_zero_cancels_is_none_of_the_machine(seed, tmp_path):

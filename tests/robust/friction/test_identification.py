@@ -397,6 +397,25 @@ def test_an_axis_in_motion_tells_mass_viscous_and_coulomb_friction(name):
     assert fit.misfit < 4
 
 
+def test_an_axis_in_motion_tells_motor_and_load():
+    """One mass fitted to beyond the resonance had 1 to 2 % of the mass of the belt."""
+    axis = nlfrf.servo_axis("belt")
+    plan = replace(IN_MOTION["belt"], f_max=200)
+    fit = robust.friction.identify_sliding(*measure_in_motion(axis, plan, 0), masses=2)
+    expected = {
+        "mass": axis.inertia,
+        "load_mass": axis.load_inertia,
+        "coupling": axis.stiffness,
+        "damping": axis.motor_damping + axis.load_damping,
+        "delay": axis.drive.delay + axis.drive.lag,
+    }
+    for name, number in expected.items():
+        assert getattr(fit, name) == pytest.approx(number, rel=0.02), name
+        assert abs(getattr(fit, name) - number) < 4 * fit.stds[name], name
+    assert fit.coupling_damping == pytest.approx(axis.damping, rel=0.1)
+    assert "spring between motor and load" in str(fit)
+
+
 def test_what_makes_no_fit_is_refused():
     records = levels((0.05, 1.0, 4.0), n_periods=2)
     with pytest.raises(ValueError, match="records must hold at least three levels, from sticking to sliding, got 2"):
@@ -415,6 +434,8 @@ def test_what_makes_no_fit_is_refused():
         robust.friction.identify_sliding(records, (0.1, 0.0, 0.2))
     with pytest.raises(ValueError, match="records must be a list of Records"):
         robust.friction.identify_sliding([], ())
+    with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
+        robust.friction.identify_sliding(records, (0.1, 0.2, 0.3), masses=3)
 
 
 def test_levels_under_a_soft_drive_are_read():
