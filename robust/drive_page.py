@@ -18,8 +18,7 @@ from robust.drive.friction import force_over_position
 from robust.drive.simulation import SHOWN
 from robust.plot.friction import RestCase
 from robust.reports import parts
-from robust.reports.page import render_page
-from robust.reports.parts import Banner, Section
+from robust.reports.parts import Banner, Section, render_page
 
 #: Colours of the page for a verdict; one that was not judged has those of a warning.
 STYLES = {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust", DriveVerdict.FRICTION_NOT_JUDGED: ""}

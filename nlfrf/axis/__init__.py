@@ -10,23 +10,23 @@
 `save` writes what is played, `load` reads the design back.
 """
 
-from nlfrf.axis.design import design_experiment, design_ramp
-from nlfrf.axis.levels import AxisLevels, FrictionRegime, find_levels
-from nlfrf.axis.play import play_experiment
-from nlfrf.axis.trace import LevelWarning, load_trace
-from nlfrf.rig.bench.drive import Drive
-from nlfrf.signals.axis_experiment import AxisExperiment, AxisLimits
+import lazy_loader
 
-__all__ = [
-    "AxisExperiment",
-    "AxisLevels",
-    "AxisLimits",
-    "Drive",
-    "FrictionRegime",
-    "LevelWarning",
-    "design_experiment",
-    "design_ramp",
-    "find_levels",
-    "load_trace",
-    "play_experiment",
-]
+from nlfrf.rig.bench.drive import Drive as Drive
+from nlfrf.signals.axis_experiment import AxisExperiment as AxisExperiment
+from nlfrf.signals.axis_experiment import AxisLimits as AxisLimits
+
+__getattr__, _, _late = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "design": ["design_experiment", "design_ramp"],
+        "levels": ["AxisLevels", "FrictionRegime", "find_levels"],
+        "play": ["play_experiment"],
+        "trace": ["LevelWarning", "load_trace"],
+    },
+)
+__all__ = sorted(["AxisExperiment", "AxisLimits", "Drive", *_late])
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -16,7 +16,6 @@ from robust.analysis.findings import Margins, ReportCurves, reciprocal
 from robust.lti.connections import largest_allowed_factor, worst_sensitivity
 from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
-from robust.mu.parameters import Crossing
 
 
 @value
@@ -198,12 +197,11 @@ def margins_on_lines(curves: Curves) -> Margins:
 
 @value(copy=False)
 class MuCurves:
-    """Hold upper bounds of mu (W,) for stability and (nan without it) performance, and the breaking parameters."""
+    """Hold upper bounds of mu (W,) for stability and (nan without it) performance."""
 
     omega: np.ndarray
     mu: np.ndarray
     mu_rp: np.ndarray
-    parameters: Crossing | None
 
     @property
     def peak(self) -> float:

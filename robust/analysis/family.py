@@ -9,8 +9,8 @@ from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
 from robust._base.types import Controller
 from robust.analysis.loop import assemble_loop, is_stable_with, perturbed_sensitivity, plant_in_loop
+from robust.analysis.loop_of_channels import largest_gains, performance_loop
 from robust.analysis.sampled_set import set_on_controller_time_base
-from robust.analysis.worst_plant import largest_gains, performance_loop
 from robust.lti.connections import closed_loop
 from robust.lti.lti import response_by_channel
 from robust.lti.realisation import multivariable

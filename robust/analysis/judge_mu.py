@@ -14,7 +14,7 @@ import numpy as np
 from robust._base.types import Blocks
 from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Effort, Findings, Margins, Proofs, ReportCurves, decide_verdict
-from robust.analysis.loop_of_channels import LoopOfChannels
+from robust.analysis.loop_of_channels import LoopOfChannels, largest_gains
 from robust.analysis.sampled_set import SampledSet
 from robust.analysis.text import (
     ALIASES_NOT_PROVED,
@@ -24,7 +24,6 @@ from robust.analysis.text import (
     explain_mu,
     structure_proof_sentences,
 )
-from robust.analysis.worst_plant import largest_gains
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.models.sets.interconnection import UncertainSystem
@@ -93,8 +92,8 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
             proved=NOTHING_PROVED,
             not_proved=NO_MU,
         )
-    curves = bound_curves(system, omega)
-    broken, worst = find_worst_perturbation(system, curves)
+    curves, parameters = bound_curves(system, omega)
+    broken, worst = find_worst_perturbation(system, curves, parameters)
     certificates: tuple[Certificate, ...] = ()
     if effort.certify and curves.peak < 1 and not broken <= 1:
         certificates = prove_stability_and_performance(system, curves, effort.solver)
@@ -138,7 +137,7 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
     )
 
 
-def bound_curves(system: UncertainSystem, omega: np.ndarray) -> MuCurves:
+def bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves, Crossing | None]:
     """Compute both bounds on one grid with the peaks of each, and the real parameters that break the loop."""
     first, known = refine_grid(system.loop, system.structure, omega=omega)
     parameters = find_parameter_crossing(system, first, peak=float(known.max()))
@@ -151,12 +150,7 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray) -> MuCurves:
     mu = complete_bounds(system.loop, system.structure, omega=omega, known=(first, known))
     if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
-    return MuCurves(
-        omega=omega,
-        mu=mu,
-        mu_rp=rp,
-        parameters=parameters,
-    )
+    return MuCurves(omega=omega, mu=mu, mu_rp=rp), parameters
 
 
 def complete_bounds(
@@ -241,9 +235,11 @@ def find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak:
     )
 
 
-def find_worst_perturbation(system: UncertainSystem, curves: MuCurves) -> tuple[float, dict[str, float] | None]:
+def find_worst_perturbation(
+    system: UncertainSystem, curves: MuCurves, parameters: Crossing | None
+) -> tuple[float, dict[str, float] | None]:
     """Find the smallest factor at which a perturbation makes the loop singular, where mu is large, and its parts."""
-    omega, mu, parameters = curves.omega, curves.mu, curves.parameters
+    omega, mu = curves.omega, curves.mu
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
     responses = np.moveaxis(response_by_channel(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
     cut = block_structure("blocks", system.structure)

@@ -37,7 +37,6 @@ from robust.proofs.search.stability import MAX_EXACT_STATES, is_near_boundary
 CONTINUOUS_CONTROLLER = (
     "got a continuous controller: robust.lti.discretize(K, {0:g}), or robust design --sample-time {0:g}"
 )
-DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
 MAX_STATES = 600  # of a plant with its delay line
 
 
@@ -257,7 +256,7 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
             )
         dt = dt_G
         short, shift = G, delay_samples("delay", delay, dt) * dt
-        G = delayed(G, shift, order=0)
+        G = delayed(G, shift)
     elif dt_K:
         if FORMS[model.form].depends_on_units:
             raise ValueError(
@@ -270,7 +269,7 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
     else:
         dt, pade_delay = 0.0, delay
         short, shift = G, delay
-        G = delayed(G, delay, order=DELAY_ORDER)
+        G = delayed(G, delay)
     given, K = K, control.StateSpace(K.A, K.B, K.C, K.D, dt)
     if w_P is not None:
         w_P = stable_weight("w_P", w_P, dt=dt)
@@ -371,7 +370,7 @@ def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> contro
     """Return a plant as the controller of the loop sees it: sampled, or with its delay."""
     if loop.dt and not timebase(plant):
         return sampled(plant, loop.dt, delay)
-    return delayed(plant, delay, order=DELAY_ORDER)
+    return delayed(plant, delay)
 
 
 def perturbed_sensitivity(

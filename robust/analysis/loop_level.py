@@ -34,8 +34,7 @@ from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
 from robust.analysis.performance import simulate_step
 from robust.lti.connections import worst_sensitivity
-from robust.lti.lti import replace_infinite
-from robust.lti.stability import is_stable
+from robust.lti.lti import is_stable, replace_infinite
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.records import rms_levels

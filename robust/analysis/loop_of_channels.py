@@ -8,13 +8,18 @@ import control
 import numpy as np
 
 from nlfrf._base.values import value
-from robust._base.types import Weight
+from robust._base.types import Controller, Weight
 from robust.analysis.disk import LoopMargins, disk_margins
 from robust.analysis.findings import Given
 from robust.analysis.sampled_set import SampledSet, set_on_controller_time_base
-from robust.analysis.worst_plant import performance_loop
+from robust.lti.grids import structure_grid
+from robust.lti.lti import response_by_channel
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
+from robust.mu.gain import gain_bound
+from robust.proofs.search.stability import decide_stability
+
+MAX_GAIN_FREQUENCIES = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
 
 
 @value
@@ -71,3 +76,26 @@ class LoopOfChannels:
     def folded(self, form: str) -> SampledSet | None:
         """Return the sampled set that aliases are in; None where there are none."""
         return self.forms[form][1]
+
+
+def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None) -> UncertainSystem:
+    """Return the loop of several channels with S, or w_P S, as performance; its nominal has to be stable."""
+    one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
+    system = model.loop(K, w_P=one if w_P is None else w_P)
+    nominal = decide_stability(system.N)
+    if not nominal.stable:
+        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
+    return system
+
+
+def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bound the largest gain from inputs to outputs over the set: frequencies [rad/s], and the bound."""
+    omega = gain_grid(system, lines)
+    return omega, gain_bound(response_by_channel(system.N, omega), system.structure)
+
+
+def gain_grid(system: UncertainSystem, lines: np.ndarray) -> np.ndarray:
+    """Return (W,) frequencies [rad/s] on which the gain over a set is bounded: of loop and record, thinned."""
+    omega = np.union1d(structure_grid(system.N), lines)
+    omega = omega[omega > 0]
+    return np.union1d(omega[:: max(1, omega.size // MAX_GAIN_FREQUENCIES)], omega[[0, -1]])

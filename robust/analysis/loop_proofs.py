@@ -24,7 +24,8 @@ from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim, to_matrices
 from robust.proofs.exact.conditions import Terms, claim_inequalities
-from robust.proofs.exact.loops import NOMINAL, WEIGHTS, Verification, verify_loop
+from robust.proofs.exact.loops import NOMINAL, WEIGHTS, verify_loop
+from robust.proofs.exact.verification import Verification
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
 if TYPE_CHECKING:
@@ -113,6 +114,7 @@ def certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, to
             intervals=np.array([[0.0, top]]),
             reason="",
             claim=claim,
+            again=verify_loop,
         )
     # where stability of the nominal loop stays open nothing else was looked at: the first failure is the cause
     reason = dict(found.failed).get(name, "") if set(found.proved) >= {NOMINAL, WEIGHTS} else ": ".join(found.failed[0])

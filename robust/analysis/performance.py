@@ -16,13 +16,11 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import value
 from robust._base.types import Controller, LinearSystem
-from robust.analysis.loop import DELAY_ORDER
 from robust.lti.connections import closed_loop, lower_lft
 from robust.lti.grids import structure_grid
-from robust.lti.lti import evaluate_transfer, is_constant, response_by_channel, timebase, to_s_plane
+from robust.lti.lti import evaluate_transfer, is_constant, is_stable, response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delayed, sampled
-from robust.lti.stability import is_stable
 from robust.models.sets.model import UncertaintyModel
 
 REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
@@ -392,7 +390,7 @@ def step_response(
     if dt and not timebase(G) and not is_constant(G):
         G = sampled(G, dt, delay)
     elif delay:
-        G = delayed(G, delay, order=DELAY_ORDER)
+        G = delayed(G, delay)
     A, B, C, D = closed_loop(G, K, ("y", "u"), ("r",))
     loop = control.StateSpace(A, B[:, [j]], C, D[:, [j]], dt)
     if not is_stable(loop):

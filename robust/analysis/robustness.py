@@ -33,7 +33,7 @@ from robust.lti.realisation import multivariable
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, describe_no_set, has_several_channels
-from robust.proofs.search.certificate import SOLVERS
+from robust.proofs.search.programs import SOLVERS
 
 
 @keep_warnings

@@ -19,11 +19,12 @@ from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.records import format_probability
-from robust.mu.parameters import ParameterMargin
 from robust.proofs.search.certificate import Certificate
 
 if TYPE_CHECKING:
     import control
+
+    from robust.mu.parameters import ParameterMargin
 
 # ---- Meaning of a result and advice on the next step.
 

@@ -21,6 +21,7 @@ from robust.analysis.loop import (
     perturbed_sensitivity,
     plant_in_loop,
 )
+from robust.analysis.loop_of_channels import largest_gains, performance_loop
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.lti.connections import block_diagonal, in_series, upper_lft, worst_perturbation
 from robust.lti.grids import structure_grid
@@ -30,7 +31,6 @@ from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels, is_within_set, require_parametric
 from robust.models.sets.perturbations import perturbed_plant, with_phase, with_phases
 from robust.mu.both_bounds import worst_gain
-from robust.mu.gain import gain_bound
 from robust.mu.perturbations import lower
 from robust.mu.scalings import refine_grid
 from robust.proofs.search.stability import decide_stability
@@ -198,7 +198,6 @@ def perturbation_lead(loop: Loop, delay: float) -> float:
 
 BAND_EDGE_RATIO = 1e-4  # of the lowest frequency, or of the distance to Nyquist
 N_PEAKS = 3  # frequencies at which the worst perturbation is searched
-MAX_GAIN_FREQUENCIES = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
 
 
 def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> WorstCase:
@@ -231,29 +230,6 @@ def worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | N
         achieved=performance_gain(system, Delta, where),
         stable=stable,
     )
-
-
-def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None) -> UncertainSystem:
-    """Return the loop of several channels with S, or w_P S, as performance; its nominal has to be stable."""
-    one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
-    system = model.loop(K, w_P=one if w_P is None else w_P)
-    nominal = decide_stability(system.N)
-    if not nominal.stable:
-        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
-    return system
-
-
-def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bound the largest gain from inputs to outputs over the set: frequencies [rad/s], and the bound."""
-    omega = gain_grid(system, lines)
-    return omega, gain_bound(response_by_channel(system.N, omega), system.structure)
-
-
-def gain_grid(system: UncertainSystem, lines: np.ndarray) -> np.ndarray:
-    """Return (W,) frequencies [rad/s] on which the gain over a set is bounded: of loop and record, thinned."""
-    omega = np.union1d(structure_grid(system.N), lines)
-    omega = omega[omega > 0]
-    return np.union1d(omega[:: max(1, omega.size // MAX_GAIN_FREQUENCIES)], omega[[0, -1]])
 
 
 def performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:

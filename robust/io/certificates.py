@@ -46,8 +46,9 @@ from robust.proofs.exact.claim import LoopClaim, to_matrices
 from robust.proofs.exact.claim_files import differing_fields, read_claim, write_claim
 from robust.proofs.exact.folded_sets import FoldedClaim
 from robust.proofs.exact.interval_kyp import IntervalClaim
-from robust.proofs.exact.loops import Verification, verify_loop
+from robust.proofs.exact.loops import verify_loop
 from robust.proofs.exact.scaled_kyp import ScaledClaim
+from robust.proofs.exact.verification import Verification
 
 
 def certificate_path(report: Path, number: int = 0) -> Path:

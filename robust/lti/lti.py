@@ -5,12 +5,14 @@ from __future__ import annotations
 import copyreg
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
 from scipy.linalg import eig, matrix_balance, schur
 
-from robust._base.types import AnySystem
+if TYPE_CHECKING:
+    from robust._base.types import AnySystem
 
 # ---- State spaces of python-control as pickles: for a worker in another process, never for a file.
 #
@@ -229,9 +231,25 @@ def evaluate_by_schur(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, points: np
     return np.moveaxis(np.tensordot(left, x, 1), 2, 0)
 
 
+def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
+    """Return (.,) response of a nominal that is known on its lines only, on some of them."""
+    known = np.asarray(nominal.omega)
+    place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
+    place = np.where((place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place)
+    if np.any(np.abs(known[place] - omega) > 1e-6 * omega):
+        raise ValueError("omega must consist of lines of the nominal FRF, got others: it is known on its lines only")
+    return np.asarray(nominal.frdata[0, 0])[place]
+
+
 def poles(system: control.StateSpace) -> np.ndarray:
     """Eigenvalues of A."""
     return np.linalg.eigvals(system.A) if system.nstates else np.zeros(0, complex)
+
+
+def is_stable(system: control.StateSpace) -> bool:
+    """Return whether every pole lies strictly inside the stability region."""
+    p = poles(system)
+    return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
 
 
 def zeros(system: control.StateSpace) -> np.ndarray:

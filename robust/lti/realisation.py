@@ -15,13 +15,13 @@ from robust.lti.lti import (
     Matrices,
     common_sampling_time,
     is_constant,
+    is_stable,
     poles,
     require_sampling_time,
     response_by_channel,
     scale_states,
     timebase,
 )
-from robust.lti.stability import is_stable
 
 
 def multivariable(name: str, system: object) -> control.StateSpace:

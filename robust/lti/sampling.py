@@ -16,6 +16,7 @@ from robust.lti.realisation import from_roots, multivariable, state_space
 ALLPASS_TOLERANCE = (
     1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
 )
+DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
 SAMPLING_TOLERANCE = 1e-6  # how far two sampling times may be apart that are one
 
 
@@ -113,7 +114,7 @@ def delay_samples(name: str, delay: float, dt: float) -> int:
     return whole
 
 
-def delayed(system: control.StateSpace, delay: float, *, order: int) -> control.StateSpace:
+def delayed(system: control.StateSpace, delay: float, *, order: int = DELAY_ORDER) -> control.StateSpace:
     """Return the system, all its inputs behind a delay [s]: z^-d in discrete time, Padé of that order otherwise."""
     if delay == 0:
         return system

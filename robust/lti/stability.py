@@ -150,12 +150,6 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
     return StabilityResult(state=state, pole=complex(poles[worst]))
 
 
-def is_stable(system: control.StateSpace) -> bool:
-    """Return whether every pole lies strictly inside the stability region."""
-    p = poles(system)
-    return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
-
-
 # ---- How often 1 + L winds about zero, counted on the lines of an FRF.
 
 #: Phase that a plant may turn from line to line where |L| is above the second number.

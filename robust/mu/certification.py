@@ -25,8 +25,9 @@ from robust.mu.blocks import BlockStructure, blocks_with_kinds, structure_for
 from robust.mu.intervals import certify_intervals
 from robust.mu.scalings import MuBound, upper_bound
 from robust.proofs.exact.scaled_kyp import LEVEL
-from robust.proofs.search.certificate import SOLVERS, Certificate, failed_certificate
+from robust.proofs.search.certificate import Certificate, failed_certificate
 from robust.proofs.search.intervals import SLACK, initial_cuts, interior_point, prove
+from robust.proofs.search.programs import SOLVERS
 from robust.proofs.search.scaled_kyp import certify_scaled
 from robust.proofs.search.stability import decide_stability
 

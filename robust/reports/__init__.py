@@ -3,7 +3,7 @@
 command       pictures, models and demands for the commands: what they read, draw and write
 data          sections on what was measured and modelled
 page          the file: its sections in order
-parts         what a section is made of: tables, pictures inside the page
+parts         what a page is made of: sections, tables, pictures inside it
 sections      sections on the controller: verdict, loop, check, worst case, settings
 shaping_page  the page on which a loop is shaped live
 verdicts      both verdicts side by side: of a check, of a proof for a class of friction

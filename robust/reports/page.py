@@ -9,8 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
-from importlib.resources import files
 from types import NoneType
 from typing import TypeVar, cast
 
@@ -29,7 +27,7 @@ from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
 from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
-from robust.reports.parts import Banner
+from robust.reports.parts import Banner, render_page
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_case_section
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
 
@@ -156,16 +154,6 @@ def write_report(
     page = {"verdict": report.verdict, "banner": banner, "warnings": warned, "sections": sections}
     write_text(path, render_page(title=title, notes=notes, **page))
     return report
-
-
-def render_page(**content: object) -> str:
-    """Return the HTML text."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = files("robust.reports").joinpath("page.html.jinja").read_text(encoding="utf-8")
-    written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    return environment.from_string(template).render(**content, written=written)
 
 
 Thing = TypeVar("Thing")

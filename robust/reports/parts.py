@@ -1,9 +1,11 @@
-"""Sections of the report page: a table, and pictures that live inside the page."""
+"""Parts of a page: its sections, each a table and pictures that live inside the page, and the page made of them."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Callable
+from datetime import datetime
+from importlib.resources import files
 from io import BytesIO
 
 import control
@@ -120,3 +122,13 @@ def describe_demand(w_P: Weight) -> str:
     above = np.flatnonzero(size >= 1)
     at = f", |S| below one up to {format_hertz(omega[above[-1]])}" if above.size else ""
     return f"|S| at most {1 / size[0]:.3g} at low and {1 / size[-1]:.3g} at high frequency{at}"
+
+
+def render_page(**content: object) -> str:
+    """Return the HTML text."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = files("robust.reports").joinpath("page.html.jinja").read_text(encoding="utf-8")
+    written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
+    return environment.from_string(template).render(**content, written=written)

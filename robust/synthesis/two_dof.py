@@ -19,13 +19,12 @@ from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.types import Controller, LinearSystem, Weight
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
+from robust.analysis.loop_of_channels import gain_grid, performance_loop
 from robust.analysis.sampled_set import set_on_controller_time_base
-from robust.analysis.worst_plant import gain_grid, performance_loop
-from robust.lti.lti import is_constant, response, response_by_channel, timebase
+from robust.lti.lti import is_constant, is_stable, response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import rightmost_pole, stable_weight
 from robust.lti.sampling import discretize
-from robust.lti.stability import is_stable
 from robust.lti.truncation import balanced_candidates
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel

@@ -70,7 +70,7 @@ HEAVY = {
     "cvxpy": "robust.proofs.search robust.models.fit.spectral robust.models.sets.block_weights "
     "robust.friction.proof.multipliers robust.friction.proof.settling",
     "clarabel": "robust.synthesis.conic",
-    "jinja2": "robust.reports.page",
+    "jinja2": "robust.reports.parts",
     "jsonschema": "nlfrf._base.files",
     "flint": "robust.proofs.exact robust.friction.exact",
     "anywidget": "robust.reports.shaping_page.widget",

@@ -26,9 +26,9 @@ from robust.friction.exact.loops import (
     exact_loop,
     with_actuator_filters,
 )
-from robust.proofs.exact.loops import Verification
 from robust.proofs.exact.matrices import identity, positive_definite
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
+from robust.proofs.exact.verification import Verification
 
 # ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
 #

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import linprog, minimize_scalar
 
 from nlfrf._base.values import value
-from robust.proofs.search.certificate import solve_program
+from robust.proofs.search.programs import solve_program
 
 if TYPE_CHECKING:
     import cvxpy

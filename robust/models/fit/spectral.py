@@ -19,7 +19,7 @@ from robust.lti.norms import to_discrete
 from robust.lti.realisation import order_roots
 from robust.models.fit.rational import partial_fractions
 from robust.models.fit.weights import WeightOrderError, fit_weight
-from robust.proofs.search.certificate import SOLVERS, solve_program
+from robust.proofs.search.programs import SOLVERS, solve_program
 
 if TYPE_CHECKING:
     import cvxpy

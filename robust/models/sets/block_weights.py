@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from robust.models.fit.spectral import largest_gains
-from robust.proofs.search.certificate import SOLVERS, solve_program
+from robust.proofs.search.programs import SOLVERS, solve_program
 
 #: Smallest over mean eigenvalue of L and R: weights have an inverse, at a thousandth of the trace.
 EIGENVALUE_FLOOR = 1e-3

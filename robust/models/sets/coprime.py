@@ -19,13 +19,13 @@ from robust.lti.lti import (
     balance_matrix,
     evaluate_transfer,
     is_constant,
+    is_stable,
     replace_infinite,
     response,
     timebase,
 )
 from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, to_discrete
 from robust.lti.realisation import state_space
-from robust.lti.stability import is_stable
 from robust.lti.truncation import gramian_root
 
 HIDDEN_MODE_RATIO = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows

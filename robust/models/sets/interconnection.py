@@ -18,8 +18,8 @@ from nlfrf._base.arguments import require_choice, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
 from robust.lti.connections import block_diagonal, in_series
+from robust.lti.lti import is_stable
 from robust.lti.realisation import multivariable
-from robust.lti.stability import is_stable
 from robust.lti.wiring import join_by_name, shared_timebase
 from robust.models.sets.forms import PERTURBATIONS
 from robust.mu.blocks import KINDS

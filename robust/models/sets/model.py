@@ -64,7 +64,9 @@ from robust.lti.lti import (
     SAMPLING_TOLERANCE,
     common_sampling_time,
     divide_right,
+    frf_on_lines,
     is_clockless,
+    is_stable,
     replace_infinite,
     require_sampling_time,
     response,
@@ -73,7 +75,6 @@ from robust.lti.lti import (
     timebase,
 )
 from robust.lti.realisation import frequency_response, multivariable, repeat_over_channels, rightmost_pole, state_space
-from robust.lti.stability import is_stable
 from robust.models.fit.weights import cover_sampled
 from robust.models.sets.coprime import invertible_scaling, require_below_one
 from robust.models.sets.forms import (
@@ -89,8 +90,7 @@ from robust.models.sets.forms import (
 )
 from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.perturbations import perturbed_plant, random_delta
-from robust.models.sets.radius import PARTS, frf_on_lines
-from robust.models.sets.records import JointProbability, Origin, RecordSummary, format_probability
+from robust.models.sets.records import PARTS, JointProbability, Origin, RecordSummary, format_probability
 
 ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, but for rounding
 SET_TOLERANCE = 1e-7  # by which a plant may be farther from the nominal than its set lets it

@@ -23,9 +23,8 @@ from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import frequency_response, state_space
 from robust.models.fit.weights import WeightOrderError, fit_weight
 from robust.models.sets.forms import INPUT, Form
+from robust.models.sets.records import PARTS
 
-#: What a radius is made of.
-PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 #: Lines over which misfits and covariances are averaged, relative to |G|: an order of weights does not follow scatter.
 WINDOW = 9
 DECADES_ABOVE = 2.0
@@ -296,16 +295,6 @@ def resolve_scaling(
     size, log = np.log(np.abs(nominal_response(nominal, omega))), np.log(omega)
     middle = np.trapezoid(size, log) / (log[-1] - log[0]) if omega.size > 1 else size[0]
     return 1.0, float(np.exp(-middle)), rules
-
-
-def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
-    """Return (.,) response of a nominal that is known on its lines only, on some of them."""
-    known = np.asarray(nominal.omega)
-    place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
-    place = np.where((place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place)
-    if np.any(np.abs(known[place] - omega) > 1e-6 * omega):
-        raise ValueError("omega must consist of lines of the nominal FRF, got others: it is known on its lines only")
-    return np.asarray(nominal.frdata[0, 0])[place]
 
 
 # ---- Full blocks of several channels.

@@ -9,6 +9,8 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.values import value
 
+#: What the radius of a set is made of.
+PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 WINDOW = 13  # lines over which a level is averaged, relative to |G|
 LEVEL_DOF = 14.0  # complex degrees of freedom behind a level averaged so
 #: Lines: over the number of lines, the variance of the log power of one realisation's distortion that all lines share.

@@ -10,8 +10,9 @@ folded_sets    claims that a sampled set of several channels contains a continuo
 interval_kyp   a level of mu interval by interval, from P, Q and a scaling for each
 loops          the entry point for one loop: a claim in, `Verification` out
 matrices       matrix inequalities over the rationals: norms and definiteness decided
-polynomials    exact numbers, roots of polynomials, signs on a half line
+polynomials    exact numbers, roots of polynomials, Routh's array, signs on a half line
 scaled_kyp     a level of mu at every frequency, from P and one scaling
-stability      Routh's array; what a delay does to the roots
+stability      stability of a loop, and what a delay does to its roots
 taylor_models  enclosures of functions on intervals
+verification   `Verification`: which claims were proved, which were not, and why not
 """

@@ -8,9 +8,9 @@ from typing import ClassVar
 from nlfrf._base.values import value
 from robust.proofs.exact.folded_sets import FoldedClaim, decide_folded
 from robust.proofs.exact.interval_kyp import IntervalClaim, decide_level
-from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.polynomials import Decision
 from robust.proofs.exact.scaled_kyp import LEVEL, STABLE, ScaledClaim
+from robust.proofs.exact.verification import Verification, summarise_claims
 
 
 @value

@@ -22,9 +22,9 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.matrices import ldl_pivots, stack
 from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
+from robust.proofs.exact.verification import Verification, summarise_claims
 
 BITS = (320, 1024)
 MAX_STATES = 40  # of loops whose sign is computed: a quarter of a minute, which grows with the third power

@@ -38,7 +38,6 @@ from robust.proofs.exact.aliases import (
     upper_end,
 )
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.matrices import ldl_pivots
 from robust.proofs.exact.polynomials import (
     Decision,
@@ -49,6 +48,7 @@ from robust.proofs.exact.polynomials import (
     transfer_quotient,
     undecided,
 )
+from robust.proofs.exact.verification import Verification, summarise_claims
 
 ALIASES = "every alias in the weights"
 BITS = 192

@@ -22,7 +22,6 @@ from flint import fmpq, fmpq_mat
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import SQUARE
-from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.matrices import identity, positive_definite, stack
 from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
 from robust.proofs.exact.scaled_kyp import (
@@ -34,6 +33,7 @@ from robust.proofs.exact.scaled_kyp import (
     place_scalings,
     require_blocks,
 )
+from robust.proofs.exact.verification import Verification, summarise_claims
 
 
 @value

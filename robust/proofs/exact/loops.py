@@ -12,69 +12,32 @@ from dataclasses import replace
 
 from flint import arb, ctx
 
-from nlfrf._base.arguments import format_hertz
-from nlfrf._base.values import value
 from robust.proofs.exact.aliases import prove_with_aliases
 from robust.proofs.exact.claim import ALIASED, LoopClaim
 from robust.proofs.exact.conditions import Quantity, Terms, claim_inequalities
-from robust.proofs.exact.polynomials import Decision, positive_on_half_line, proved, refuted, to_rational, undecided
+from robust.proofs.exact.polynomials import (
+    Decision,
+    positive_on_half_line,
+    proved,
+    refuted,
+    routh,
+    to_rational,
+    undecided,
+)
 from robust.proofs.exact.stability import (
     Axis,
     claim_on_axis,
     decide_quotient_stability,
     polynomial_terms,
-    routh,
     squared_magnitudes,
     terms_at_infinity,
 )
 from robust.proofs.exact.taylor_models import positive_on_intervals
+from robust.proofs.exact.verification import Verification, summarise_claims
 
 BITS = (192, 320, 640, 2048)
 MAX_STATES = 400
 NOMINAL, WEIGHTS = "nominal stability", "stable weights"
-
-
-@value
-class Verification:
-    """What was proved with outward rounding, claim by claim.
-
-    Fields
-    ------
-    verified : bool
-        True only if every claim was proved, rigorously.
-    proved : tuple of str
-        The claims that were.
-    failed : tuple of (str, str)
-        The claims that were not, and why not, for people.
-    bits : int
-        Precision at which the last of them was decided; 0 where none was.
-    violated : tuple of str
-        Of those that failed the ones proved false; the others are undecided.
-    warnings : tuple of str
-        What the certificate says was warned of the model that it is about: no proof looks at that.
-
-    References
-    ----------
-    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Computers, 2017.
-
-    Examples
-    --------
-    >>> print(Verification(verified=False, proved=("nominal stability",), failed=(("norm", "too large"),), bits=192))
-    nominal stability: proved, rigorous
-    norm: NOT verified: too large
-    """
-
-    verified: bool
-    proved: tuple[str, ...]
-    failed: tuple[tuple[str, str], ...]
-    bits: int
-    violated: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        lines = [f"{claim}: proved, rigorous" for claim in self.proved]
-        lines += [f"{claim}: NOT verified: {reason}" for claim, reason in self.failed]
-        return "\n".join(lines + [f"warning: {text}" for text in self.warnings])
 
 
 def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
@@ -120,18 +83,6 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     except ValueError as error:
         return Verification(verified=False, proved=(), failed=(("the loop", str(error)),), bits=0)
     return summarise_claims(decided, bits)
-
-
-def summarise_claims(decided: dict[str, Decision], bits: int) -> Verification:
-    """Return what was decided, claim by claim."""
-    failed = tuple((name, describe_failure(found)) for name, found in decided.items() if not found.holds)
-    return Verification(
-        verified=not failed,
-        proved=tuple(name for name, found in decided.items() if found.holds),
-        failed=failed,
-        bits=bits,
-        violated=tuple(name for name, found in decided.items() if found.violated),
-    )
 
 
 def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
@@ -204,10 +155,3 @@ def frequency_of(axis: Axis, found: Decision) -> Decision:
     dt = int(axis.dt.p) / int(axis.dt.q)
     omega = 2 / dt * atan(x) if dt else x
     return replace(found, violated_at=omega)
-
-
-def describe_failure(found: Decision) -> str:
-    """Say why a claim was not verified."""
-    if found.violated_at >= 0:
-        return f"violated at {format_hertz(found.violated_at)}"
-    return found.reason

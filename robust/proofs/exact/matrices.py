@@ -18,11 +18,11 @@ from robust.proofs.exact.polynomials import (
     positive_on_half_line,
     proved,
     refuted,
+    routh,
     to_rational,
     to_rational_matrix,
     undecided,
 )
-from robust.proofs.exact.stability import routh
 
 BITS = (128, 512)
 AnyMatrix = TypeVar("AnyMatrix", fmpq_mat, arb_mat)

@@ -13,7 +13,7 @@ from enum import Enum, auto
 from typing import Any, TypeAlias
 
 import numpy as np
-from flint import acb, arb, arb_mat, arb_poly, fmpq, fmpq_mat, fmpq_poly
+from flint import acb, arb, arb_mat, arb_poly, ctx, fmpq, fmpq_mat, fmpq_poly
 
 from nlfrf._base.values import value
 from robust._base.states import Outcome
@@ -210,6 +210,56 @@ def refuted(reason: str, at: float = np.nan) -> Decision:
 def undecided(reason: str, *, needs_digits: bool = False) -> Decision:
     """Leave it open."""
     return Decision(outcome=Outcome.UNDECIDED, reason=reason, needs_digits=needs_digits)
+
+
+# ---- Routh's array: whether every root lies in the open left half plane, all of its first column positive.
+
+ROUTH_BITS = (192, 768, 3072)
+TOO_NEAR_BOUNDARY = "not told from the stability boundary"
+
+
+def hurwitz(p: Polynomial, degree: int) -> Decision:
+    """Return whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
+
+    p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it undecided.
+
+    >>> from flint import fmpq_poly
+    >>> hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
+    (True, False)
+    """
+    lead = p[degree]
+    if lead < 0:
+        p, lead = -p, -lead
+    rows = [[p[k] for k in range(degree, -1, -2)], [p[k] for k in range(degree - 1, -1, -2)]]
+    for _ in range(degree + 1):
+        pivot = rows[0][0]
+        if not pivot > 0:
+            return refuted("a pole is not stable") if pivot <= 0 else undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
+        above, below = rows
+        if not below:
+            break
+        if not below[0] > 0:  # the next pivot
+            rows = [below, []]
+            continue
+        ratio = pivot / below[0]
+        padded = [*below[1:], *[0] * (len(above) - len(below))]
+        rows = [below, [a - ratio * b for a, b in zip(above[1:], padded, strict=False)]]
+    return proved()
+
+
+def routh(p: Polynomial, degree: int) -> Decision:
+    """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
+    if isinstance(p, arb_poly):
+        return hurwitz(p, degree)
+    for bits in ROUTH_BITS:
+        with ctx.workprec(bits):
+            found = hurwitz(arb_poly(p), degree)
+        if not found.needs_digits:
+            return found
+    return hurwitz(p, degree)
+
+
+# ---- Signs on a half line, by Bernstein coefficients.
 
 
 class Signs(Enum):

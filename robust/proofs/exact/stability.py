@@ -1,8 +1,8 @@
 """Stability of polynomials and of loops with a delay, decided in exact or enclosed arithmetic.
 
-Routh's array decides whether every root lies in the open left half plane: all of its first column positive. With a
-delay the roots of D + N exp(-s tau) are those of D + N at tau = 0, moved across the axis only where |D| = |N|, in the
-direction in which |D| - |N| changes sign there (Cooke & van den Driessche 1986; Walton & Marshall 1987).
+Without a delay Routh's array decides (`robust.proofs.exact.polynomials`). With one the roots of D + N exp(-s tau) are
+those of D + N at tau = 0, moved across the axis only where |D| = |N|, in the direction in which |D| - |N| changes
+sign there (Cooke & van den Driessche 1986; Walton & Marshall 1987).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from nlfrf._base.values import value
 from robust.proofs.exact.claim import LoopClaim, Matrices
 from robust.proofs.exact.conditions import Quantity, Terms
 from robust.proofs.exact.polynomials import (
+    TOO_NEAR_BOUNDARY,
     Decision,
     Polynomial,
     Quotient,
@@ -25,6 +26,7 @@ from robust.proofs.exact.polynomials import (
     delay_by_samples,
     proved,
     refuted,
+    routh,
     to_rational,
     to_rational_matrix,
     transfer_quotient,
@@ -32,50 +34,7 @@ from robust.proofs.exact.polynomials import (
     zoh_quotient,
 )
 
-BITS = (192, 768, 3072)
 MAX_BITS = 4096
-TOO_NEAR_BOUNDARY = "not told from the stability boundary"
-
-
-def hurwitz(p: Polynomial, degree: int) -> Decision:
-    """Return whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
-
-    p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it undecided.
-
-    >>> from flint import fmpq_poly
-    >>> hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
-    (True, False)
-    """
-    lead = p[degree]
-    if lead < 0:
-        p, lead = -p, -lead
-    rows = [[p[k] for k in range(degree, -1, -2)], [p[k] for k in range(degree - 1, -1, -2)]]
-    for _ in range(degree + 1):
-        pivot = rows[0][0]
-        if not pivot > 0:
-            return refuted("a pole is not stable") if pivot <= 0 else undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
-        above, below = rows
-        if not below:
-            break
-        if not below[0] > 0:  # the next pivot
-            rows = [below, []]
-            continue
-        ratio = pivot / below[0]
-        padded = [*below[1:], *[0] * (len(above) - len(below))]
-        rows = [below, [a - ratio * b for a, b in zip(above[1:], padded, strict=False)]]
-    return proved()
-
-
-def routh(p: Polynomial, degree: int) -> Decision:
-    """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
-    if isinstance(p, arb_poly):
-        return hurwitz(p, degree)
-    for bits in BITS:
-        with ctx.workprec(bits):
-            found = hurwitz(arb_poly(p), degree)
-        if not found.needs_digits:
-            return found
-    return hurwitz(p, degree)
 
 
 def squared_magnitude(p: Polynomial) -> Polynomial:

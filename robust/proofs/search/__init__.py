@@ -3,6 +3,7 @@
 bounded_real  one linear matrix inequality for a whole norm
 certificate   `Certificate`: what was proved, how, and if not, why not
 intervals     scaling frozen on an interval, a Hamiltonian test on each
+programs      convex programs, solved under a time cap
 scaled_kyp    P and one scaling for all frequencies, by cvxpy
 stability     stable or not: floating point far from the boundary, exact arithmetic beside it
 """

@@ -24,7 +24,8 @@ from robust.proofs.exact.closed_loops import (
     verify_closed_loop,
 )
 from robust.proofs.exact.matrices import MAX_STATES, decide_norm
-from robust.proofs.search.certificate import EXACT, SOLVERS, Certificate, failed_certificate
+from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
+from robust.proofs.search.programs import SOLVERS
 from robust.proofs.search.scaled_kyp import certify_scaled
 
 NORM_ROUNDING = 1e-12  # of a norm in many digits, once it is a double

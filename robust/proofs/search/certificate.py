@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf._base.values import value
 from robust._base.states import Outcome
-from robust.proofs.exact.claim import LoopClaim
-from robust.proofs.exact.loops import Verification, verify_loop
-from robust.proofs.exact.scaled_kyp import ScaledClaim
-
-if TYPE_CHECKING:
-    import cvxpy
+from robust.proofs.exact.verification import Verification
 
 EXACT, SCALED_KYP, GENERALISED_KYP = "exact arithmetic", "scaled KYP", "generalised KYP"  # nothing in floating point
 
@@ -49,7 +42,7 @@ class Certificate:
     claim : LoopClaim or another
         What holds, with every number as given, to be proved again; None where the proof is of another kind (mu).
     again : callable, optional
-        How a claim of another kind is proved again: again(claim, time_cap=seconds).
+        How the claim is proved again: again(claim, time_cap=seconds).
 
     References
     ----------
@@ -91,15 +84,6 @@ class Certificate:
         """In which arithmetic it was judged: "proved, rigorous" to the last bit, or "judged in floating point"."""
         return "proved, rigorous" if self.method in (EXACT, SCALED_KYP, GENERALISED_KYP) else "judged in floating point"
 
-    @property
-    def P(self) -> np.ndarray | None:
-        """Of a proof by "scaled KYP" the matrix P of the states of its claim, in doubles; None of another proof.
-
-        x' P x is a storage function: the inequality of `robust.proofs.exact.scaled_kyp` holds with it, with the system
-        and the scalings of the claim.
-        """
-        return self.claim.storage if isinstance(self.claim, ScaledClaim) else None
-
     def verify(self, *, time_cap: float = 60.0) -> Verification:
         """Prove it again with outward rounding, from the claim alone: nothing of what found it is used.
 
@@ -117,8 +101,6 @@ class Certificate:
         ----------
         F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", 2017.
         """
-        if isinstance(self.claim, LoopClaim):
-            return verify_loop(self.claim, time_cap=time_cap)
         if self.again is not None:
             return self.again(self.claim, time_cap=time_cap)
         reason = "judged in floating point only: no exact claim is kept of it" if self.holds else self.reason
@@ -131,35 +113,3 @@ def failed_certificate(
     """Return a certificate that does not hold: undecided, or violated, at a frequency [rad/s] where one is known."""
     where = np.zeros((0, 2)) if np.isnan(violated_at) else np.full((1, 2), violated_at)
     return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=where, reason=reason)
-
-
-# ---- Convex programs, solved under a time cap by solvers that may fail in any way.
-
-
-SCS_STEPS = 20_000  # some seconds for 32 states
-
-
-def solve_program(
-    problem: cvxpy.Problem, solver: str, time_cap: float | None = None, *, eps: float = 1e-7, steps: int = SCS_STEPS
-) -> str:
-    """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
-
-    problem : cvxpy.Problem; solver : its name there; time_cap : seconds, None: its steps are counted, not its time;
-    eps, steps : tolerance of SCS, and how many steps it takes where no time caps it.
-    """
-    caps = {
-        "CLARABEL": {} if time_cap is None else {"time_limit": time_cap},
-        "SCS": {"eps": eps, **({"max_iters": steps} if time_cap is None else {"time_limit_secs": time_cap})},
-    }
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "may be inaccurate": it may well be
-            problem.solve(solver=solver, **caps.get(solver, {}))
-    except (KeyboardInterrupt, SystemExit):
-        raise
-    except BaseException as error:  # CLARABEL can panic with an exception that is no Exception
-        return f"the solver {solver} failed: {type(error).__name__}" + (f": {error}" if str(error) else "")
-    return ""
-
-
-SOLVERS = ("CLARABEL", "SCS")

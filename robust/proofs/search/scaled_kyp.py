@@ -21,15 +21,9 @@ from robust.proofs.exact import claim as exact
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.interval_kyp import verify_level
 from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim, decide_scaled
-from robust.proofs.search.certificate import (
-    SCALED_KYP,
-    SCS_STEPS,
-    SOLVERS,
-    Certificate,
-    failed_certificate,
-    solve_program,
-)
+from robust.proofs.search.certificate import SCALED_KYP, Certificate, failed_certificate
 from robust.proofs.search.intervals import SLACK
+from robust.proofs.search.programs import SCS_STEPS, SOLVERS, solve_program
 
 MAX_STATES = 60  # of a program, ten seconds of CLARABEL; more are proved without one where that suffices
 WHOLE = 20  # states up to which SCS takes all its steps; beyond them as many as take about as long

@@ -21,6 +21,60 @@ from robust.synthesis.conic import solve_conic
 MAX_STEP_RATIO = 100.0
 
 
+@value
+class Demand:
+    """One demand: sqrt((a |Y| + b |X|)^2 + (c |X|)^2) <= |y Y + x X| on the lines of `index`.
+
+    Fields
+    ------
+    name : str
+        The demand in words.
+    index : (R,) ndarray of int
+        Lines it is made on.
+    a, b, c : (R,) ndarray
+    y, x : (R,) complex ndarray
+    """
+
+    name: str
+    index: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    y: np.ndarray
+    x: np.ndarray
+
+    def on(self, mask: np.ndarray) -> Demand:
+        """Return the demand on the lines of a mask, indexed among those."""
+        keep = mask[self.index]
+        place = np.cumsum(mask) - 1
+        parts = {name: getattr(self, name)[keep] for name in "abcyx"}
+        return Demand(name=self.name, index=place[self.index[keep]], **parts)
+
+    def measure(self, Y: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Return (..., R) left side over right side, from Y and X on all lines: at most one where the demand is met."""
+        Y, X = Y[..., self.index], X[..., self.index]
+        size = np.abs(X)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.hypot(self.a * np.abs(Y) + self.b * size, self.c * size) / np.abs(self.y * Y + self.x * X)
+        return np.where(np.isnan(ratio), np.inf, ratio)
+
+    def measure_between(self, Y: np.ndarray, X: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """Return (...,) largest `measure` with the right side followed straight from line to line.
+
+        A loop that passes near -1 between two lines is small on the chord; omega (W,) tells where a plant ends.
+        """
+        Y, X = Y[..., self.index], X[..., self.index]
+        with np.errstate(all="ignore"):
+            K = np.abs(X / Y)
+            left, right = np.hypot(self.a + self.b * K, self.c * K), self.y + self.x * X / Y
+            start, way = right[..., :-1], np.diff(right, axis=-1)
+            share = np.clip(np.nan_to_num(-(start * way.conj()).real / np.abs(way) ** 2), 0.0, 1.0)
+            ratio = (left[..., :-1] + share * np.diff(left, axis=-1)) / np.abs(start + share * way)
+            ratio = np.where(np.diff(omega[self.index]) > 0, ratio, 0.0)
+        ratio = np.concatenate([ratio, (left / np.abs(right))[..., -1:]], axis=-1)
+        return np.asarray(np.where(np.isnan(ratio), np.inf, ratio).max(axis=-1))
+
+
 @value(copy=False)
 class Rows:
     """Demands of one kind, over their own previous |R_c|: line (H,), a, b, c (H,) and Re(R/R_c) (H, n)."""

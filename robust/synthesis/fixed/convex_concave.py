@@ -12,8 +12,7 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.lti.stability import unstable_poles
-from robust.synthesis.fixed.cone_program import Rows, Step, solve_step
-from robust.synthesis.fixed.demands import Demand
+from robust.synthesis.fixed.cone_program import Demand, Rows, Step, solve_step
 from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.starts import loops_stable
 from robust.synthesis.fixed.structures import Basis

@@ -20,10 +20,10 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import format_hertz, require_real
-from nlfrf._base.values import value
 from robust._base.types import LinearSystem, Weight
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
+from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.plants import PlantOnLines
 
 #: What a peak may reach: a number, or the magnitude of a system over frequency.
@@ -32,60 +32,6 @@ Bound: TypeAlias = "float | LinearSystem"
 
 #: The set must stay this far inside stability, so that a check can prove it between the lines too.
 BACK_OFF = 0.99
-
-
-@value
-class Demand:
-    """One demand: sqrt((a |Y| + b |X|)^2 + (c |X|)^2) <= |y Y + x X| on the lines of `index`.
-
-    Fields
-    ------
-    name : str
-        The demand in words.
-    index : (R,) ndarray of int
-        Lines it is made on.
-    a, b, c : (R,) ndarray
-    y, x : (R,) complex ndarray
-    """
-
-    name: str
-    index: np.ndarray
-    a: np.ndarray
-    b: np.ndarray
-    c: np.ndarray
-    y: np.ndarray
-    x: np.ndarray
-
-    def on(self, mask: np.ndarray) -> Demand:
-        """Return the demand on the lines of a mask, indexed among those."""
-        keep = mask[self.index]
-        place = np.cumsum(mask) - 1
-        parts = {name: getattr(self, name)[keep] for name in "abcyx"}
-        return Demand(name=self.name, index=place[self.index[keep]], **parts)
-
-    def measure(self, Y: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """Return (..., R) left side over right side, from Y and X on all lines: at most one where the demand is met."""
-        Y, X = Y[..., self.index], X[..., self.index]
-        size = np.abs(X)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.hypot(self.a * np.abs(Y) + self.b * size, self.c * size) / np.abs(self.y * Y + self.x * X)
-        return np.where(np.isnan(ratio), np.inf, ratio)
-
-    def measure_between(self, Y: np.ndarray, X: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """Return (...,) largest `measure` with the right side followed straight from line to line.
-
-        A loop that passes near -1 between two lines is small on the chord; omega (W,) tells where a plant ends.
-        """
-        Y, X = Y[..., self.index], X[..., self.index]
-        with np.errstate(all="ignore"):
-            K = np.abs(X / Y)
-            left, right = np.hypot(self.a + self.b * K, self.c * K), self.y + self.x * X / Y
-            start, way = right[..., :-1], np.diff(right, axis=-1)
-            share = np.clip(np.nan_to_num(-(start * way.conj()).real / np.abs(way) ** 2), 0.0, 1.0)
-            ratio = (left[..., :-1] + share * np.diff(left, axis=-1)) / np.abs(start + share * way)
-            ratio = np.where(np.diff(omega[self.index]) > 0, ratio, 0.0)
-        ratio = np.concatenate([ratio, (left / np.abs(right))[..., -1:]], axis=-1)
-        return np.asarray(np.where(np.isnan(ratio), np.inf, ratio).max(axis=-1))
 
 
 def limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:

@@ -33,8 +33,9 @@ from robust.lti.lti import is_constant, one_sampling_time, require_sampling_time
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
 from robust.models.sets.model import UncertaintyModel
+from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
-from robust.synthesis.fixed.demands import Demand, end_row, limit_rows, objective_row, weight_rows
+from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
 from robust.synthesis.fixed.plants import DesignPlant, DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
 from robust.synthesis.fixed.starts import find_start, loops_stable, start_from_controller
 from robust.synthesis.fixed.structures import (

@@ -17,7 +17,7 @@ from robust.lti.connections import closed_loop
 from robust.lti.lti import require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import count_half_turns, extend_below, integrator_poles, unstable_poles, winding_number
-from robust.synthesis.fixed.demands import Demand
+from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.population import evolve, genes_of_roots, parameters
 from robust.synthesis.fixed.structures import Basis

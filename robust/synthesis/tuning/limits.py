@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from nlfrf._base.arguments import require_kind, require_positive, require_real_array, short_form
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
-from robust.lti.lti import is_clockless, response, timebase
+from robust.lti.lti import is_clockless, is_stable, response, timebase
 from robust.lti.realisation import rightmost_pole, state_space
-from robust.lti.stability import is_stable
 from robust.synthesis.blocks import Names, signal_names
 from robust.synthesis.tuning.worst import (
     ONE_DISC,

@@ -13,7 +13,7 @@ from nlfrf._base.arguments import format_hertz, require_integer, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_known_on_lines, is_matrix, is_single
 from robust._base.types import AnySystem, SystemField
-from robust.analysis.loop import DELAY_ORDER, Loop, assemble_loop
+from robust.analysis.loop import Loop, assemble_loop
 from robust.analysis.sampled_set import sampled_set
 from robust.friction.plant import FrictionPlant
 from robust.lti.connections import block_diagonal
@@ -200,8 +200,8 @@ def behind_hold_and_delay(name: str, G: control.StateSpace, *, dt: float, delay:
     if step and not dt:
         raise ValueError(f"dt must be given for {name}, which is sampled at {step:g} s, got a continuous design")
     if step:
-        return delayed(G, delay_samples("delay", delay, step) * step, order=0)
-    return sampled(G, dt, delay) if dt else delayed(G, delay, order=DELAY_ORDER)
+        return delayed(G, delay_samples("delay", delay, step) * step)
+    return sampled(G, dt, delay) if dt else delayed(G, delay)
 
 
 def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: float) -> ModelledPlant:

@@ -11,7 +11,7 @@ from robust.analysis.findings import Effort
 from robust.analysis.judge_exact import judge_exact
 from robust.analysis.judge_mu import judge_system
 from robust.analysis.loop import assemble_loop
-from robust.analysis.worst_plant import largest_gains
+from robust.analysis.loop_of_channels import largest_gains
 from robust.lti.lti import response
 from robust.lti.sampling import sampled
 from robust.models import Block, UncertainSystem

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from flint import arb_poly, ctx, fmpq, fmpq_poly
 
-from robust.proofs.exact.polynomials import Quotient, bilinear_image, to_rational
-from robust.proofs.exact.stability import hurwitz, hurwitz_with_delay
+from robust.proofs.exact.polynomials import Quotient, bilinear_image, hurwitz, to_rational
+from robust.proofs.exact.stability import hurwitz_with_delay
 
 
 def from_roots(roots):

@@ -1,0 +1,69 @@
+"""``Verification``: which claims were proved, which were not, and why not."""
+
+from __future__ import annotations
+
+from nlfrf._base.arguments import format_hertz
+from nlfrf._base.values import value
+from robust.proofs.exact.polynomials import Decision
+
+
+@value
+class Verification:
+    """What was proved with outward rounding, claim by claim.
+
+    Fields
+    ------
+    verified : bool
+        True only if every claim was proved, rigorously.
+    proved : tuple of str
+        The claims that were.
+    failed : tuple of (str, str)
+        The claims that were not, and why not, for people.
+    bits : int
+        Precision at which the last of them was decided; 0 where none was.
+    violated : tuple of str
+        Of those that failed the ones proved false; the others are undecided.
+    warnings : tuple of str
+        What the certificate says was warned of the model that it is about: no proof looks at that.
+
+    References
+    ----------
+    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Computers, 2017.
+
+    Examples
+    --------
+    >>> print(Verification(verified=False, proved=("nominal stability",), failed=(("norm", "too large"),), bits=192))
+    nominal stability: proved, rigorous
+    norm: NOT verified: too large
+    """
+
+    verified: bool
+    proved: tuple[str, ...]
+    failed: tuple[tuple[str, str], ...]
+    bits: int
+    violated: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        lines = [f"{claim}: proved, rigorous" for claim in self.proved]
+        lines += [f"{claim}: NOT verified: {reason}" for claim, reason in self.failed]
+        return "\n".join(lines + [f"warning: {text}" for text in self.warnings])
+
+
+def summarise_claims(decided: dict[str, Decision], bits: int) -> Verification:
+    """Return what was decided, claim by claim."""
+    failed = tuple((name, describe_failure(found)) for name, found in decided.items() if not found.holds)
+    return Verification(
+        verified=not failed,
+        proved=tuple(name for name, found in decided.items() if found.holds),
+        failed=failed,
+        bits=bits,
+        violated=tuple(name for name, found in decided.items() if found.violated),
+    )
+
+
+def describe_failure(found: Decision) -> str:
+    """Say why a claim was not verified."""
+    if found.violated_at >= 0:
+        return f"violated at {format_hertz(found.violated_at)}"
+    return found.reason

@@ -1,0 +1,35 @@
+"""Convex programs, solved under a time cap by solvers that may fail in any way."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import cvxpy
+
+SOLVERS = ("CLARABEL", "SCS")
+SCS_STEPS = 20_000  # some seconds for 32 states
+
+
+def solve_program(
+    problem: cvxpy.Problem, solver: str, time_cap: float | None = None, *, eps: float = 1e-7, steps: int = SCS_STEPS
+) -> str:
+    """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
+
+    problem : cvxpy.Problem; solver : its name there; time_cap : seconds, None: its steps are counted, not its time;
+    eps, steps : tolerance of SCS, and how many steps it takes where no time caps it.
+    """
+    caps = {
+        "CLARABEL": {} if time_cap is None else {"time_limit": time_cap},
+        "SCS": {"eps": eps, **({"max_iters": steps} if time_cap is None else {"time_limit_secs": time_cap})},
+    }
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # "may be inaccurate": it may well be
+            problem.solve(solver=solver, **caps.get(solver, {}))
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # CLARABEL can panic with an exception that is no Exception
+        return f"the solver {solver} failed: {type(error).__name__}" + (f": {error}" if str(error) else "")
+    return ""
