@@ -423,8 +423,7 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
 
     Up to where a step of the encoder is small in the force.
     """
-    f, Y = friction_of_period(record, machine, edge_of_level(record, machine))
-    return np.stack([np.fft.irfft(Y, n=f.size), f])
+    return np.stack(friction_of_period(record, machine, edge_of_level(record, machine)))
 
 
 def bound_any_friction(

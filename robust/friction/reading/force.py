@@ -26,7 +26,9 @@ from robust.lti.sampling import hold_correction
 MOST_STEPS = 0.02
 #: Peak of the acceleration of one step of the encoder below a frequency omega, over omega^2 of the step.
 STEP_ACCELERATION = 0.139
-#: Samples of a period that lie above its peak, for every sample at most.
+#: Share of the frequencies that is used at most, and oscillations at the edge for which its filter rings.
+HIGHEST, RINGS = 0.8, 6
+#: Samples that lie above a peak, for every sample at most.
 ABOVE_PEAK = 5e-4
 #: Share of its rms by which a position may change from period to period.
 MOST_CHANGE = 0.2
@@ -38,9 +40,10 @@ CLIPPED = 2e-3
 FLAT = 0.155
 #: What peaks leave open of the break-away force: they were 5 % low to 7 % high, as the crest of a filtered force is.
 SCATTER_LOW, SCATTER_HIGH = 0.08, 0.03
-#: Peaks that fall with the level, by more than a share, were taken at a speed at which stiction has fallen already. The
-#: excess over Coulomb friction is up to the second factor larger then, else up to the first.
-FALLEN, EXCESS, EXCESS_FALLEN = 0.07, 1.25, 2.2
+#: Peaks that fall with the level, by more than a share, may have been taken at a speed at which stiction has fallen
+#: already. The excess over Coulomb friction is up to the second factor larger then. It is up to the first where they do
+#: not fall, or where the fall is seen at higher speeds. Set on 60 axes, half of which jump when they break away.
+FALLEN, EXCESS, EXCESS_FALLEN = 0.07, 1.25, 3.0
 #: Share of Coulomb friction below which a peak that does not rise is one of the encoder's steps.
 BELOW_COULOMB = 0.7
 #: Steps of the encoder that may add up in a peak.
@@ -110,7 +113,8 @@ class FrictionForce:
     creeps : bool
         Whether friction has damping where it sticks, or creeps there: Maxwell slip does neither.
     stribeck : (2,) ndarray
-        Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan where the levels do not show it.
+        Interval of the velocity over which stiction falls [m/s] or [rad/s]; nan where the levels do not show it. The
+        lower end alone is nan where it has fallen before the axis slides.
     reason : str
         Why the break-away force is not known; empty where it is.
     contradiction : str
@@ -154,11 +158,12 @@ class FrictionForce:
 
 
 class LevelPeak(NamedTuple):
-    """Level of what was played, peak of the friction force [N], and how far that may be off."""
+    """Level of what was played, peak of the friction force [N], how far that may be off, and its mean amplitude [N]."""
 
     level: float
     peak: float
     error: float
+    amplitude: float = 0.0
 
 
 def read_friction_force(
@@ -185,11 +190,18 @@ def read_friction_force(
     sliding = identify_sliding(moving, velocities, masses=masses)
     sizes = [np.abs(np.asarray(one.u[0])) for one in levels]
     limited = [np.mean(size > (1 - 1e-9) * size.max()) > CLIPPED for size in sizes]
-    kept = [one for one, cut_off in zip(levels, limited, strict=True) if repeats(one) and not cut_off]
-    peaks = sorted(peak_of_level(one, sliding) for one in kept)
-    Fs, reason = break_away(peaks, abs(sliding.coulomb))
-    K0, bristle_time, creeps = stiffness_at_rest(kept, sliding)
+    whole = [one for one, cut_off in zip(levels, limited, strict=True) if not cut_off]
+    kept = [one for one in whole if repeats(one)]
+    # below the first level that repeats the axis hunts by itself
+    first = next((k for k, one in enumerate(whole) if one is kept[0]), 0) if kept else len(whole)
+    shown = sorted(peak_of_level(one, sliding) for one in whole[first:])
+    peaks = [peak_of_level(one, sliding) for one in kept]
+    Fs, reason = break_away(shown, abs(sliding.coulomb), falls_later=True)
+    K0, bristle_time, creeps = stiffness_at_rest(kept, peaks, sliding, float(Fs[0]))
     f, v, slides = slides_of(kept, sliding, float(Fs[1] / K0[0]) if np.isfinite(K0[0]) else 0.0)
+    stribeck = stribeck_velocity(f, v, abs(sliding.coulomb))
+    if not np.isfinite(stribeck).all():
+        Fs, reason = break_away(shown, abs(sliding.coulomb))
     contradiction = ""
     if (grown := growth_of_friction(sliding, f, v, slides)) is not None:
         at_rest, factor = grown
@@ -206,7 +218,7 @@ def read_friction_force(
         K0=K0,
         bristle_time=bristle_time,
         creeps=creeps,
-        stribeck=stribeck_velocity(f, v),
+        stribeck=stribeck,
         reason=reason,
         contradiction=contradiction,
         load=coupled_load(sliding, np.nan) if sliding.load_mass else None,
@@ -227,16 +239,16 @@ def repeats(record: nlfrf.Record) -> bool:
 
 
 def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
-    """Peak of the friction force of a period at one level, up to where the steps of the encoder are small."""
-    n, omega = record.u.shape[-1], 2 * np.pi * record.f0 * np.arange(record.u.shape[-1] // 2 + 1)
-    f, Y = friction_of_period(record, sliding, edge_of_level(record, sliding))
-    acceleration = np.fft.irfft(-(omega**2) * Y, n=n)
-    used = 2 * np.pi * record.f0 * float(np.flatnonzero(Y)[-1])
-    quiet = STEP_ACCELERATION * sliding.mass * encoder_step(record) * used**2
+    """Peak of the friction force at one level, up to where the steps of the encoder are small."""
+    edge = edge_of_level(record, sliding)
+    f, _, v = friction_over_time(record, sliding, edge)
+    acceleration = np.gradient(v) * record.fs
+    quiet = STEP_ACCELERATION * sliding.mass * encoder_step(record) * edge**2
     return LevelPeak(
         level=float(np.std(record.r if record.r is not None else record.u)),
-        peak=float(np.sort(np.abs(f))[-max(1, int(ABOVE_PEAK * n))]),
+        peak=float(np.sort(np.abs(f))[-max(1, int(ABOVE_PEAK * f.size))]),
         error=HALF_WIDTH * sliding.stds["mass"] * float(np.abs(acceleration).max()) / 2 + STEPS_TOGETHER * quiet,
+        amplitude=float(np.sqrt(2) * f.std()),
     )
 
 
@@ -244,29 +256,57 @@ def edge_of_level(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> fl
     """Return the frequency [rad/s] up to which the friction force of a level is read, the lines among it."""
     u = np.asarray(record.u)[0].mean(axis=0)
     edge = quiet_edge(record, machine, MOST_STEPS * float(np.abs(u - u.mean()).max()))
-    return max(2 * np.pi * record.f0 * float(record.lines.excited[-1]), 0.8 * edge)
+    return min(max(2 * np.pi * record.f0 * float(record.lines.excited[-1]), 0.8 * edge), usable_edge(record, machine))
 
 
 def quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
     """Return the frequency [rad/s] up to which a step of the encoder makes less force than `most` [N]."""
     step = STEP_ACCELERATION * machine.mass * encoder_step(record)
-    return float(np.sqrt(most / step)) if step else np.inf
+    return min(float(np.sqrt(most / step)) if step else np.inf, usable_edge(record, machine))
+
+
+def usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> float:
+    """Return the frequency [rad/s] up to which a record shows a friction force at all."""
+    return min(HIGHEST * np.pi * record.fs, rigid_edge(machine))
 
 
 def friction_of_period(
     record: nlfrf.Record, machine: SlidingFit | FrictionFit, edge: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the friction force of a period (n,) up to a frequency [rad/s], and the spectrum of its motion."""
+    """Return position [m] and friction force [N] of the mean period (n,), up to a frequency [rad/s]."""
     u, y = (np.asarray(one)[0].mean(axis=0) for one in (record.u, record.y))
-    n, omega = u.size, 2 * np.pi * record.f0 * np.arange(u.size // 2 + 1)
-    edge = min(edge, 0.8 * np.pi * record.fs, rigid_edge(machine))
+    f, Y, _ = friction_of_signals(u, y, record, machine, edge)
+    return np.fft.irfft(Y, n=f.size), f
+
+
+def friction_over_time(
+    record: nlfrf.Record, machine: SlidingFit | FrictionFit, edge: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return friction force [N], position [m] and velocity [m/s] of all periods (n,), up to a frequency [rad/s].
+
+    An axis that jumps jumps at other times in each period: a mean of them, or a period that is taken for periodic, has
+    accelerations that never were. The ends, where the filter rings, are left out.
+    """
+    u, y = (np.asarray(one)[0].ravel() for one in (record.u, record.y))
+    y = y - np.linspace(y[0], y[-1], y.size)
+    f, Y, omega = friction_of_signals(u, y, record, machine, edge)
+    x, v = (np.fft.irfft(one, n=f.size) for one in (Y, 1j * omega * Y))
+    rings = min(f.size // 10, max(f.size // 100, int(RINGS * 2 * np.pi * record.fs / edge)))
+    return f[rings:-rings], x[rings:-rings], v[rings:-rings]
+
+
+def friction_of_signals(
+    u: np.ndarray, y: np.ndarray, record: nlfrf.Record, machine: SlidingFit | FrictionFit, edge: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the friction force (n,) up to a frequency [rad/s], spectrum of the motion, and frequencies [rad/s]."""
+    omega = 2 * np.pi * record.fs / u.size * np.arange(u.size // 2 + 1)
     roll = (1 + np.cos(np.pi * np.clip((omega - 0.8 * edge) / (0.2 * edge), 0, 1))) / 2
     U, Y = np.fft.rfft(u) * roll, np.fft.rfft(y) * roll
     U[0] = Y[0] = 0.0
     held = hold_correction(omega, record.hold, fs=record.fs, dt=0.0)
     force = U * np.exp(-1j * omega * machine.delay) / held
     force -= force_of_motion(machine, omega, max(machine.damping, 0.0)) * Y
-    return np.fft.irfft(force, n=n), Y
+    return np.fft.irfft(force, n=u.size), Y, omega
 
 
 def rigid_edge(machine: SlidingFit | FrictionFit) -> float:
@@ -295,18 +335,17 @@ def slides_of(
     """
     forces, speeds, slides, count = [np.zeros(0)], [np.zeros(0)], [np.zeros(0, dtype=int)], 0
     for record in levels[-LEVELS_STRIBECK:]:
-        n = record.u.shape[-1]
         most = STEPS_STRIBECK * float(np.abs(np.asarray(record.u)).max())
-        f, Y = friction_of_period(record, sliding, quiet_edge(record, sliding, most))
-        x, v = (np.fft.irfft(one, n=n) for one in (Y, 2j * np.pi * record.f0 * np.arange(Y.size) * Y))
+        f, x, v = friction_over_time(record, sliding, quiet_edge(record, sliding, most))
         turns = np.flatnonzero(np.diff(np.sign(v)))
         if not turns.size:
             continue
-        last = np.searchsorted(turns, np.arange(n)) - 1  # before the first, the last one of the period before
+        last = np.searchsorted(turns, np.arange(v.size)) - 1
         far = (np.abs(x - x[turns[last]]) > SLIDES_AFTER * deflection) & (np.abs(v) > STRIBECK_VELOCITIES[0])
+        far &= last >= 0
         forces.append((f * np.sign(v))[far])
         speeds.append(np.abs(v)[far])
-        slides.append(count + last[far] % turns.size)
+        slides.append(count + last[far])
         count += turns.size
     return np.concatenate(forces), np.concatenate(speeds), np.concatenate(slides)
 
@@ -331,14 +370,19 @@ def growth_of_friction(
     return (np.array([low, high]), float(coulomb[1] / low)) if coulomb[0] > high > low > 0 else None
 
 
-def stribeck_velocity(f: np.ndarray, v: np.ndarray) -> np.ndarray:
+def stribeck_velocity(f: np.ndarray, v: np.ndarray, coulomb: float) -> np.ndarray:
     """Return the interval of the velocity over which the force of friction that slides (n,) falls, by its speed.
 
-    f sgn v = Fc + (Fs - Fc) exp(-(v / vs)^2) + c |v|.
+    f sgn v = Fc + (Fs - Fc) exp(-(v / vs)^2) + c |v|. Where no fall shows, the lower end is nan, and the upper one the
+    speed above which the force is that of Coulomb friction [N].
     """
     unknown = np.full(2, np.nan)
     if v.size < FEWEST_SAMPLES:
         return unknown
+    cells = np.digitize(v, STRIBECK_VELOCITIES)
+    means = np.bincount(cells, f) / np.maximum(np.bincount(cells), 1)
+    falls = np.flatnonzero(means > (1 + SLIDE_ERROR) * coulomb)
+    unknown[1] = STRIBECK_VELOCITIES[min(falls[-1] if falls.size else cells.min(), STRIBECK_VELOCITIES.size - 1)]
     without, costs = fit_stribeck(f, v, None), np.array([fit_stribeck(f, v, vs) for vs in STRIBECK_VELOCITIES])
     gains, best = without - costs, int(np.argmin(costs))
     if not (gains[best] > SHOWN * costs[best] and STRIBECK_VELOCITIES[best] < FASTEST_STRIBECK):
@@ -360,12 +404,15 @@ def encoder_step(record: nlfrf.Record) -> float:
     return smallest_step(record.y)
 
 
-def break_away(peaks: Sequence[LevelPeak], coulomb: float) -> tuple[np.ndarray, str]:
-    """Interval of the break-away force, where the peak of the force stops to rise with the level."""
+def break_away(peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool = False) -> tuple[np.ndarray, str]:
+    """Interval of the break-away force, where the peak of the force stops to rise with the level.
+
+    falls_later : whether friction is seen to fall with speed where it slides, so not before it breaks away.
+    """
     unknown = np.full(2, np.nan)
     if len(peaks) < 2:
         return unknown, f"the force of friction shows at rest, at two levels or more, got {len(peaks)}"
-    level, peak, error = (np.array(one) for one in zip(*peaks, strict=True))
+    level, peak, error, _ = (np.array(one) for one in zip(*peaks, strict=True))
     slope = np.diff(np.log(np.maximum(peak, 1e-300))) / np.maximum(np.diff(np.log(level)), 1e-9)
     breaks = peak[:-1] > BELOW_COULOMB * coulomb
     flat = np.flatnonzero((slope <= FLAT) & breaks)
@@ -380,16 +427,29 @@ def break_away(peaks: Sequence[LevelPeak], coulomb: float) -> tuple[np.ndarray, 
                 f"the force of friction still rises with the level, to {peak[-1]:.3g} at the highest: the axis does "
                 "not break away there. Raise the level"
             )
-    fell = peak[k:].min() < (1 - FALLEN) * found
+    fell = not falls_later and peak[k:].min() < (1 - FALLEN) * found
     high = (1 + SCATTER_HIGH) * found
     factor = EXCESS_FALLEN if fell else EXCESS
     high = max(high, min(coulomb, found) + factor * (high - min(coulomb, found)))
     return np.array([max(0.0, (1 - SCATTER_LOW) * found - error[k]), high + error[k]]), ""
 
 
-def stiffness_at_rest(levels: Sequence[nlfrf.Record], sliding: SlidingFit) -> tuple[np.ndarray, float, bool]:
-    """Interval of the stiffness, largest damping over it, of friction that sticks, and whether it creeps."""
-    read = [one for record in levels if (one := spring_and_damper(record, sliding)) is not None]
+def stiffness_at_rest(
+    levels: Sequence[nlfrf.Record], peaks: Sequence[LevelPeak], sliding: SlidingFit, Fs: float
+) -> tuple[np.ndarray, float, bool]:
+    """Interval of the stiffness, largest damping over it, of friction that sticks, and whether it creeps.
+
+    Of all laws here that of Leuven bends most: dF/dx = K0 (1 - F/Fs)^2, so that the stiffness of a swing up to F is
+    K0 (1 - F/Fs). It bounds K0 at every level below break-away. Rigid friction moves at Fs alone, and has no bound.
+
+    peaks : of each level. Fs : the least break-away force [N]; nan where it is at least the largest peak.
+    """
+    least = Fs if np.isfinite(Fs) else (1 - SCATTER_LOW) * max((one.peak - one.error for one in peaks), default=0.0)
+    read, kept = [], []
+    for record, one in zip(levels, peaks, strict=True):
+        if (found := spring_and_damper(record, sliding)) is not None:
+            read.append(found)
+            kept.append(1 - one.amplitude / least if one.peak + one.error < least else 0.0)
     unknown = np.full(2, np.nan), np.nan, False
     if not read:
         return unknown
@@ -398,8 +458,8 @@ def stiffness_at_rest(levels: Sequence[nlfrf.Record], sliding: SlidingFit) -> tu
     if not sure.max() > 0:
         return unknown
     stiff = k > STICKS * k[np.argmax(sure)]
-    # of one level alone it is not known whether it sticks
-    K0 = np.array([sure.max(), (k + SIGMAS * k_std)[stiff].max() if stiff.sum() > 1 else np.inf])
+    highest = [(k[i] + SIGMAS * k_std[i]) / kept[i] for i in range(k.size) if kept[i] > 0]
+    K0 = np.array([sure.max(), max(sure.max(), min(highest, default=np.inf))])
     clear = stiff & (steps > FEWEST_STEPS_DAMPING)
     if not clear.any() or K0[1] == np.inf:
         return K0, np.nan, False
