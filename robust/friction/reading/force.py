@@ -461,7 +461,7 @@ def stiffness_at_rest(
     highest = [(k[i] + SIGMAS * k_std[i]) / kept[i] for i in range(k.size) if kept[i] > 0]
     K0 = np.array([sure.max(), max(sure.max(), min(highest, default=np.inf))])
     clear = stiff & (steps > FEWEST_STEPS_DAMPING)
-    if not clear.any() or K0[1] == np.inf:
+    if not clear.any() or stiff.sum() < 2:  # of one level alone it is not known whether it sticks
         return K0, np.nan, False
     none_slips = np.flatnonzero(clear & (k > NONE_SLIPS * k[clear].max()))
     none_slips = none_slips[np.argsort(steps[none_slips])][:-1]
