@@ -4,7 +4,7 @@ The public names of `robust.synthesis.tuning`, in one place.
 """
 
 from robust.synthesis.blocks import Biquad, Gain, Lag, Lead, LowPass, Notch, Pid, StateSpace
-from robust.synthesis.tuning.design import Ended, LimitValue, TunedDesign
+from robust.synthesis.tuning.design import Ended, TunedDesign
 from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Limit
 from robust.synthesis.tuning.plants import Plants
@@ -17,7 +17,6 @@ __all__ = [
     "Lag",
     "Lead",
     "Limit",
-    "LimitValue",
     "LowPass",
     "Notch",
     "Pid",

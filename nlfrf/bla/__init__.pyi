@@ -1,5 +1,3 @@
-from .bla import DistortionLevels as DistortionLevels
-from .cross_check import SecondOpinion as SecondOpinion
 from .gains import rga as rga
 from .gains import rga_radius as rga_radius
 from .gains import singular_values as singular_values

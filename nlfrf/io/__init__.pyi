@@ -1,3 +1,2 @@
 from .frf_tables import load_frf as load_frf
-from .inspection import FileContents as FileContents
 from .readers.matlab import read_mat as read_mat

@@ -6,4 +6,3 @@ from .bench.run import run as run
 from .bench.servo import ServoAxis as ServoAxis
 from .bench.servo import simulate_servo as simulate_servo
 from .bench.trajectory import Trajectory as Trajectory
-from .studies.level_study import LevelStudy as LevelStudy

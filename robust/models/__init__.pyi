@@ -1,11 +1,8 @@
 from .fit.nominal import NominalFit as NominalFit
-from .fit.orders import OrderScan as OrderScan
 from .fit.orders import scan_orders as scan_orders
-from .fit.weights import WeightFit as WeightFit
 from .fit.weights import control_weight as control_weight
 from .fit.weights import delay_weight as delay_weight
 from .fit.weights import makeweight as makeweight
-from .sets.family import FormRanking as FormRanking
 from .sets.family import choose_form as choose_form
 from .sets.interconnection import Block as Block
 from .sets.interconnection import UncertainSystem as UncertainSystem

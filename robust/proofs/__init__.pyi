@@ -1,2 +1,1 @@
-from .exact.loops import Verification as Verification
 from .search.certificate import Certificate as Certificate
