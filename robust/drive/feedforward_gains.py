@@ -24,7 +24,8 @@ from nlfrf.axis import Drive
 from robust._base.types import LinearSystem
 from robust.drive.controller_gains import solve_relative
 from robust.friction.plant import FrictionPlant
-from robust.friction.reading.levels import SIGMAS, FrictionClass
+from robust.friction.reading.assumed_class import FrictionClass
+from robust.friction.reading.from_blas import SIGMAS
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
@@ -237,7 +238,7 @@ def rigid_body(
 ) -> tuple[Interval, Interval | None]:
     """Mass and viscous friction of a plant, the mass with its interval where it is known; none where nothing is."""
     if isinstance(plant, FrictionClass):
-        mass, spread = float(plant.mass.mean()), SIGMAS * float(plant.mass_std)
+        mass, spread = plant.mass, SIGMAS * plant.mass_std
         return (mass - spread, mass + spread), None
     if isinstance(plant, FrictionPlant):
         plant = control.StateSpace(plant.A, plant.B_force[:, None], plant.C_measured[None], 0, 0)

@@ -23,12 +23,13 @@ from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states, two_mass_plant
 from robust.friction.proof.certify import FrictionProof
 from robust.friction.proof.prove import prove_friction
+from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
+from robust.friction.reading.friction_class import friction_class
+from robust.friction.reading.from_fit import interval_at_port, machines_with_load
 from robust.friction.reading.identification import FrictionFit, identify_friction
 from robust.friction.reading.in_motion import SlidingFit
-from robust.friction.reading.levels import ASSUMPTION_NOTE, FrictionClass
-from robust.friction.reading.two_masses import interval_at_port, machines_with_load
 from robust.friction.units import format_length, format_plain
 from robust.io.certificates import prove_all
 
@@ -376,7 +377,7 @@ def judge_friction(
         except (ValueError, np.linalg.LinAlgError) as error:
             return DriveFriction(note=str(error))
     try:
-        assumed = fit.assumed_class(stiction=stiction, margin=K0_MARGIN)
+        assumed = friction_class(fit, stiction=stiction, margin=K0_MARGIN)
     except ValueError as error:
         return DriveFriction(fit=fit, note=fit.reason or str(error))
     if fit.load_mass and settings.encoder != "motor":

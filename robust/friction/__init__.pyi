@@ -5,6 +5,7 @@ from .classes import any_passive as any_passive
 from .plant import two_mass_plant as two_mass_plant
 from .proof.certify import FrictionProof as FrictionProof
 from .proof.linear_uncertainty import friction_frequency_test as friction_frequency_test
+from .reading.assumed_class import FrictionClass as FrictionClass
 from .reading.friction_class import friction_class as friction_class
 from .reading.identification import FrictionFit as FrictionFit
 from .reading.identification import Gap as Gap
@@ -12,4 +13,3 @@ from .reading.identification import LevelBalance as LevelBalance
 from .reading.identification import identify_friction as identify_friction
 from .reading.in_motion import SlidingFit as SlidingFit
 from .reading.in_motion import identify_sliding as identify_sliding
-from .reading.levels import FrictionClass as FrictionClass

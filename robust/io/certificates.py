@@ -33,8 +33,9 @@ from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.proof.certify import FrictionProof, plant_matrices
 from robust.friction.proof.linear_uncertainty import friction_frequency_test
 from robust.friction.proof.prove import prove_friction
+from robust.friction.reading.assumed_class import FrictionClass
 from robust.friction.reading.friction_class import friction_class
-from robust.friction.reading.levels import FrictionClass, require_si
+from robust.friction.reading.levels import require_si
 from robust.friction.units import position_unit_of
 from robust.io.models import CERTIFICATE_SCHEMAS, PathLike, load_bla, load_model
 from robust.lti.grids import structure_grid

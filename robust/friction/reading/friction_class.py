@@ -1,4 +1,4 @@
-"""A class of friction from measured levels: from their BLAs, or from their records."""
+"""A class of friction from measured levels: from their BLAs, from their records, or from what was identified."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from collections.abc import Iterable, Sequence
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import short_form
 from robust._base.channels import is_single
-from robust.friction.reading.identification import identify_friction
-from robust.friction.reading.levels import FrictionClass, class_from_blas
+from robust.friction.reading.assumed_class import FrictionClass, assume_class
+from robust.friction.reading.from_blas import read_blas
+from robust.friction.reading.from_fit import read_fit
+from robust.friction.reading.identification import FrictionFit, identify_friction
 
 
 def friction_class(
-    blas: Sequence[Bla] | Sequence[Record],
+    blas: Sequence[Bla] | Sequence[Record] | FrictionFit,
     *,
     nominal: object = None,
     stiction: float = 1.5,
@@ -22,7 +24,7 @@ def friction_class(
 ) -> FrictionClass:
     """Read machine and presliding stiffness at three levels or more, from BLAs or records, for `prove_friction`.
 
-    **Records** are read by `identify_friction`, and the class is its `assumed_class`. The delay is in it, and the
+    **Records** are read by `identify_friction`, whose result may be given in their place. The delay is in it, and the
     class uses the ends of intervals of 95 %. The axis is one rigid mass in the band, or a motor and a load.
 
     **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines, the last term an element
@@ -37,7 +39,7 @@ def friction_class(
 
     Parameters
     ----------
-    blas : sequence of Bla, or of Record
+    blas : sequence of Bla, or of Record, or FrictionFit
         From force [N] to position [m], of one machine, at levels from sticking to sliding. Records are at rest, and
         several periods of each show the noise.
     nominal : NominalFit, control.StateSpace or FrictionPlant, optional
@@ -83,6 +85,8 @@ def friction_class(
     >>> bool(2e6 < found.friction.K0 < 2.6e6)
     True
     """
+    if isinstance(blas, FrictionFit):
+        return assume_class(read_fit(blas), stiction=stiction, margin=margin)
     levels = list(blas) if isinstance(blas, Iterable) else [blas]
     records = [one for one in levels if isinstance(one, Record)]
     measured = [one for one in levels if isinstance(one, Bla) and is_single(one)]
@@ -98,10 +102,11 @@ def friction_class(
             raise ValueError("free must be left out with BLAs, which leave a spring to ground open, got True")
         if masses != 1:
             raise ValueError(f"masses must be 1 with BLAs, which take a nominal for a flexible machine, got {masses}")
-        return class_from_blas(measured, nominal=nominal, stiction=stiction, margin=margin)
+        return assume_class(read_blas(measured, nominal), stiction=stiction, margin=margin)
     if nominal is not None:
         raise ValueError(
             "nominal must be left out with Records, which are read as one mass or two, got one: give the BLAs, "
             "nlfrf.identify(record) of each"
         )
-    return identify_friction(records, free=free, masses=masses).assumed_class(stiction=stiction, margin=margin)
+    fit = identify_friction(records, free=free, masses=masses)
+    return assume_class(read_fit(fit), stiction=stiction, margin=margin)

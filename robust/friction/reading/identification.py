@@ -10,10 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import require_real, short_form
+from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
-from robust.friction.classes import AnyFriction, any_maxwell_slip
-from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.reading.balance import (
     COARSE,
     COARSE_CYCLE,
@@ -55,16 +53,9 @@ from robust.friction.reading.balance import (
     units_of,
     with_branches,
 )
-from robust.friction.reading.levels import (
-    ASSUMPTION_NOTE,
-    FEWEST_LINES,
-    FrictionClass,
-    require_one_position_unit,
-    require_si,
-)
+from robust.friction.reading.levels import require_levels
 from robust.friction.reading.load import start_with_load
-from robust.friction.reading.two_masses import read_two_masses
-from robust.friction.units import format_length, position_unit_of
+from robust.friction.units import format_length
 
 #: (steps per sample, shrinkage by noise) of fits that ought to give the same. What they differ by is in every interval:
 #: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
@@ -278,44 +269,6 @@ class FrictionFit(NumbersRead):
                 return question.description
         return ""
 
-    def assumed_class(self, *, stiction: float = 1.5, margin: float = 1.25) -> FrictionClass:
-        """Return machine and class for `prove_friction`: the least mass-spring-delay machine and every friction around.
-
-        Parameters
-        ----------
-        stiction : float
-            Largest over smallest force of a slider; the upper end of what was identified where that is more.
-        margin : float
-            Times K0: elements that slip below every level are not seen.
-
-        Raises
-        ------
-        ValueError
-            Levels that leave the machine or K0 open, with the first reason.
-        """
-        if self.reason:
-            raise ValueError(f"fit must leave neither machine nor K0 open, got: {self.reason}")
-        if require_real("margin", margin) < 1:
-            raise ValueError(f"margin must be at least 1, got {margin:g}")
-        n, low = len(self.levels), max(0.0, self.interval("stiffness")[0])
-        known = {"stiction": stiction, "margin": margin}
-        machine, friction, evidence = (
-            read_two_masses(self, low, **known) if self.load_mass else read_one_mass(self, low, **known)
-        )
-        return FrictionClass(
-            machine=machine,
-            friction=friction,
-            evidence=evidence,
-            mass=np.full(n, self.mass),
-            stiffness=np.array([level.stiffness for level in self.levels]) + self.stiffness,
-            damping=np.array([level.damping for level in self.levels]) + self.damping,
-            mass_std=self.stds["mass"],
-            stiffness_std=self.stds["stiffness"],
-            machines=(machine,),
-            stiffness_low=low,
-            misfit=np.array([level.unexplained for level in self.levels]),
-        )
-
     def __str__(self) -> str:
         elements = f"{self.element_stiffness.size} elements"
         if self.load_sliders is not None:
@@ -326,46 +279,6 @@ class FrictionFit(NumbersRead):
             f"{100 * max(level.unexplained for level in self.levels):.2g} % of the force unexplained"
         )
         return "\n".join([*format_numbers(self), last, *(f"Open: {question}" for question in self.questions)])
-
-
-def read_one_mass(
-    fit: FrictionFit, low: float, *, stiction: float, margin: float
-) -> tuple[FrictionPlant, AnyFriction, str]:
-    """Return machine and class of a fit of one mass, and what was identified and how surely, assumed, and not shown.
-
-    low : stiffness of the machine [N/m]. stiction, margin : as of `FrictionFit.assumed_class`.
-    """
-    stiction = max(stiction, fit.interval("stiction")[1]) if np.isfinite(fit.stds["stiction"]) else stiction
-    position_unit = position_unit_of(fit.units[1])
-    friction = any_maxwell_slip(
-        margin * fit.interval("K0")[1] + fit.stiffness - low, stiction, position_unit=position_unit
-    )
-    machine = replace(friction_plant(fit.mass, low, position_unit=position_unit), delay=max(0.0, fit.delay))
-    units, highest, lowest = friction.units, fit.levels[0], fit.levels[-1]
-    half = {name: HALF_WIDTH * fit.stds[name] for name in ("mass", "stiffness", "delay", "stiction")}
-    spring = f"k = {fit.interval('stiffness')[0] / 1e3:.4g} {units.stiffness} (lower end)"
-    if not fit.stds["stiffness"]:
-        spring = "no spring, as was assumed"
-    elif fit.interval("stiffness")[0] < 0:
-        spring = f"k = 0 (+- {half['stiffness'] / 1e3:.2g} {units.stiffness} were read)"
-    ratio = f"stiction {friction.stiction:.3g}"
-    if not np.isfinite(half["stiction"]):
-        ratio += ", which the levels do not show"
-    elif fit.interval("stiction")[1] < friction.stiction:
-        ratio += f", of which {fit.stiction:.3g} +- {half['stiction']:.1g} were read"
-    seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
-    if fit.stds["stiffness"]:
-        seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
-    evidence = (
-        f"Assumed, identified from {len(fit.levels)} records of {lowest.force:.3g} to {highest.force:.3g} "
-        f"{fit.units[0]} rms, by the balance of forces along the measured motion, in intervals of 95 % each: m = "
-        f"{fit.mass:.4g} +- {half['mass']:.1g} {units.mass}; {spring}; {1e3 * machine.delay:.3g} +- "
-        f"{1e3 * half['delay']:.1g} ms of delay (its lag taken for delay); c = 0; K0 = {friction.K0 / 1e3:.4g} "
-        f"{units.stiffness}, {margin:g} times the upper end, and what k was lowered by, given that no element "
-        f"{seen}; {ratio}; at most "
-        f"{100 * max(level.unexplained for level in fit.levels):.2g} % of the force unexplained. {ASSUMPTION_NOTE}"
-    )
-    return machine, friction, evidence
 
 
 #: Highest line, over the antiresonance of the load, of those on which two masses look like one.
@@ -724,13 +637,8 @@ def list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
     levels = list(records) if isinstance(records, Iterable) else records
     if not isinstance(levels, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in levels):
         raise ValueError(f"records must be a list of Records of one input and output, got {short_form(levels)}")
-    if len(levels) < 3:
-        raise ValueError(f"records must hold at least three levels, from sticking to sliding, got {len(levels)}")
-    require_one_position_unit("records", [record.y_unit for record in levels])
-    for record in levels:
-        require_si("records", f"{record.y_unit}/{record.u_unit}")
-        if record.lines.excited.size < FEWEST_LINES:
-            raise ValueError(f"records must have at least {FEWEST_LINES} lines, got {record.lines.excited.size}")
+    units = [(record.y_unit, record.u_unit) for record in levels]
+    require_levels("records", units, [record.lines.excited.size for record in levels])
     return sorted(levels, key=lambda record: -motion_of_record(record, 1).force)
 
 

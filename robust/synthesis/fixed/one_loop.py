@@ -28,7 +28,7 @@ from robust.analysis.performance import classical_margins
 from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
-from robust.friction.reading.levels import FrictionClass, machines_of
+from robust.friction.reading.assumed_class import FrictionClass, machines_of
 from robust.lti.lti import is_constant, one_sampling_time, require_sampling_time, response
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles

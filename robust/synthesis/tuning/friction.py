@@ -30,7 +30,7 @@ from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
-from robust.friction.reading.levels import FrictionClass, machines_of
+from robust.friction.reading.assumed_class import FrictionClass, machines_of
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 
@@ -92,7 +92,7 @@ class FrictionLimit:
     @property
     def machines(self) -> tuple[FrictionPlant, ...]:
         """Return the machines for which it is kept."""
-        return tuple(self.machine.machines) if isinstance(self.machine, FrictionClass) else (self.machine,)
+        return self.machine.machines if isinstance(self.machine, FrictionClass) else (self.machine,)
 
     def weighting(self, dt: float) -> None:
         """Return no system: its ratio is no gain of one."""

@@ -108,13 +108,12 @@ def test_a_plant_is_read():
 def test_a_class_of_friction_gives_the_mass_with_its_interval():
     known = robust.friction_plant(12.0, 0.0)
     friction = robust.friction.FrictionClass(
-        machine=known,
+        machines=(known,),
         friction=robust.friction.any_maxwell_slip(1e6),
         evidence="",
-        mass=np.array([12.0, 12.2, 11.8]),
-        stiffness=np.zeros(3),
-        damping=np.zeros(3),
+        mass=12.0,
         mass_std=0.1,
+        stiffness_low=0.0,
         stiffness_std=0.0,
     )
     assert feedforward(friction).mass == pytest.approx([11.7, 12.3])

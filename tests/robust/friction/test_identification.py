@@ -157,7 +157,7 @@ def test_the_picture_has_every_level_measured_and_fitted(motor):
 
 
 def test_the_class_of_a_fit_holds_the_machine(motor):
-    found = motor.assumed_class()
+    found = robust.friction.friction_class(motor)
     assert 2e6 < found.friction.K0 < 1.3 * 2e6
     assert found.friction.stiction == 1.5
     assert found.machine.delay == pytest.approx(0.55e-3, rel=0.01)
@@ -182,7 +182,7 @@ def test_what_the_levels_leave_open_is_said_with_its_number(rms, kind, words):
     if kind is robust.friction.Gap.LOWEST_LEVEL_SLIPS:
         assert np.isinf(fit.stds["K0"])
     with pytest.raises(ValueError, match="fit must leave neither machine nor K0 open, got: "):
-        fit.assumed_class()
+        robust.friction.friction_class(fit)
 
 
 def test_two_masses_are_no_one_mass():
@@ -231,7 +231,7 @@ def test_motor_and_load_are_told_apart(belt):
 
 
 def test_friction_at_two_masses_makes_a_class_at_each(belt):
-    axis, found = nlfrf.servo_axis("belt"), belt.assumed_class(stiction=1.3)
+    axis, found = nlfrf.servo_axis("belt"), robust.friction.friction_class(belt, stiction=1.3)
     for one, law in zip(found.friction.ports, (axis.motor_friction, axis.load_friction), strict=True):
         assert law.stiffness.sum() < one.K0 < 1.3 * law.stiffness.sum()
         assert law.stiction < one.stiction < 1.1 * max(1.3, law.stiction)
@@ -382,7 +382,7 @@ def test_a_load_far_above_the_band_makes_no_class(delay_periods, sign):
     assert np.isinf(fit.stds["mass"])
     assert "m: left open" in str(fit)
     with pytest.raises(ValueError, match=sign):
-        fit.assumed_class()
+        robust.friction.friction_class(fit)
 
 
 @pytest.mark.parametrize("name", list(IN_MOTION))

@@ -60,10 +60,10 @@ def test_a_margin_is_on_the_upper_end(records, found):
     """K0 = margin times the upper end, plus what k was lowered by."""
     fit = identify_once(records)
     for margin in (1.0, 2.0):
-        K0 = fit.assumed_class(margin=margin).friction.K0
+        K0 = robust.friction.friction_class(fit, margin=margin).friction.K0
         assert pytest.approx(margin * fit.interval("K0")[1] + fit.stiffness - found.stiffness_low) == K0
     with pytest.raises(ValueError, match=r"margin must be at least 1, got 0\.9"):
-        fit.assumed_class(margin=0.9)
+        robust.friction.friction_class(fit, margin=0.9)
 
 
 def test_an_axis_that_turns_is_read_in_its_own_units(records):

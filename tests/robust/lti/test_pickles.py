@@ -89,11 +89,10 @@ def values_of_robust():
     yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
     PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
     machine, slip = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.any_maxwell_slip(64e3)
-    levels = {"mass": np.ones(3), "stiffness": np.full(3, 80e3), "damping": np.zeros(3)}
-    known = {"mass_std": 0.01, "stiffness_std": 100.0, "evidence": "three levels"}
+    known = {"mass": 1.0, "mass_std": 0.01, "stiffness_low": 79e3, "stiffness_std": 100.0, "evidence": "three levels"}
     yield from (
         robust.prove_friction(machine, PD, slip),
-        robust.friction.FrictionClass(machine=machine, friction=slip, **levels, **known),
+        robust.friction.FrictionClass(machines=(machine,), friction=slip, **known),
     )
     yield robust.prove_friction(machine, 1e3, slip, Fs=1.0, saturation=20.0)
     yield robust.friction.friction_frequency_test(machine, PD, slip, mass=0.02, stiffness=800.0)

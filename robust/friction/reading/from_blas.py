@@ -1,0 +1,548 @@
+"""Machine and stiffness of the friction, read from BLAs at several levels; what the levels do not give is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from nlfrf import Bla
+from nlfrf._base.values import value
+from robust.friction.nominal import error_of_nominal, machines_of_nominal
+from robust.friction.plant import FrictionPlant, friction_plant, with_port_impedance
+from robust.friction.reading.assumed_class import MachineRead
+from robust.friction.reading.levels import require_levels, weighted_mean
+from robust.friction.units import MechanicalUnits, mechanical_units
+from robust.lti.sampling import hold_correction
+
+# ---- Fit of one measured level: spring, mass and damper of a machine whose friction partly slips, with a misfit test.
+#
+# The reaction at the friction port, force over displacement, is the N that explains a level around a machine: a
+# nominal, or one free mass, around which it is 1/G but for that mass. It is fitted over all lines by
+#
+#     H(w) = k - m w^2 + j c w + a j w/(j w + b),    a >= 0,  b inside the band,
+#
+# weighted by the variance of every line. The last term is an element that slips: the motion at the resonance lets it
+# slip, so that it is a damper far below b and a spring a far above. Without it a level that slips misses its lines by
+# several times their scatter, and the mass by 2 % and more (Maxwell slip of 64 kN/m on 80 kN/m).
+#
+# Two stiffnesses come out. The one without the last term is k_eq, that of the whole friction at this amplitude. k with
+# that term is what is left below the rate at which elements slip: what slips is not in it, what sticks is.
+
+#: Half-width of every interval, in standard deviations.
+SIGMAS = 3.0
+#: Error of a linear model relative to |G| that no refusal is made of (calibration, finite steps of a simulation).
+#: Without noise and distortion the variances are at rounding, where every model misses them.
+MODEL_ERROR = 0.01
+#: Chance that the misfit test refuses a level that the model explains.
+FALSE_ALARM = 1e-3
+#: Rates b that are tried, per level. Twice as many move the bounds of k by less than 1 % of the fitted standard
+#: deviation (the six frictions of benchmarks/read_class.py).
+N_RATES = 40
+#: Gauss-Newton steps for the delay.
+DELAY_STEPS = 8
+
+
+@value
+class Reaction:
+    """Reaction at the friction port over the lines of a level.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        [rad/s].
+    H, std : (W,) ndarray
+        Force over displacement [N/m], and its standard deviation, the model error included.
+    gain : (W,) ndarray
+        How much H changes [N/m] where G changes by its own size.
+    delayed : callable
+        H for a measured FRF that is less delayed by tau [s], and its derivative by tau.
+    dof : (W,) ndarray
+        Complex degrees of freedom behind the variance of each line.
+    """
+
+    omega: np.ndarray
+    H: np.ndarray
+    std: np.ndarray
+    gain: np.ndarray
+    delayed: Callable[[float], tuple[np.ndarray, np.ndarray]]
+    dof: np.ndarray
+
+
+@value
+class LevelFit:
+    """What one level gives.
+
+    Fields
+    ------
+    force : float
+        Rms of the force [N].
+    stiffness, stiffness_std : float
+        k_eq of the fit without the slipping element, and its standard deviation [N/m].
+    mass, mass_std : float
+        [kg], from the fit with the slipping element, that of the machine at its port included.
+    slow : float
+        k [N/m] of the fit with the slipping element.
+    slow_low, slow_high : float
+        Its profile-likelihood interval of `SIGMAS` standard deviations [N/m].
+    misfit, misfit_limit : float
+        Mean square misfit over the variance of the lines with the slipping element, and where it is refused.
+    slips_below : float
+        Lowest line [Hz] where the element slips more slowly than it, so that most of it is read as k; else nan.
+    delay, delay_std : float
+        Delay [s] that is in the data beyond the model, and its standard deviation.
+    misfit_without_delay : float
+        The misfit once that delay is taken off.
+    softening, softening_std : float
+        Coefficient of -w^4 [N s^4/m] that a fit with this term asks for, and its standard deviation: a load on a spring
+        of antiresonance w_a far above the band adds m_load/w_a^2 to it.
+    """
+
+    force: float
+    stiffness: float
+    stiffness_std: float
+    mass: float
+    mass_std: float
+    slow: float
+    slow_low: float
+    slow_high: float
+    misfit: float
+    misfit_limit: float
+    slips_below: float
+    delay: float
+    delay_std: float
+    misfit_without_delay: float
+    softening: float
+    softening_std: float
+
+
+@value
+class Solution:
+    """Weighted least squares: parameters, covariance, weighted residuals, and the rate of the slipping element."""
+
+    found: np.ndarray
+    covariance: np.ndarray
+    chi: float
+    residual: np.ndarray
+    rate: float
+
+
+def reaction_around(bla: Bla, machine: FrictionPlant, error: np.ndarray | float) -> Reaction:
+    """The friction N at the port of a machine: G = G_ym - G_yp N G_xm/(1 + N G_xp), times its delay, solved for N.
+
+    error : (W,) standard deviation of the machine's own response, relative to it.
+    """
+    omega = bla.omega
+    ym, yp, xm, xp = port_responses(machine, omega)
+
+    def delayed(tau: float) -> tuple[np.ndarray, np.ndarray]:
+        G = bla.G * np.exp(1j * omega * (machine.delay + tau))
+        away = ym - G
+        below = yp * xm - away * xp
+        return away / below, -yp * xm / below**2 * 1j * omega * G
+
+    H, slope = delayed(0.0)
+    gain = np.abs(slope) / omega
+    # an error of G_ym alone moves N by 1/(G_yp G_xm) where force, sensor and port are one, and about so elsewhere
+    std = np.hypot(relative_std(bla) * gain, error * np.abs(ym / (yp * xm)))
+    return Reaction(omega=omega, H=H, std=std, gain=gain, delayed=delayed, dof=bla.dof)
+
+
+def free_mass(bla: Bla) -> FrictionPlant:
+    """Return the mass that the highest line shows without spring and friction, the machine where none was given."""
+    return friction_plant(float(1 / (bla.omega[-1] ** 2 * np.abs(bla.G[-1]))), 0.0)
+
+
+def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(W,) each: measured over force, measured over port force, port displacement over force, over port force."""
+    n = machine.A.shape[0]
+    pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A
+    push = np.broadcast_to(np.column_stack([machine.B_force, machine.B_port]).astype(complex), (omega.size, n, 2))
+    moved = np.linalg.solve(pencil, push)
+    matrices = np.vstack([machine.C_measured, machine.C_port]) @ moved
+    return matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]
+
+
+def relative_std(bla: Bla) -> np.ndarray:
+    """Return (W,) standard deviation of G relative to |G|, with the error that a linear model may have."""
+    return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + MODEL_ERROR**2))
+
+
+def port_mass(machine: FrictionPlant) -> float:
+    """Return the mass [kg] that a force at the friction port accelerates at once."""
+    return 1 / float(machine.velocity @ machine.B_port)
+
+
+def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0) -> LevelFit:
+    """Fit what a machine leaves of one level, with and without a slipping element; test it for misfit and delay.
+
+    error : (W,) standard deviation of the machine's own response, relative to it.
+    """
+    reaction = reaction_around(bla, machine, error)
+    omega, H, std = reaction.omega, reaction.H, reaction.std
+    plain = least_squares(regressors(omega, np.nan), H, std=std, rate=np.nan)
+    slipping = (
+        least_squares(regressors(omega, b), H, std=std, rate=b) for b in np.geomspace(omega[0], omega[-1], N_RATES)
+    )
+    solutions = [plain, *(one for one in slipping if one.found[3] >= 0)]
+    best = min(solutions, key=lambda one: one.chi)
+    free = 2 * reaction.omega.size - 5
+    misfit = best.chi / free
+    spread = variance_inflation(best, misfit)
+    tau, tau_std, left = fit_delay(reaction, best)
+    softening, softening_std = fit_softening(reaction, best)
+    slow_low, slow_high = profile_interval(solutions, 0, least=best.chi, spread=spread)
+    too_slow = best.rate <= reaction.omega[0] and plain.chi - best.chi > SIGMAS**2 * spread
+    return LevelFit(
+        force=float(np.sqrt((np.abs(bla.levels.excited / bla.G) ** 2).sum(axis=1).mean() / 2)),
+        stiffness=float(plain.found[0]),
+        stiffness_std=float(np.sqrt(plain.covariance[0, 0] * variance_inflation(plain, plain.chi / (free + 2)))),
+        mass=port_mass(machine) + float(best.found[1]),
+        mass_std=float(np.sqrt(best.covariance[1, 1] * spread)),
+        slow=float(best.found[0]),
+        slow_low=slow_low,
+        slow_high=slow_high,
+        misfit=misfit,
+        misfit_limit=misfit_limit(reaction.dof, free),
+        slips_below=float(bla.f[0]) if too_slow else np.nan,
+        delay=tau,
+        delay_std=tau_std,
+        misfit_without_delay=left,
+        softening=softening,
+        softening_std=softening_std,
+    )
+
+
+def regressors(omega: np.ndarray, rate: float) -> np.ndarray:
+    """Return the (W, 3 or 4) columns of k, m, c, and of a where the slipping element has a rate."""
+    columns = [np.ones(omega.size), -(omega**2), 1j * omega]
+    if np.isfinite(rate):
+        columns.append(1j * omega / (1j * omega + rate))
+    return np.column_stack(columns)
+
+
+def least_squares(columns: np.ndarray, wanted: np.ndarray, *, std: np.ndarray, rate: float) -> Solution:
+    """Real parameters of complex columns, by QR of the columns scaled to unit length."""
+    table = np.vstack([(columns / std[:, None]).real, (columns / std[:, None]).imag])
+    target = np.concatenate([(wanted / std).real, (wanted / std).imag])
+    unit = np.linalg.norm(table, axis=0)
+    unit[unit == 0] = 1.0
+    Q, R = np.linalg.qr(table / unit)
+    inverse = np.linalg.pinv(R)
+    found = inverse @ (Q.T @ target)
+    left = target - table / unit @ found
+    n = wanted.size
+    return Solution(
+        found=found / unit,
+        covariance=inverse @ inverse.T / np.outer(unit, unit),
+        chi=float(left @ left),
+        residual=left[:n] + 1j * left[n:],
+        rate=rate,
+    )
+
+
+def variance_inflation(solution: Solution, misfit: float) -> float:
+    """Factor on the variances of a fit: its misfit above one, and neighbouring residuals that are alike.
+
+    Distortion of random phases is independent from line to line. Residuals with a correlation r between neighbours are
+    a smooth error of the model, and count as (1 - r)/(1 + r) times as many lines.
+    """
+    r = solution.residual
+    power = float((np.abs(r) ** 2).sum())
+    autocorrelation = float((r[1:] * r[:-1].conj()).real.sum()) / power if power > 0 else 0.0
+    autocorrelation = float(np.clip(autocorrelation, 0.0, 0.99))
+    return max(1.0, misfit) * (1 + autocorrelation) / (1 - autocorrelation)
+
+
+def profile_interval(solutions: list[Solution], i: int, *, least: float, spread: float) -> tuple[float, float]:
+    """Profile-likelihood interval of parameter i over all rates of the slipping element."""
+    low, high = np.inf, -np.inf
+    for one in solutions:
+        allowance = SIGMAS**2 * spread - (one.chi - least)
+        if allowance >= 0:
+            reach = float(np.sqrt(one.covariance[i, i] * allowance))
+            low, high = min(low, one.found[i] - reach), max(high, one.found[i] + reach)
+    return float(low), float(high)
+
+
+def misfit_limit(dof: np.ndarray, free: int) -> float:
+    """Misfit that lines of a right model exceed with the chance `FALSE_ALARM`.
+
+    A squared residual over a variance of L complex degrees of freedom is F(2, 2 L), of mean L/(L - 1). The windows
+    behind the variances overlap, so that each line brings at most one degree of freedom of its own to their mean.
+    """
+    worth = np.clip(dof, 2.0, 1e9)
+    mean = float(np.mean(worth / (worth - 1)))
+    return mean * float(f_distribution.ppf(1 - FALSE_ALARM, free, 2 * np.minimum(worth, 1.0).sum()))
+
+
+def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
+    """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
+    tau = 0.0
+    for _ in range(DELAY_STEPS):
+        H, slope = reaction.delayed(tau)
+        step, std, misfit = fit_one_more(replace(reaction, H=H), best, -slope, size=reaction.gain * reaction.omega)
+        tau += step
+    return tau, std, misfit
+
+
+def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
+    """Coefficient of -w^4 [N s^4/m] and its standard deviation: the first sign of a mode above the band.
+
+    One term is tested with far more power than the misfit as a whole, which a mode at twice the highest line does not
+    raise by 1 % where that line has a few per cent of noise.
+    """
+    return fit_one_more(reaction, best, -(reaction.omega**4), size=reaction.omega**4)[:2]
+
+
+def fit_one_more(
+    reaction: Reaction, best: Solution, column: np.ndarray, *, size: np.ndarray
+) -> tuple[float, float, float]:
+    """Return amount, standard deviation and misfit of one more term with this column (W,); size : of the term.
+
+    The model error may be alike on all lines, and is then no less for their number.
+    """
+    columns = np.column_stack([regressors(reaction.omega, best.rate), column])
+    solution = least_squares(columns, reaction.H, std=reaction.std, rate=best.rate)
+    misfit = solution.chi / (2 * reaction.omega.size - columns.shape[1] - 1)
+    variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
+    precision = np.abs(size / reaction.std) ** 2
+    variance += MODEL_ERROR**2 * float((precision @ np.abs(reaction.gain / size) ** 2) / precision.sum())
+    return float(solution.found[-1]), float(np.sqrt(variance)), misfit
+
+
+#: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
+#: rest may add to the lowest. Friction that slides loses at least the power 3/2 of its stiffness in amplitude: two
+#: levels that slide fail one of the two conditions, whatever their ratio.
+STIFFNESS_AGREEMENT = 0.2
+
+
+@value
+class Model:
+    """What the levels are read around.
+
+    Fields
+    ------
+    machines : tuple of FrictionPlant
+        The machine with each damping that is to be proved; the levels are read around the last.
+    error : (L, W) list of ndarray
+        Standard deviation of its response at the lines of each level, relative to it.
+    least : float
+        Least stiffness that may be added to it [N/m].
+    name, order, cure : str
+        What it is, with what friction it explains a level, and what else to read around.
+    description : str
+        What is said of it in the evidence.
+    """
+
+    machines: tuple[FrictionPlant, ...]
+    error: list[np.ndarray]
+    least: float
+    name: str
+    order: str
+    cure: str
+    description: str
+
+
+def model_of(blas: list[Bla], nominal: object) -> Model:
+    """Return the nominal as a machine, or one free mass where none was given."""
+    if nominal is None:
+        return Model(
+            machines=(free_mass(blas[0]),),
+            error=[np.zeros(bla.f.size) for bla in blas],
+            least=0.0,
+            name="one mass",
+            order="one mass on a spring",
+            cure="Give a nominal: fit_nominal(blas[0], n_poles=4, n_zeros=2)",
+            description="",
+        )
+    machines, description = machines_of_nominal(nominal)
+    return Model(
+        machines=machines,
+        error=[error_of_nominal(nominal, bla.omega) for bla in blas],
+        least=-np.inf,
+        name="the nominal",
+        order="the nominal and a friction at its port",
+        cure="Give a nominal of higher order, or fitted at the lowest level, where the friction is a spring",
+        description=description,
+    )
+
+
+def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
+    """Read machine and presliding stiffness from the BLAs of three levels or more; see `friction_class`."""
+    own = getattr(nominal, "position_unit", "")
+    position_unit = require_levels(
+        "blas", [(bla.y_unit or own, bla.u_unit) for bla in blas], [bla.f.size for bla in blas]
+    )
+    if not all(np.isfinite(bla.levels.excited).all() for bla in blas):
+        raise ValueError(
+            "blas must know the amplitude of the output, which an FRF from elsewhere (nlfrf.bla_from_frf) does "
+            "not: take BLAs that nlfrf.identify made of records"
+        )
+    units = mechanical_units(position_unit)
+    holds = [hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=0.0) for bla in blas]
+    blas = [bla.times(one, output_unit=bla.output_units) for bla, one in zip(blas, holds, strict=True)]
+    model, fits = fit_around(blas, model_of(blas, nominal))
+    fits.sort(key=lambda fit: -fit.force)
+    mass, mass_std = read_mass(fits, model, units)
+    low, rest, fell = read_stiffness(fits, model, units)
+    top, kilo = fits[0], units.stiffness
+    if nominal is None:
+        machines: tuple[FrictionPlant, ...] = (friction_plant(mass, low, position_unit=position_unit),)
+    else:
+        added = [mass - port_mass(model.machines[-1])] * len(model.machines)
+        machines = tuple(
+            replace(with_port_impedance(one, low, more), position_unit=position_unit)
+            for one, more in zip(model.machines, added, strict=True)
+        )
+    lowest, highest = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
+    fallen = f" and {fell / 1e3:.2g} {kilo}, what it fell by when the force doubled," if fell else ""
+    widened = f"{SIGMAS:g} standard deviations{fallen} below the {top.slow / 1e3:.4g} {kilo} of the highest level"
+    around, where, damping = "", "", f", c = 0 {units.damping}"
+    if model.description:
+        around, where, damping = f"around {model.description}; at the friction port ", " beside it", ""
+    return MachineRead(
+        machines=machines,
+        mass=mass,
+        mass_std=mass_std,
+        stiffness=top.slow,
+        stiffness_low=low,
+        stiffness_std=top.stiffness_std,
+        K0=np.array([rest - top.slow]),
+        stiction=np.array([np.nan]),
+        source=f"read from {len(fits)} levels from {lowest:.3g} to {highest:.4g} Hz (a mode beyond is not in it)",
+        description=(
+            f"{around}m = {mass:.4g} +- {mass_std:.1g} {units.mass} (one standard deviation), k = {low / 1e3:.4g} "
+            f"{kilo}{where} ({widened}){damping}"
+        ),
+        K0_note=(
+            f"what is between the highest level and {rest / 1e3:.4g} {kilo} at rest, and what is below it down to k"
+        ),
+        stiction_note="",
+        misfit=f"misfit at most {max(fit.misfit for fit in fits):.2g} times the variance of the lines",
+    )
+
+
+def fit_around(blas: list[Bla], model: Model) -> tuple[Model, list[LevelFit]]:
+    """Fit what a machine leaves of every level; return it with the delay that all levels show, and the fits."""
+
+    def fitted(machine: FrictionPlant) -> list[LevelFit]:
+        return [fit_level(bla, machine, error) for bla, error in zip(blas, model.error, strict=True)]
+
+    fits, known = fitted(model.machines[-1]), model.machines[-1].delay
+    if not known:
+        return model, fits
+    # a delay that was estimated where friction slips has taken some of its phase: all levels together know better
+    tau = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])[0]
+    machines = tuple(replace(one, delay=max(0.0, known + tau)) for one in model.machines)
+    description = f"{model.description}, with {1e3 * machines[-1].delay:.4g} ms of delay"
+    return replace(model, machines=machines, description=description), fitted(machines[-1])
+
+
+def read_stiffness(fits: list[LevelFit], model: Model, units: MechanicalUnits) -> tuple[float, float, float]:
+    """Return the least stiffness at the highest level, the largest at rest [N/m], and what it fell by an octave.
+
+    The highest level comes first; what the levels do not give is refused.
+    """
+    top, lowest = fits[0], fits[-1]
+    second = next((fit for fit in fits if fit.force <= top.force / 2), lowest)
+    fell = max(0.0, second.slow - top.slow) / max(1.0, float(np.log2(top.force / second.force)))
+    low = max(model.least, top.slow_low - fell)
+    lost = lowest.stiffness - top.slow
+    if not lost > SIGMAS * np.hypot(lowest.stiffness_std, (top.slow_high - top.slow) / SIGMAS):
+        raise ValueError(
+            f"blas must span from sticking to sliding, got stiffnesses from {top.stiffness / 1e3:.4g} to "
+            f"{lowest.stiffness / 1e3:.4g} {units.stiffness}"
+        )
+    if np.isfinite(top.slips_below):
+        raise ValueError(
+            "blas must reach so high that the friction slides: at the highest level it slips more slowly than the "
+            f"lowest line, {top.slips_below:.3g} Hz, so that it is read as a spring of the machine. Measure at a "
+            "higher level, or from a lower frequency on"
+        )
+    if top.slow - low > lost:
+        raise ValueError(
+            f"blas must reach so high that the friction slides: at the highest level the stiffness of the machine is "
+            f"known to {(top.slow - low) / 1e3:.4g} {units.stiffness} only, as much as was lost to it "
+            f"({lost / 1e3:.4g} {units.stiffness}). "
+            "Measure at a higher level, or for longer"
+        )
+    return low, stiffness_at_rest(fits, lost, units=units), fell
+
+
+def read_mass(fits: list[LevelFit], model: Model, units: MechanicalUnits) -> tuple[float, float]:
+    """Return mass and its standard deviation [kg]; refuse a turned sign, a delay, and levels that no model explains."""
+    if all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
+        raise ValueError(
+            f"blas must be from force to position, got a mass of {fits[0].mass:.3g} {units.mass}: the output "
+            "falls when the input rises. Turn the sign of the sensor"
+        )
+    tau, tau_std = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])
+    worst = max(fits, key=lambda fit: fit.misfit / fit.misfit_limit)
+    explained = all(fit.misfit_without_delay <= fit.misfit_limit for fit in fits)
+    # a lead is not refused: elements of several rates read as up to 0.04 ms of it (benchmarks/read_class.py, seed 0)
+    if tau > SIGMAS * tau_std and (explained or worst.misfit <= worst.misfit_limit):
+        raise ValueError(
+            f"blas must have no other delay than {model.name}, got {1e3 * tau:.3g} +- {1e3 * tau_std:.1g} ms more: it "
+            "would be missing in the loop, or be read as softness. Give a nominal with it: "
+            'fit_nominal(blas[0], n_poles=2, n_zeros=0, delay="estimate")'
+        )
+    softening, softening_std = weighted_mean([fit.softening for fit in fits], [fit.softening_std for fit in fits])
+    if softening > SIGMAS * softening_std and worst.misfit <= worst.misfit_limit:
+        raise ValueError(
+            f"blas must show no mode beyond {model.name}, got a reaction that softens with -w^4 by {softening:.2g} +- "
+            f"{softening_std:.1g} {units.force} s^4/{units.position}, as below a mode above the band: it would be "
+            "missing in the loop. Measure up to it, and give a nominal with it"
+        )
+    if worst.misfit > worst.misfit_limit:
+        raise ValueError(
+            f"blas must be of {model.order}: a level misses this model by {worst.misfit:.3g} times the variance of its "
+            f"lines ({worst.misfit_limit:.3g} is chance), so that neither its mass nor its stiffness is right. "
+            f"{model.cure}"
+        )
+    return weighted_mean([fit.mass for fit in fits], [fit.mass_std for fit in fits])
+
+
+def highest_level(blas: Sequence[Bla]) -> int:
+    """Return the BLA whose friction slips most: it adds no stiffness there, and the least damping.
+
+    Gains at the lowest line within 5 % of each other count as equal, because levels that all slip differ by chance.
+    """
+    gains = [abs(bla.G[0]) for bla in blas]
+    return max(range(len(blas)), key=lambda k: (gains[k] > 0.95 * max(gains), np.abs(blas[k].G).max()))
+
+
+def stiffness_at_rest(fits: list[LevelFit], lost: float, *, units: MechanicalUnits) -> float:
+    """Stiffness [N/m] at vanishing motion, extrapolated from the lowest level and the one that tells most with it.
+
+    A virgin curve with a second derivative at rest loses stiffness in proportion to the amplitude: the loss from rest
+    to the lowest level is the loss between two levels over their ratio less one. Smoother curves lose less. The
+    ratio is that of the forces: at a sharp resonance the displacement hardly grows once elements slip.
+    """
+    lowest = fits[-1]
+    allowed, extrapolations = STIFFNESS_AGREEMENT * lost, []
+    for other in fits[-2::-1]:
+        difference = max(0.0, lowest.stiffness - other.stiffness)
+        spread = SIGMAS * float(np.hypot(lowest.stiffness_std, other.stiffness_std))
+        ratio = other.force / lowest.force
+        added = (difference + spread) / (ratio - 1) if ratio > 1 else np.inf
+        extrapolations.append((added if difference <= allowed else np.inf, added, difference, spread, ratio, other))
+    added = min(one[0] for one in extrapolations)
+    if added <= allowed:
+        return lowest.stiffness + SIGMAS * lowest.stiffness_std + added
+    _, added, difference, spread, ratio, other = extrapolations[0]
+    if difference > allowed:
+        raise ValueError(
+            f"blas must reach so low that the stiffness no longer rises: it is {other.stiffness / 1e3:.4g} and "
+            f"{lowest.stiffness / 1e3:.4g} {units.stiffness} at the two lowest levels, "
+            f"{100 * difference / lost:.3g} % of what the friction adds, more than {100 * STIFFNESS_AGREEMENT:g} %. "
+            "Measure at a lower level"
+        )
+    raise ValueError(
+        f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g} times the force the "
+        f"stiffness falls by {difference / 1e3:.3g} +- {spread / SIGMAS / 1e3:.1g} {units.stiffness}, so that "
+        f"it may be {added / 1e3:.3g} {units.stiffness} more at rest, over {100 * STIFFNESS_AGREEMENT:g} % of what the "
+        "friction adds. Measure at a third of the lowest level"
+    )
