@@ -14,9 +14,9 @@ from . import shaping as shaping
 from . import synthesis as synthesis
 from . import tuning as tuning
 from ._base.warnings import DesignWarning as DesignWarning
-from .analysis.performance import step_response as step_response
 from .analysis.report import RobustnessReport as RobustnessReport
 from .analysis.robustness import check as check
+from .analysis.worst_plant import step_response as step_response
 from .analysis.worst_plant import worst_case as worst_case
 from .friction.plant import friction_plant as friction_plant
 from .friction.proof.prove import prove_friction as prove_friction

@@ -30,7 +30,14 @@ from nlfrf._base.command import (
     run_command,
     spinner,
 )
-from nlfrf._base.files import LOAD_OPTIONS, command_signature, require_file_of, require_writable, write_text
+from nlfrf._base.files import (
+    LOAD_OPTIONS,
+    command_signature,
+    json_path,
+    require_file_of,
+    require_writable,
+    write_text,
+)
 from robust._base.states import FrictionVerdict
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
@@ -73,7 +80,7 @@ OPTIONS = LOAD_OPTIONS | {
 drive_app = Commands(help="Gains of a drive, checked against traces of its axis.", no_args_is_help=True)
 app.add_typer(drive_app, name="drive")
 PADE_ORDER = 4  # of a computation delay in a continuous loop that is designed
-Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+Out = Annotated[Path, typer.Option("--out", "-o", help="File to write (.json).")]
 Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; that of the controller file when not given.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
 #: What acts on a loop, from which the level is predicted at which it moves the machine.
@@ -152,6 +159,7 @@ def model(
     picture: Picture = None,
 ) -> None:
     """Fit a nominal model to a measured BLA or FRF and put a weight over what it leaves open."""
+    json_path(out)
     blas = from_options.load_blas(bla, relative_std=relative_std, n_averages=averages, channel=channel)
     tau = delay if delay in (None, "estimate") else parse_number("delay", delay)
     with spinner("fitting the nominal model"):
@@ -218,6 +226,7 @@ def design(
 
     Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
     """
+    json_path(out)
     require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
     from_options.require_delay(delay, sample_time)

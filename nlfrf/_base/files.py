@@ -379,9 +379,19 @@ def to_path(path: object) -> Path:
 
 def page_path(path: str | os.PathLike[str]) -> Path:
     """Return the path of a page, or a refusal where it ends otherwise."""
+    return path_ending_in(path, ".html", ".htm")
+
+
+def json_path(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a JSON file, which `load` knows by its suffix, or a refusal where it ends otherwise."""
+    return path_ending_in(path, ".json")
+
+
+def path_ending_in(path: str | os.PathLike[str], *suffixes: str) -> Path:
+    """Return a path with one of these suffixes, or a refusal that names the first."""
     path = to_path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"path must end in .html, got {path.name!r}")
+    if path.suffix.lower() not in suffixes:
+        raise ValueError(f"path must end in {suffixes[0]}, got {path.name!r}")
     return path
 
 
@@ -501,6 +511,11 @@ def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAM
         temporary.write_text(text, encoding="utf-8")
 
     write_atomically(path, write, role=role)
+
+
+def write_json(content: Mapping[str, object], path: str | os.PathLike[str]) -> None:
+    """Write a JSON file, whole or not at all."""
+    write_text(json_path(path), json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 # ---- JSON from a file, strictly: finite numbers, no key twice, and held against a JSON schema.

@@ -218,6 +218,8 @@ def value_in(file: Channels) -> StoredValue:
     if schema == MULTIRECORD_SCHEMA:
         return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
-        raise ValueError(describe_wrong_file(file.path, schema or None, *FILE_KINDS))
+        design = to_path(file.path).with_suffix(".npz")
+        played = f"; what was played may have its design in {design.name}" if not schema and design.is_file() else ""
+        raise ValueError(describe_wrong_file(file.path, schema or None, *FILE_KINDS) + played)
     kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
     return value_from_file(kinds, file)

@@ -21,7 +21,6 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import evaluate_transfer, is_constant, is_stable, response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delayed, sampled
-from robust.models.sets.model import UncertaintyModel
 
 REAL_TOLERANCE = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
 
@@ -304,6 +303,8 @@ class StepResponse:
         From when on y stays within 2 % of `final` [s]; nan where it does not within the horizon.
     reference : int
         Of several outputs the one whose reference steps, from 0.
+    worst : StepResponse or None
+        Of a set: with its plant that has the largest |S|; None where a plant of the set makes the loop unstable.
 
     References
     ----------
@@ -324,6 +325,7 @@ class StepResponse:
     rise_time: float
     settling_time: float
     reference: int = 0
+    worst: StepResponse | None = None
 
     def __str__(self) -> str:
         settled = (
@@ -331,56 +333,22 @@ class StepResponse:
             if np.isfinite(self.settling_time)
             else f"not within {100 * SETTLING_BAND:g} % after {self.t[-1]:.3g} s"
         )
-        return (
+        own = (
             f"goes to {self.final:.4g}, 10 to 90 % in {self.rise_time:.3g} s, overshoot {100 * self.overshoot:.1f} %, "
             f"{settled}"
         )
+        return own if self.worst is None else f"nominal plant: {own}\nworst plant: {self.worst}"
 
 
-def step_response(
-    plant: LinearSystem | UncertaintyModel,
+def step_of_plant(
+    plant: LinearSystem,
     K: Controller,
     *,
     delay: float = 0.0,
     duration: float | None = None,
     reference: int = 0,
 ) -> StepResponse:
-    """Simulate a step of one reference through the loop u = K (r - y), of one or several inputs and outputs.
-
-    Parameters
-    ----------
-    plant : control.StateSpace or TransferFunction
-        The nominal plant of a model, or the worst one (`worst_case(...).plant`).
-    K : control.StateSpace, TransferFunction or float
-        Controller. A sampled one sees a continuous plant behind its hold, at the sampling instants, exactly; the delay
-        of a continuous loop is a Padé approximation of order 8.
-    delay : float
-        Computation delay [s].
-    duration : float, optional
-        Horizon [s]; until y has settled when not given.
-    reference : int
-        Of several outputs the one whose reference steps, from 0; the numbers are those of this output.
-
-    Returns
-    -------
-    StepResponse
-
-    Raises
-    ------
-    ValueError
-        A loop that is not stable, a negative delay, parts that do not fit each other.
-
-    References
-    ----------
-    SP 2.4.1.
-
-    Examples
-    --------
-    >>> step = step_response(control.tf([1], [1, 0.6, 1]), control.tf([0], [1]) + 1)     # zeta 0.3/sqrt(2), omega^2 2
-    >>> zeta = 0.3 / np.sqrt(2)
-    >>> bool(abs(step.overshoot - np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))) < 1e-3)
-    True
-    """
+    """Simulate a step of one reference through the loop of one plant; see `step_response`."""
     G, K = multivariable("plant", plant), multivariable("K", K)
     delay, j = require_nonnegative("delay", delay), require_integer("reference", reference, least=0)
     n_y = G.noutputs

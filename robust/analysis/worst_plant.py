@@ -6,12 +6,16 @@ any phase at one frequency and have gain one at all others, so the plant made of
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import control
 import numpy as np
 
 from nlfrf._base.arguments import format_hertz, require_real, short_form
 from nlfrf._base.values import value
-from robust._base.types import Controller, Weight
+from robust._base.types import Controller, LinearSystem, Weight
+from robust._base.warnings import DesignWarning
 from robust.analysis.aliases import worst_alias_phases
 from robust.analysis.loop import (
     Loop,
@@ -22,6 +26,7 @@ from robust.analysis.loop import (
     plant_in_loop,
 )
 from robust.analysis.loop_of_channels import largest_gains, performance_loop
+from robust.analysis.performance import StepResponse, step_of_plant
 from robust.analysis.sampled_set import set_on_controller_time_base
 from robust.lti.connections import block_diagonal, in_series, upper_lft, worst_perturbation
 from robust.lti.grids import structure_grid
@@ -170,6 +175,72 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
         # a perturbation that was made to put a pole on the boundary does, whatever side rounding leaves it on
         stable=peak_b < 1 and is_stable_with(plant, seen, loop),
     )
+
+
+def step_response(
+    plant: LinearSystem | UncertaintyModel,
+    K: Controller,
+    *,
+    delay: float = 0.0,
+    duration: float | None = None,
+    reference: int = 0,
+) -> StepResponse:
+    """Simulate a step of one reference through the loop u = K (r - y), of a plant, or of a set with its worst plant.
+
+    Parameters
+    ----------
+    plant : control.StateSpace, TransferFunction or UncertaintyModel
+        One plant; of a model its nominal, and in `worst` the plant of the set with the largest |S| (`worst_case`).
+    K : control.StateSpace, TransferFunction or float
+        Controller. A sampled one sees a continuous plant behind its hold, at the sampling instants, exactly; the delay
+        of a continuous loop is a Padé approximation of order 8.
+    delay : float
+        Computation delay [s].
+    duration : float, optional
+        Horizon [s]; until y has settled when not given.
+    reference : int
+        Of several outputs the one whose reference steps, from 0; the numbers are those of this output.
+
+    Returns
+    -------
+    StepResponse
+
+    Raises
+    ------
+    ValueError
+        A loop that is not stable, a negative delay, parts that do not fit each other.
+
+    Warns
+    -----
+    DesignWarning
+        A plant of the set with which the loop is not stable: the step is that of the nominal alone.
+
+    References
+    ----------
+    SP 2.4.1.
+
+    Examples
+    --------
+    >>> step = step_response(control.tf([1], [1, 0.6, 1]), control.tf([0], [1]) + 1)     # zeta 0.3/sqrt(2), omega^2 2
+    >>> zeta = 0.3 / np.sqrt(2)
+    >>> bool(abs(step.overshoot - np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))) < 1e-3)
+    True
+    """
+    if not isinstance(plant, UncertaintyModel):
+        return step_of_plant(plant, K, delay=delay, duration=duration, reference=reference)
+    worst = worst_case(plant, K, delay=delay)
+    step = step_of_plant(plant.nominal, K, delay=delay, duration=duration, reference=reference)
+    if not worst.stable:
+        warnings.warn(
+            f"a plant of the set makes the loop unstable, at {format_hertz(worst.omega_worst)}: what is given is the "
+            "step with the nominal plant alone",
+            DesignWarning,
+            stacklevel=2,
+        )
+        return step
+    # a worst plant that was sampled for the controller has the delay in it
+    left = delay if timebase(worst.plant) == timebase(plant.nominal) else 0.0
+    return replace(step, worst=step_of_plant(worst.plant, K, delay=left, duration=duration, reference=reference))
 
 
 def phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray] | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import one_line, require_nonnegative, short_form
-from nlfrf._base.files import parse_json_of, require_file_of, require_schema, to_path, write_text
+from nlfrf._base.files import parse_json_of, require_file_of, require_schema, to_path, write_json
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import ArrayField, field_names
 from robust._base.types import Controller
@@ -96,11 +95,6 @@ def decode_system(content: JsonObject) -> control.StateSpace | control.Frequency
         if matrices[name].shape != shape and (matrices[name].size or np.prod(shape)):
             raise ValueError(f"{name} must have the shape {shape}, got {matrices[name].shape}")
     return control.StateSpace(*(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"])
-
-
-def write_json(content: JsonObject, path: PathLike) -> None:
-    """Write a JSON file, whole or not at all."""
-    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
 def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:

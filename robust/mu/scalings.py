@@ -60,7 +60,7 @@ class MuBound:
 
 
 def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
-    """Return how large a structured perturbation has to be, at least, to make a loop singular: 1 over this bound.
+    """Return an upper bound of mu, the structured singular value: a perturbation below 1 over it leaves a loop stable.
 
     Parameters
     ----------

@@ -229,14 +229,14 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     step : StepResponse
         From `step_response`, of the nominal plant.
     worst : StepResponse, optional
-        Of the worst one.
+        Of the worst one; `step.worst` when not given.
     unit : str
         Unit of y.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
     require_kind("step", step, StepResponse)
-    ax = axes_or_new(ax)
+    ax, worst = axes_or_new(ax), step.worst if worst is None else worst
     ax.axhline(step.final, color="0.5", lw=0.8)
     end = max(one.t[-1] for one in (step, worst) if one is not None)
     drawn = ((worst, "worst plant", COLOR["limit"], "--"), (step, "nominal plant", COLOR["radius"], "-"))

@@ -11,7 +11,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import format_count, format_hertz
 from robust.analysis.family import sample_loops
-from robust.analysis.performance import loop_gains, step_response
+from robust.analysis.performance import loop_gains, step_of_plant
 from robust.analysis.report import RobustnessReport
 from robust.analysis.text import (
     describe_disk_margin,
@@ -160,8 +160,8 @@ def worst_case_section(
     ]
     family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)
     lost = int(np.sum(~family.stable))
-    nominal = step_response(model.nominal, K, delay=delay)
-    worst_step = step_response(worst.plant, K, delay=delay) if worst.stable else None
+    nominal = step_of_plant(model.nominal, K, delay=delay)
+    worst_step = step_of_plant(worst.plant, K, delay=delay) if worst.stable else None
     facts.append(("step, nominal plant", str(nominal)))
     facts.append(("step, worst plant", "none: the loop is unstable" if worst_step is None else str(worst_step)))
     facts.append(("random plants", f"{family.stable.size} of the set, {lost} of them unstable in this loop"))

@@ -216,7 +216,7 @@ def test_a_made_up_name_is_no_input_either(files):
 
 
 def test_two_outputs_take_no_place_of_each_other(files):
-    code, err = run("robust model bla.npz --poles 2 -o twice.svg --picture twice.svg")
+    code, err = run("robust check model.json Kc.json -o twice.svg --picture twice.svg")
     assert code == 2
     assert "files to write must have different names, got twice.svg twice" in err
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_args, get_or
 
 import numpy as np
 
-from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.files import parse_json, require_schema, write_json
 from nlfrf._base.types import Json, JsonObject
 from robust.proofs.exact.claim import Matrices
 
@@ -151,7 +151,7 @@ def write_claim(
         "found": list(found),
         **({"warnings": list(warnings)} if warnings else {}),
     }
-    write_text(path, json.dumps(entries | {"digest": content_digest(entries)}, indent=1, allow_nan=False) + "\n")
+    write_json(entries | {"digest": content_digest(entries)}, path)
 
 
 def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:

@@ -89,6 +89,8 @@ def test_a_generator_plays_the_samples_and_the_design_lies_beside(suffix, tmp_pa
     path = tmp_path / f"ms{suffix}"
     nlfrf.save(ms, path)
     same(nlfrf.load(tmp_path / "ms.npz"), ms)
+    with pytest.raises(ValueError, match=r"what was played may have its design in ms\.npz"):
+        nlfrf.load(path)
     if suffix == ".csv":
         played = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:].T
     elif suffix == ".mat":

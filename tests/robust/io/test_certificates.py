@@ -164,6 +164,15 @@ def test_numbers_that_are_none_are_refused(handed, tmp_path):
         verify_certificate(tmp_path / "half.json")
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv", ".h5", ""])
+def test_what_would_not_be_read_back_is_not_written(suffix, tmp_path):
+    path = tmp_path / f"saved{suffix}"
+    for thing in (make_model(), K, check(make_model(), K)):
+        with pytest.raises(ValueError, match=r"path must end in \.json"):
+            save(thing, path)
+    assert not path.exists()
+
+
 def test_a_report_without_a_proof_is_refused(tmp_path):
     report = check(make_model(), 0.1, certify=False)
     with pytest.raises(

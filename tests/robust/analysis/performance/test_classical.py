@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import dlsim
 
-from robust import UncertaintyModel, check, sampled, step_response
+from robust import DesignWarning, UncertaintyModel, check, sampled, step_response, worst_case
 from robust.analysis.performance import classical_margins
 from robust.shaping import pid
 from tests.support.printed import unwrapped
@@ -104,6 +104,42 @@ def test_a_loop_that_is_not_stable_has_no_step():
         step_response(control.tf([1], [1, -1]), 0.5)
     with pytest.raises(ValueError, match="delay must"):
         step_response(control.tf([1], [1, 1]), 0.5, delay=-1)
+
+
+@pytest.mark.parametrize("dt", [0, 0.05])
+def test_a_step_of_a_set_is_that_of_its_nominal_and_of_its_worst_plant(dt):
+    model = UncertaintyModel(
+        control.tf([1], [1, 1, 1]), control.tf([0.2], [1]), "multiplicative", [1.0, 2.0], [0.2, 0.2]
+    )
+    K, delay = control.tf([0.9], [1], dt), 0.1
+    step, worst = step_response(model, K, delay=delay), worst_case(model, K, delay=delay)
+    for found, plant in ((step, model.nominal), (step.worst, worst.plant)):
+        np.testing.assert_array_equal(found.y, step_response(plant, K, delay=delay).y)
+    assert step.worst.overshoot > step.overshoot
+    assert str(step).splitlines() == [
+        f"nominal plant: {step_response(model.nominal, K, delay=delay)}",
+        f"worst plant: {step.worst}",
+    ]
+
+
+def test_a_worst_plant_that_was_sampled_has_its_delay_once():
+    G, omega = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))), np.geomspace(0.1, 30, 20)
+    gains, radius = (control.ss([], [], [], [[0.5]]),) * 2, np.full((4, 20), 0.5)
+    model = UncertaintyModel(nominal=G, form="input", left=gains, right=gains, omega=omega, radius=radius)
+    K, delay = control.ss([], [], [], 0.5 * np.eye(2), 0.1), 0.25
+    step, worst = step_response(model, K, delay=delay, duration=1.0), worst_case(model, K, delay=delay)
+    assert worst.plant.dt == 0.1
+    assert np.all(step.worst.y[:, :3] == 0)  # until 0.25 s
+    assert step.worst.y[0, 3] > 0
+
+
+def test_a_set_that_the_loop_does_not_survive_is_said():
+    model = UncertaintyModel(
+        control.tf([1], [1, 1, 1]), control.tf([2.0], [1]), "multiplicative", [1.0, 2.0], [0.2, 0.2]
+    )
+    with pytest.warns(DesignWarning, match="a plant of the set makes the loop unstable"):
+        step = step_response(model, 3.0)
+    assert step.worst is None
 
 
 @pytest.mark.parametrize("dt", [0, 0.02])
