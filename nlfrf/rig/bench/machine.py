@@ -173,7 +173,5 @@ def integrate_axes(
 
     laws, grids = pack_laws(friction)
     out = np.empty((len(drive) // substeps, 4, len(friction)))
-    stable = run_axes(
-        matrices, laws, grids, memory.state, memory.stack, np.ascontiguousarray(drive), float(h), int(substeps), out
-    )
+    stable = run_axes(matrices, laws, grids, memory.state, memory.stack, np.ascontiguousarray(drive), float(h), out)
     return out if stable else None

@@ -18,7 +18,7 @@ import numpy as np
 
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
-from nlfrf.rig.kernels.data import DIRECTION, ERROR, Curve, F, Law, Step, V, X, Z
+from nlfrf.rig.kernels.data import DIRECTION, ERROR, Axes, Curve, F, Law, Step, V, X, Z
 from nlfrf.rig.kernels.leuven import commit_hysteresis, error_growth, friction_rates, hysteresis_on_trial
 from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
 from nlfrf.rig.kernels.slip import commit_elements, commit_sliders, elements_force, sliders_force, stribeck_force
@@ -120,12 +120,7 @@ def spring_force(machine: Array, work: Array, at: int, i: int) -> float:
 
 @inlined
 def axis_rates(
-    machine: Array,
-    laws: Array,
-    grids: Array,
-    states: Array,
-    stacks: Array,
-    work: Array,
+    axes: Axes,
     drive: Array,
     step: int,
     s: float,
@@ -137,6 +132,7 @@ def axis_rates(
 
     The drive runs through begin, middle and end of the step as a parabola; s is where in it.
     """
+    machine, laws, grids, states, stacks, work = axes
     n = machine.shape[1]
     for i in range(n):
         u1, u2, u3 = drive[step, 0, i], drive[step, 1, i], drive[step, 2, i]
@@ -174,12 +170,7 @@ def axis_rates(
 
 @compiled
 def trial_step(
-    machine: Array,
-    laws: Array,
-    grids: Array,
-    states: Array,
-    stacks: Array,
-    work: Array,
+    axes: Axes,
     drive: Array,
     step: int,
     h: float,
@@ -187,11 +178,12 @@ def trial_step(
     b: float,
 ) -> None:
     """Try the part a..b of a step from the committed memories, from PLACE to END."""
+    machine, work = axes.machine, axes.work
     n, span = machine.shape[1], (b - a) * h
     for stage in range(4):
         s = a if stage == 0 else (b if stage == 3 else 0.5 * (a + b))
         at, held, turn = (PLACE, FRICTION_BEGIN, TURN_BEGIN) if stage == 0 else (STAGE, FRICTION_END, TURN_END)
-        axis_rates(machine, laws, grids, states, stacks, work, drive, step, s, at, held, turn)
+        axis_rates(axes, drive, step, s, at, held, turn)
         share = span / 6.0 if stage == 0 or stage == 3 else span / 3.0
         reach = span if stage == 2 else 0.5 * span
         for row in range(4):
@@ -221,12 +213,7 @@ def turn_indicator(laws: Array, states: Array, work: Array, i: int, by_velocity:
 
 @compiled
 def locate_turn(
-    machine: Array,
-    laws: Array,
-    grids: Array,
-    states: Array,
-    stacks: Array,
-    work: Array,
+    axes: Axes,
     drive: Array,
     step: int,
     h: float,
@@ -235,13 +222,14 @@ def locate_turn(
     i: int,
 ) -> float:
     """Find where between a and b of a step the law of an axis turns: false position. The last trial ends there."""
+    laws, states, work = axes.laws, axes.states, axes.work
     by_velocity = work[PLACE + 1, i] * work[END + 1, i] < 0.0 and not is_stuck(laws, states, i)
     e0 = turn_indicator(laws, states, work, i, by_velocity, TURN_BEGIN)
     e1 = turn_indicator(laws, states, work, i, by_velocity, TURN_END)
     low, high, enough = a, b, 1e-12 * max(abs(e0), abs(e1))
     for _ in range(12):
         b = low + (high - low) * e0 / (e0 - e1)
-        trial_step(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
+        trial_step(axes, drive, step, h, a, b)
         e = turn_indicator(laws, states, work, i, by_velocity, TURN_END)
         if abs(e) <= enough:
             break
@@ -254,17 +242,13 @@ def locate_turn(
 
 @inlined
 def begin_part(
-    machine: Array,
-    laws: Array,
-    grids: Array,
-    states: Array,
-    stacks: Array,
-    work: Array,
+    axes: Axes,
     drive: Array,
     step: int,
     s: float,
 ) -> None:
     """Set the states of the laws at the begin of a step, or of a part; dry friction past its limit breaks away."""
+    machine, laws, states, work = axes.machine, axes.laws, axes.states, axes.work
     n, dry = machine.shape[1], False
     for i in range(n):
         v = work[PLACE + 1, i]
@@ -282,7 +266,7 @@ def begin_part(
     if not dry:
         return
     for _ in range(n):  # one after the other: letting one go changes what the others hold
-        axis_rates(machine, laws, grids, states, stacks, work, drive, step, s, PLACE, FRICTION_BEGIN, TURN_BEGIN)
+        axis_rates(axes, drive, step, s, PLACE, FRICTION_BEGIN, TURN_BEGIN)
         worst, most = -1, 0.0
         for i in range(n):
             excess = abs(work[FRICTION_BEGIN, i]) - laws[i, 1] * (1.0 + 1e-9)
@@ -295,10 +279,9 @@ def begin_part(
 
 
 @inlined
-def commit_part(
-    machine: Array, laws: Array, grids: Array, states: Array, stacks: Array, work: Array, span: float
-) -> bool:
+def commit_part(axes: Axes, span: float) -> bool:
     """Commit all memories at END; return whether that was stable."""
+    machine, laws, grids, states, stacks, work = axes
     stable = True
     for i in range(machine.shape[1]):
         form = int(laws[i, 0])
@@ -348,15 +331,15 @@ def advance_axes(
     work: Array,
     drive: Array,
     h: float,
-    substeps: int,
     out: Array,
 ) -> bool:
     """Advance all axes over the steps of `drive` (n, 3, axes): begin, middle, end of each; False where not stable.
 
-    `out` (n / substeps, 4, axes) takes position, velocity, z and friction force at the begin of every step that is a
-    multiple of `substeps`. machine (4 or 5, axes, axes), let free; laws (axes, 11), one row a `Law`, -1 for none.
+    `out` (rows, 4, axes) takes position, velocity, z and friction force at the begin of every (n / rows)th step.
+    machine is let free.
     """
-    n = machine.shape[1]
+    axes = Axes(machine, laws, grids, states, stacks, work)
+    n, substeps = machine.shape[1], drive.shape[0] // out.shape[0]
     for i in range(n):
         work[PLACE, i], work[PLACE + 1, i] = states[i, X], states[i, V]
     for step in range(drive.shape[0]):
@@ -364,9 +347,9 @@ def advance_axes(
         for i in range(n):
             work[HAS_TURNED, i] = 0.0
         while a < 1.0:
-            begin_part(machine, laws, grids, states, stacks, work, drive, step, a)
+            begin_part(axes, drive, step, a)
             b, which = 1.0, -1
-            trial_step(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
+            trial_step(axes, drive, step, h, a, b)
             if parts == 0 and step % substeps == 0:
                 for i in range(n):
                     row = step // substeps
@@ -374,8 +357,8 @@ def advance_axes(
                     out[row, 2, i], out[row, 3, i] = states[i, Z], work[FRICTION_BEGIN, i]
             for i in range(n):
                 if parts < MAX_PARTS and law_turns(laws, states, work, i):
-                    b, which = locate_turn(machine, laws, grids, states, stacks, work, drive, step, h, a, b, i), i
-            if not commit_part(machine, laws, grids, states, stacks, work, (b - a) * h):
+                    b, which = locate_turn(axes, drive, step, h, a, b, i), i
+            if not commit_part(axes, (b - a) * h):
                 return False
             if which >= 0:
                 turn_law(machine, laws, states, stacks, work, which)
@@ -400,14 +383,13 @@ def build_run_kernel(stamp: str) -> Callable[..., bool]:
         stacks: Array,
         drive: Array,
         h: float,
-        substeps: int,
         out: Array,
     ) -> bool:
         work = np.zeros((N_ROWS, machine.shape[1]))
         if len(stamp) == 0:
             return False
         invert_free_mass(machine, laws, states)
-        return advance_axes(machine, laws, grids, states, stacks, work, drive, h, substeps, out)
+        return advance_axes(machine, laws, grids, states, stacks, work, drive, h, out)
 
     return run
 
@@ -506,7 +488,7 @@ def build_loop_kernel(stamp: str) -> Callable[..., int]:
                         total += actuators[i, column] * force[column]
                     drive[:count, :, i] = total
                 h = span / (count * fs)
-                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, count, out):
+                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, out):
                     return k
                 if piece == 0 or part == 0.0:
                     rows[k] = out[0]

@@ -72,6 +72,17 @@ class Memory(NamedTuple):
     stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2 or 4, E): of the elements
 
 
+class Axes(NamedTuple):
+    """Coupled masses, one axis each, with the laws of their friction, and the space that a step works in."""
+
+    machine: np.ndarray  # (4 or 5, axes, axes): mass, its inverse, stiffness, damping, cubic springs
+    laws: np.ndarray  # (axes, 11): a row of numbers each, -1 first for none
+    grids: np.ndarray  # (axes, 3 or 7, n): `Grid` of each
+    states: np.ndarray  # (axes, N_STATES)
+    stacks: np.ndarray  # (axes, 2 or 4, n): of the memory of each
+    work: np.ndarray
+
+
 #: (3, n) points of a virgin curve: z, force, slope that follows; or (3, E) elements: stiffness, strength, 0;
 #: (7, E) varying ones.
 Grid = np.ndarray

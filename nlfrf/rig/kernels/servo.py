@@ -114,7 +114,7 @@ def build_servo_kernel(stamp: str) -> Callable[..., int]:
                         if s > 0:
                             i = target + (i - target) * keep
                         drive[j, s, 0] = force_constant * i
-                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, count, out):
+                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, out):
                     return k
                 if piece == 0 or part == 0.0:
                     for row in range(4):
