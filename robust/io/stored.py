@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import control
 import numpy as np
 
@@ -26,7 +24,7 @@ from robust.models.sets.model import UncertaintyModel
 CONTROLLERS = (control.StateSpace, control.TransferFunction, int, float, np.ndarray, np.number)
 
 
-def save_json(thing: Any, path: PathLike, *, delay: float | None) -> None:
+def save_json(thing: object, path: PathLike, *, delay: float | None) -> None:
     """Write a model, a controller, or the certificate of what was proved."""
     if isinstance(thing, CONTROLLERS):
         save_controller(thing, path, delay=delay)
@@ -35,9 +33,12 @@ def save_json(thing: Any, path: PathLike, *, delay: float | None) -> None:
         raise ValueError(f"delay must be left out for anything but a controller, got {delay!r}")
     if isinstance(thing, UncertaintyModel):
         save_model(thing, path)
-    elif hasattr(thing, "verdict"):
-        from robust.io.certificates import save_certificate
+        return
+    from robust.analysis.report import RobustnessReport
+    from robust.friction.proof.certify import FrictionProof
+    from robust.io.certificates import save_certificate
 
+    if isinstance(thing, RobustnessReport | FrictionProof):
         save_certificate(thing, path)
     elif isinstance(K := getattr(thing, "K", None), control.StateSpace):
         raise ValueError(
