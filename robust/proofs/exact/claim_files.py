@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from types import UnionType
-from typing import Annotated, Any, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, ClassVar, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -59,16 +59,18 @@ def from_plain(kind: type[T], given: object) -> T:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
-def part_from_plain(hint: Any, given: Any) -> object:
+def part_from_plain(hint: object, given: Json) -> object:
     """Return a part of a claim of the type that its field has."""
-    kind: Any = get_origin(hint) or hint
+    kind = get_origin(hint) or hint
     if kind in MAKERS:
         return MAKERS[kind](get_args(hint), given)
-    made: object = from_plain(hint, given) if isinstance(hint, type) and is_dataclass(hint) else hint(given)
+    if not isinstance(hint, type):
+        raise TypeError(f"no part is of type {hint}")
+    made: object = from_plain(hint, given) if is_dataclass(hint) else hint(given)
     return made
 
 
-def part_of_union(kinds: tuple[Any, ...], given: Any) -> object:
+def part_of_union(kinds: tuple[object, ...], given: Json) -> object:
     """Return None, or a part of that type, of several, whose entries were given; else of the first."""
     if given is None:
         return None
@@ -76,12 +78,12 @@ def part_of_union(kinds: tuple[Any, ...], given: Any) -> object:
     return part_from_plain((*fitting, kinds[0])[0], given)
 
 
-def annotated_array(kinds: tuple[Any, ...], given: Any) -> np.ndarray:
+def annotated_array(kinds: tuple[object, ...], given: Json) -> np.ndarray:
     """Return an array of integers, or a square one."""
     return np.array(given, dtype=int) if kinds[1] == WHOLE else np.array(given, float).reshape(2 * (len(given),))
 
 
-def tuple_from_plain(kinds: tuple[Any, ...], given: Any) -> tuple[object, ...]:
+def tuple_from_plain(kinds: tuple[object, ...], given: Json) -> tuple[object, ...]:
     """Return a tuple of parts, of one type each or all of the first."""
     kinds = kinds[:1] * len(given) if kinds[-1] is Ellipsis else kinds
     return tuple(part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
@@ -102,7 +104,7 @@ def system_from_plain(given: JsonObject) -> Matrices:
 
 
 #: How a part is made of what was given, by the type of its field; of every other type its constructor makes it.
-MAKERS: Mapping[object, Callable[[tuple[Any, ...], Any], object]] = {
+MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
     UnionType: part_of_union,
     np.ndarray: lambda _, given: np.array(given, dtype=float),
     Annotated: annotated_array,
