@@ -197,11 +197,12 @@ def read_friction_force(
     shown = sorted(peak_of_level(one, sliding) for one in whole[first:])
     peaks = [peak_of_level(one, sliding) for one in kept]
     Fs, reason = break_away(shown, abs(sliding.coulomb), falls_later=True)
-    K0, bristle_time, creeps = stiffness_at_rest(kept, peaks, sliding, float(Fs[0]))
+    K0, bristle_time, damped = stiffness_at_rest(kept, peaks, sliding, float(Fs[0]))
     f, v, slides = slides_of(kept, sliding, float(Fs[1] / K0[0]) if np.isfinite(K0[0]) else 0.0)
     stribeck = stribeck_velocity(f, v, abs(sliding.coulomb))
     if not np.isfinite(stribeck).all():
         Fs, reason = break_away(shown, abs(sliding.coulomb))
+    largest = float(Fs[1]) if np.isfinite(Fs[1]) else max((one.peak for one in shown), default=0.0)
     contradiction = ""
     if (grown := growth_of_friction(sliding, f, v, slides)) is not None:
         at_rest, factor = grown
@@ -217,7 +218,7 @@ def read_friction_force(
         Fs=Fs,
         K0=K0,
         bristle_time=bristle_time,
-        creeps=creeps,
+        creeps=damped > falling_slope(sliding, largest, float(stribeck[1])),
         stribeck=stribeck,
         reason=reason,
         contradiction=contradiction,
@@ -436,8 +437,10 @@ def break_away(peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool 
 
 def stiffness_at_rest(
     levels: Sequence[nlfrf.Record], peaks: Sequence[LevelPeak], sliding: SlidingFit, Fs: float
-) -> tuple[np.ndarray, float, bool]:
-    """Interval of the stiffness, largest damping over it, of friction that sticks, and whether it creeps.
+) -> tuple[np.ndarray, float, float]:
+    """Interval of the stiffness and largest damping over it of friction that sticks, and the least damping [Ns/m].
+
+    The least is that beyond the viscous friction of the motion, where no element slips; -inf where none is known.
 
     Of all laws here that of Leuven bends most: dF/dx = K0 (1 - F/Fs)^2, so that the stiffness of a swing up to F is
     K0 (1 - F/Fs). It bounds K0 at every level below break-away. Rigid friction moves at Fs alone, and has no bound.
@@ -450,7 +453,7 @@ def stiffness_at_rest(
         if (found := spring_and_damper(record, sliding)) is not None:
             read.append(found)
             kept.append(1 - one.amplitude / least if one.peak + one.error < least else 0.0)
-    unknown = np.full(2, np.nan), np.nan, False
+    unknown = np.full(2, np.nan), np.nan, -np.inf
     if not read:
         return unknown
     k, k_std, c, c_std, steps, middle = (np.array(one) for one in zip(*read, strict=True))
@@ -462,12 +465,23 @@ def stiffness_at_rest(
     K0 = np.array([sure.max(), max(sure.max(), min(highest, default=np.inf))])
     clear = stiff & (steps > FEWEST_STEPS_DAMPING)
     if not clear.any() or stiff.sum() < 2:  # of one level alone it is not known whether it sticks
-        return K0, np.nan, False
+        return K0, np.nan, -np.inf
     none_slips = np.flatnonzero(clear & (k > NONE_SLIPS * k[clear].max()))
     none_slips = none_slips[np.argsort(steps[none_slips])][:-1]
-    creeps = bool(np.any((c - SIGMAS * c_std)[none_slips] * middle[none_slips] > CREEPS * k[none_slips]))
+    damped = (c - SIGMAS * c_std - CREEPS * k / middle)[none_slips].max(initial=-np.inf)
     # at every level damping and creep together, so that the least is nearest to the damping
-    return K0, max(0.0, float((c + SIGMAS * c_std)[clear].min())) / float(sure.max()), creeps
+    return K0, max(0.0, float((c + SIGMAS * c_std)[clear].min())) / float(sure.max()), float(damped)
+
+
+def falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:
+    """Return by how much the viscous friction of a motion may be below that of the machine [Ns/m].
+
+    Where friction still falls there, its slope d/dv (Fs - Fc) exp(-(v/vs)^2) is in it, for vs up to the fastest [m/s].
+    """
+    v = float(np.abs(sliding.velocities).min())
+    vs = float(np.fmin(fastest, v))  # at vs = v it is steepest
+    falls = max(0.0, Fs - float(np.abs(sliding.interval("coulomb")).min()))
+    return 2 * falls * v / vs**2 * float(np.exp(-((v / vs) ** 2))) + HALF_WIDTH * sliding.stds["damping"]
 
 
 def spring_and_damper(record: nlfrf.Record, sliding: SlidingFit) -> tuple[float, ...] | None:

@@ -21,10 +21,10 @@ LAWS = {
 }
 
 
-def played(law, levels=(0.5, 60), count=9):
+def played(law, levels=(0.5, 60), count=9, resolution=50e-9):
     """Records of the linear motor, 12 kg and 0.55 ms, with a law: in motion at 0.1 m/s both ways, and at rest."""
     axis = nlfrf.servo_axis("linear motor")
-    axis = replace(axis, motor_friction=LAWS[law] or axis.motor_friction)
+    axis = replace(axis, motor_friction=LAWS[law] or axis.motor_friction, resolution=resolution)
     fast, slow = ({"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, 100)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -60,6 +60,19 @@ def test_the_speed_over_which_friction_falls_is_read_where_the_axis_slides(monke
         assert ("falls with speed over" in str(found)) == shown
         if shown:
             assert found.stribeck[0] < 0.01 < found.stribeck[1] < 10 * found.stribeck[0]
+
+
+def test_friction_that_falls_at_the_speed_of_the_motion_is_no_creep(monkeypatch):
+    """Its slope is in the viscous friction of the motion, which is below that of the machine at rest."""
+    k, deflection = np.full(4, 1e5), np.array([0.25, 0.5, 1.0, 2.0])
+    strength = 40.0 * deflection / deflection.sum()
+    falls = nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=2.5, vs=0.06)
+    for law, creeps in ((falls, False), (LAWS["LuGre"], True)):
+        monkeypatch.setitem(LAWS, "played", law)
+        moving, at_rest = played("played", levels=(0.1, 120), count=14, resolution=1e-9)
+        found = read_friction_force(moving, (0.1, -0.1), at_rest)
+        assert found.creeps == creeps
+        assert (found.sliding.damping < 0) == (law is falls)
 
 
 @pytest.mark.parametrize("law", ["LuGre", "Dahl"])
