@@ -32,7 +32,7 @@ from robust.drive.check import (
     read_experiments,
     read_trace,
 )
-from robust.drive.friction import force_over_position, friction_behind_lag, largest_added_delay
+from robust.drive.friction import bound_any_friction, force_over_position, friction_behind_lag, largest_added_delay
 from robust.drive_page import write_drive_page
 from robust.lti.sampling import hold_correction
 from robust.tuning import Biquad, LowPass, Notch
@@ -261,6 +261,17 @@ def test_the_page_of_a_trace_in_motion_says_that_friction_was_not_judged(run, fo
     assert page.count("<figure>") == 5  # FRF, three of the loop, step
 
 
+def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
+    """A fit of a trace in motion had a pole at -9e6 rad/s next to a zero, at 4 kHz: no bound could follow it."""
+    rigid, s = control.tf([1 / 12], [1, 20 / 12, 0]), control.tf("s")
+    fitted, settings = control.ss(rigid * (s + 9.1e6) / (s + 9e6)), settings_of(nlfrf.servo_axis("linear motor"))
+    bounds = [
+        bound_any_friction(machine, settings, robust.friction.any_bounded(26.0), output_unit="N").error_bound
+        for machine in (control.ss(rigid), fitted)
+    ]
+    assert bounds[1] == pytest.approx(bounds[0], rel=0.02)
+
+
 @pytest.mark.parametrize("hold", ["band-limited", "zoh"])
 def test_the_friction_force_over_position_is_what_mass_and_damping_leave(hold):
     """A spring to ground of 3e5 N/m and a mass: what is left of the command is the spring, whatever the delay."""
@@ -271,7 +282,7 @@ def test_the_friction_force_over_position_is_what_mass_and_damping_leave(hold):
     U = np.fft.rfft(ms.u[0]) * (m * s**2 + c * s + k) * np.exp(s * delay)
     U = U * hold_correction(omega, hold, fs=fs, dt=0.0)
     record = nlfrf.Record(u=np.fft.irfft(U)[None, None], y=ms.u[None], fs=fs, lines=ms.lines, hold=hold)
-    x, force = force_over_position(record, SimpleNamespace(mass=m, damping=c, delay=delay))
+    x, force = force_over_position(record, SimpleNamespace(mass=m, damping=c, delay=delay, load_mass=0.0))
     assert np.allclose(x, ms.u[0], atol=1e-9 * np.ptp(x))
     assert np.allclose(force, k * x, atol=1e-6 * np.ptp(force))
 
