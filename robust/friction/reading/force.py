@@ -257,18 +257,19 @@ def edge_of_level(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> fl
     """Return the frequency [rad/s] up to which the friction force of a level is read, the lines among it."""
     u = np.asarray(record.u)[0].mean(axis=0)
     edge = quiet_edge(record, machine, MOST_STEPS * float(np.abs(u - u.mean()).max()))
-    return min(max(2 * np.pi * record.f0 * float(record.lines.excited[-1]), 0.8 * edge), usable_edge(record, machine))
-
-
-def quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
-    """Return the frequency [rad/s] up to which a step of the encoder makes less force than `most` [N]."""
-    step = STEP_ACCELERATION * machine.mass * encoder_step(record)
-    return min(float(np.sqrt(most / step)) if step else np.inf, usable_edge(record, machine))
+    edge = max(2 * np.pi * record.f0 * float(record.lines.excited[-1]), 0.8 * edge)
+    return min(edge, usable_edge(record, machine))
 
 
 def usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> float:
     """Return the frequency [rad/s] up to which a record shows a friction force at all."""
     return min(HIGHEST * np.pi * record.fs, rigid_edge(machine))
+
+
+def quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
+    """Return the frequency [rad/s] up to which a step of the encoder makes less force than `most` [N]."""
+    step = STEP_ACCELERATION * machine.mass * encoder_step(record)
+    return float(np.sqrt(most / step)) if step else np.inf
 
 
 def friction_of_period(
@@ -337,7 +338,8 @@ def slides_of(
     forces, speeds, slides, count = [np.zeros(0)], [np.zeros(0)], [np.zeros(0, dtype=int)], 0
     for record in levels[-LEVELS_STRIBECK:]:
         most = STEPS_STRIBECK * float(np.abs(np.asarray(record.u)).max())
-        f, x, v = friction_over_time(record, sliding, quiet_edge(record, sliding, most))
+        edge = min(quiet_edge(record, sliding, most), usable_edge(record, sliding))
+        f, x, v = friction_over_time(record, sliding, edge)
         turns = np.flatnonzero(np.diff(np.sign(v)))
         if not turns.size:
             continue
