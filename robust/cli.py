@@ -41,7 +41,7 @@ from nlfrf._base.files import (
 from robust._base.states import FrictionVerdict
 
 #: Imported when a command uses them: help and refusals of the command line need none of them.
-certificates, models, measured, pid, sampling, from_options, drive_check, shaping_page, gains_file = (
+certificates, models, measured, pid, sampling, from_options, to_prove, prover, drive_check, shaping_page, gains_file = (
     lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
     for module in (
         "io.certificates",
@@ -50,6 +50,8 @@ certificates, models, measured, pid, sampling, from_options, drive_check, shapin
         "io.pid",
         "lti.sampling",
         "reports.command",
+        "reports.prove",
+        "friction.proof.prove",
         "drive.check",
         "reports.shaping_page.command",
         "drive.gains_file",
@@ -406,9 +408,9 @@ def prove(
     named = {"u": input, "y": output, "r": reference, "fs": fs, "n_samples": period, "design": design, "hold": hold}
     named |= {"n_discard": discard or None, "resample": resample or None}
     load = {name: option for name, option in named.items() if option is not None}
-    basis = certificates.class_from_files(
-        machine,
-        controller,
+    given = to_prove.MachineFiles(
+        files=tuple(machine),
+        controller=controller,
         nominal=nominal,
         stiffness=stiffness,
         stiction=stiction,
@@ -416,15 +418,16 @@ def prove(
         masses=masses,
         load=load,
     )
+    basis = to_prove.read_basis(given)
     with spinner("proving"):
-        proofs = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)
-        tested = certificates.describe_frequency_test(basis, K, late)
+        proofs = prover.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)
+        tested = to_prove.describe_frequency_test(basis, K, late)
     text = f"{basis}\n" + "\n\n".join(map(str, proofs)) + tested
     say = printer(json)
     say(text)
     if out is not None:
         write_text(out, f"{text}\n\n{command_signature('robust prove')}\n")
-        certificates.save_proofs(proofs, out, basis)
+        to_prove.save_proofs(proofs, out, basis)
     finish_command(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
 
 
@@ -529,8 +532,10 @@ def report(
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
-        basis = certificates.class_from_files([model], controller, stiffness=stiffness, stiction=stiction)
-        proof = certificates.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
+        basis = to_prove.read_basis(
+            to_prove.MachineFiles(files=(model,), controller=controller, stiffness=stiffness, stiction=stiction)
+        )
+        proof = prover.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
     with spinner("checking and drawing"):
         result = robust.reports.write_report(
             out,

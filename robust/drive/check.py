@@ -43,9 +43,9 @@ from robust.drive.simulation import reason_against_simulation, simulate_rest, wi
 from robust.friction.classes import any_bounded
 from robust.friction.reading.balance import motion_of_record
 from robust.friction.reading.force import FrictionForce, read_friction_force
+from robust.friction.reading.from_blas import highest_level
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import fit_linear
-from robust.io.certificates import highest_level
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
 from robust.models.fit.orders import scan_orders

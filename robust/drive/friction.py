@@ -22,7 +22,7 @@ from robust.drive.simulation import SimulatedRest
 from robust.friction.classes import AnyFriction, FrictionAtPorts
 from robust.friction.plant import FrictionPlant, friction_plant, pad_states, two_mass_plant
 from robust.friction.proof.certify import FrictionProof
-from robust.friction.proof.prove import prove_friction
+from robust.friction.proof.prove import prove_all, prove_friction
 from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
@@ -31,7 +31,6 @@ from robust.friction.reading.from_fit import interval_at_port, machines_with_loa
 from robust.friction.reading.identification import FrictionFit, identify_friction
 from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.units import format_length, format_plain
-from robust.io.certificates import prove_all
 
 #: Levels from which friction is read.
 FEWEST_LEVELS = 3

@@ -2,42 +2,28 @@
 
 from __future__ import annotations
 
-import hashlib
-import shlex
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
 
 import control
 import numpy as np
 
-import nlfrf
-from nlfrf._base.arguments import format_count, keep_warnings, one_line, repeat_warnings, short_form
-from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORDS, RECORD_SCHEMAS, parse_json_of, require_file_of
-from nlfrf._base.values import value
-from robust._base.states import FrictionVerdict
+from nlfrf._base.arguments import one_line, short_form
+from nlfrf._base.files import parse_json_of
+from nlfrf._base.types import JsonObject
 from robust._base.types import Controller
 from robust.analysis.findings import Proofs
 from robust.analysis.loop import assemble_loop
 from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
 from robust.analysis.sampled_set import set_on_controller_time_base
-from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.nominal import machines_of_nominal
 from robust.friction.plant import FrictionPlant, friction_plant
 from robust.friction.proof.certify import FrictionProof, plant_matrices
-from robust.friction.proof.linear_uncertainty import friction_frequency_test
-from robust.friction.proof.prove import prove_friction
-from robust.friction.reading.assumed_class import FrictionClass
-from robust.friction.reading.friction_class import friction_class
-from robust.friction.reading.levels import require_si
-from robust.friction.units import position_unit_of
-from robust.io.models import CERTIFICATE_SCHEMAS, PathLike, load_bla, load_model
+from robust.io.models import CERTIFICATE_SCHEMAS, PathLike
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase
 from robust.lti.realisation import state_space
@@ -92,8 +78,10 @@ def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -
     write_claim(path, claim, found=how, warnings=warned)
 
 
-def save_friction_proof(proof: FrictionProof, path: PathLike, basis: FrictionBasis | None = None) -> None:
-    """Write a proof with friction, and what its class was read from."""
+def save_friction_proof(
+    proof: FrictionProof, path: PathLike, *, read_from: JsonObject | None = None, warnings: Sequence[str] = ()
+) -> None:
+    """Write a proof with friction, from what its class was read, and what was warned of that."""
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):
         raise ValueError(f"report must hold a proof of a single loop, got the verdict {proof.verdict!r}")
@@ -102,9 +90,9 @@ def save_friction_proof(proof: FrictionProof, path: PathLike, basis: FrictionBas
         path,
         certificate.claim,
         found=[{"subject": certificate.subject, "found by": certificate.method}],
-        read_from=None if basis is None else {"evidence": basis.description, "files": list(basis.sources)},
+        read_from=read_from,
         units={"K0": f"{units.force}/{units.position}", "microdamping": units.damping},
-        warnings=() if basis is None else basis.warnings,
+        warnings=warnings,
     )
 
 
@@ -249,342 +237,3 @@ def is_same_folding(claim: FoldedClaim, mine: FoldedClaim) -> bool:
         return False
     pairs = zip(claim.parts, mine.parts, strict=True)
     return not any(differing_fields(*pair, ("plant", "left", "right")) for pair in pairs)
-
-
-LoadOptions: TypeAlias = Mapping[str, Any]
-#: Kinds of files of ours that a machine and its friction are read from.
-MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
-
-
-@value
-class FrictionBasis:
-    """What a proof with friction starts from.
-
-    Fields
-    ------
-    machines : tuple of FrictionPlant
-        The linear part, with each damping that is to be proved.
-    friction : AnyFriction or FrictionAtPorts
-        The class.
-    description : str
-        What was read from what, and how surely.
-    sources : tuple of dict
-        Of each file its name, its kind, its SHA-256, and the options that it was read with.
-    levels : FrictionClass or None
-        What was read without a nominal; None with one, and from a model.
-    warnings : tuple of str
-        What was warned of the records, BLAs and models that it was read from.
-    """
-
-    machines: tuple[FrictionPlant, ...]
-    friction: AnyFriction | FrictionAtPorts
-    description: str
-    sources: tuple[dict[str, object], ...]
-    levels: FrictionClass | None = None
-    warnings: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return "\n".join([self.description, *(f"warning: {text}" for text in self.warnings)])
-
-
-@keep_warnings
-def class_from_files(
-    files: Sequence[Path],
-    controller: Path,
-    *,
-    nominal: Path | None = None,
-    stiffness: float | None = None,
-    stiction: float = 1.5,
-    free: bool = False,
-    masses: int = 1,
-    load: LoadOptions | None = None,
-) -> FrictionBasis:
-    """Return machines and friction class of one model and a stiffness [N/m], or of BLAs or records at several levels.
-
-    A stiffness that is given replaces that of the levels. The controller stands in the commands of the messages only.
-    `load` has what `nlfrf.load_record` takes, for traces.
-
-    Raises
-    ------
-    ValueError
-        Files that do not make a machine and its friction; each message ends with the command that goes on.
-    """
-    for path in files:
-        require_file_of(path, *MACHINE_FILES)
-    models = [path for path in files if path.suffix.lower() == ".json"]
-    measured = [path for path in files if path not in models]
-    if len(models) == 1 and measured and nominal is None:
-        raise ValueError(
-            f"machine must be one model or BLAs at three levels, got both; "
-            f"{next_command_hint(prove_command(measured, controller, nominal=models[0]))}"
-        )
-    if models:
-        return class_from_model(models, controller, stiffness=stiffness, stiction=stiction)
-    load = {} if load is None else load
-    records, blas = load_levels(measured, controller, load)
-    if records:
-        found = class_from_records(
-            records,
-            controller,
-            nominal=nominal,
-            stiffness=stiffness,
-            stiction=stiction,
-            free=free,
-            masses=masses,
-            load=load,
-        )
-    else:
-        if given := [f"--{LOAD_OPTIONS[name]}" for name in load] + ["--free"] * free + ["--masses"] * (masses != 1):
-            raise ValueError(
-                f"machine must be records for {' and '.join(given)}, got BLAs; "
-                + next_command_hint(prove_command(list(blas), controller, nominal=nominal, stiffness=stiffness))
-            )
-        found = class_from_bla_files(blas, controller, nominal=nominal, stiffness=stiffness, stiction=stiction)
-    friction = found.friction
-    if stiffness is not None:
-        if not isinstance(friction, AnyFriction):
-            raise ValueError(f"stiffness must be left out with two masses, which have one each, got {stiffness:g}")
-        friction = any_maxwell_slip(stiffness, friction.stiction, position_unit=friction.position_unit)
-    return FrictionBasis(
-        machines=found.machines,
-        friction=friction,
-        description=str(found),
-        sources=(
-            *(describe_source(path, "record" if records else "BLA", load) for path in measured),
-            *(() if nominal is None else (describe_source(nominal, "model"),)),
-        ),
-        levels=found if nominal is None else None,
-    )
-
-
-def load_levels(
-    paths: Sequence[Path], controller: Path, load: LoadOptions
-) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
-    """Return the records or the BLAs in files; refuse both together with the commands that make them alike."""
-    levels = {path: load_level(path, load) for path in paths}
-    records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
-    blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
-    if records and blas:
-        raise ValueError(
-            f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))} and the records "
-            f"{', '.join(map(str, records))}: take the records of all levels, or identify these; "
-            + next_command_hint(
-                *(identify_command(path, load) for path in records),
-                prove_command([bla_of(path) if path in records else path for path in levels], controller),
-            )
-        )
-    return records, blas
-
-
-def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
-    """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
-    schema = nlfrf.inspect_file(path).schema
-    is_bla = schema and "record" not in schema
-    level: nlfrf.Bla | nlfrf.Record = load_bla(path) if is_bla else nlfrf.load_record(path, **load)
-    return repeat_warnings(level) if schema else level
-
-
-def class_from_records(
-    records: Mapping[Path, nlfrf.Record],
-    controller: Path,
-    *,
-    nominal: Path | None,
-    stiffness: float | None,
-    stiction: float,
-    free: bool,
-    masses: int,
-    load: LoadOptions,
-) -> FrictionClass:
-    """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
-    identified = [identify_command(path, load) for path in records]
-    largest = bla_of(max(records, key=lambda path: float(np.std(records[path].y))))
-    fit = fit_command(largest)
-    if len(records) < 3:
-        known = prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE")
-        raise ValueError(
-            f"machine must be records at three levels, from sticking to sliding, got "
-            f"{format_count(len(records), 'record')}; " + next_command_hint(*identified, fit, known)
-        )
-    around = prove_command([bla_of(path) for path in records], controller, nominal=nominal or "nominal.json")
-    if nominal is not None:
-        raise ValueError(
-            "nominal must be left out with records, which are read as one mass with their delay, got one; "
-            + next_command_hint(*identified, around)
-        )
-    with add_next_command(
-        "for a machine that is flexible, --masses 2, or around a nominal " + next_command_hint(*identified, fit, around)
-    ):
-        return friction_class(list(records.values()), stiction=stiction, free=free, masses=masses)
-
-
-def class_from_bla_files(
-    blas: Mapping[Path, nlfrf.Bla],
-    controller: Path,
-    *,
-    nominal: Path | None,
-    stiffness: float | None,
-    stiction: float,
-) -> FrictionClass:
-    """Read the class from BLAs, perhaps around a nominal; a refusal has the commands that go on."""
-    files, measured = list(blas), list(blas.values())
-    if len(files) < 3:
-        raise ValueError(
-            "machine must be BLAs or records at three levels, from sticking to sliding, or one model with the "
-            f"stiffness of the friction, got {format_count(len(files), 'BLA')}; "
-            + next_command_hint(
-                fit_command(files[-1]),
-                prove_command(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE"),
-            )
-        )
-    highest = files[highest_level(measured)]
-    if nominal is None:
-        with add_next_command(
-            "for a machine that is flexible or well damped "
-            + next_command_hint(fit_command(highest), prove_command(files, controller, nominal="nominal.json"))
-        ):
-            return friction_class(measured, stiction=stiction)
-    around = load_machine(nominal, highest, prove_command(files, controller, nominal="nominal.json")).nominal
-    with add_next_command(
-        next_command_hint(prove_command([nominal], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
-    ):
-        return friction_class(measured, nominal=around, stiction=stiction)
-
-
-def describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
-    """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
-    options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return {"file": path.name, "kind": kind, "sha256": digest, **({"options": options} if options else {})}
-
-
-def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
-    """Return the BLA whose friction slips most: it adds no stiffness there, and the least damping.
-
-    Gains at the lowest line within 5 % of each other count as equal, because levels that all slip differ by chance.
-    """
-    gains = [abs(bla.G[0]) for bla in blas]
-    return max(range(len(blas)), key=lambda k: (gains[k] > 0.95 * max(gains), np.abs(blas[k].G).max()))
-
-
-def class_from_model(
-    models: Sequence[Path], controller: Path, *, stiffness: float | None, stiction: float
-) -> FrictionBasis:
-    """One model, and the stiffness of its friction, which no model shows."""
-    model = models[0]
-    if len(models) > 1:
-        raise ValueError(
-            f"machine must be one model, got {len(models)}; "
-            + next_command_hint(prove_command([model], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
-        )
-    if stiffness is None:
-        raise ValueError(
-            f"stiffness must be given with a model [N/m], got none for {model}; "
-            + next_command_hint(prove_command([model], controller, stiffness="NEWTON_PER_METRE"))
-            + ", or read it from BLAs at three levels: "
-            + prove_command(["LOW.npz", "MID.npz", "HIGH.npz"], controller, nominal=model)
-        )
-    known = load_machine(model, Path("BLA.npz"), prove_command(["nominal.json"], controller, stiffness=stiffness))
-    machines, description = machines_of_nominal(known.nominal)
-    position_unit = position_unit_of(known.origin.unit)
-    return FrictionBasis(
-        machines=tuple(replace(machine, position_unit=position_unit) for machine in machines),
-        friction=any_maxwell_slip(stiffness, stiction, position_unit=position_unit),
-        description=description,
-        sources=(describe_source(model, "model"),),
-    )
-
-
-def load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
-    """Return a model in a file whose nominal is a machine, from force to position, or refuse with a command for one."""
-    model = repeat_warnings(load_model(path))
-    if getattr(model, "measured_only", True):
-        raise ValueError(
-            f"machine must have a parametric nominal of one input and output, got {path} without; "
-            f"{next_command_hint(fit_command(bla), command)}"
-        )
-    require_si("machine", model.origin.unit)
-    with add_next_command(next_command_hint(fit_command(bla, max(2, model.nominal.nstates)), command)):
-        machines_of_nominal(model.nominal)
-    return model
-
-
-def fit_command(bla: Path, poles: int = 4) -> str:
-    """Return the command line that fits a nominal to a BLA, with two zeros less than poles."""
-    return f"robust model {shell_quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
-
-
-def bla_of(record: Path) -> Path:
-    """Return the file that a hint gives the BLA of a record."""
-    return Path(f"{record.name.partition('.')[0]}-bla.npz")
-
-
-def identify_command(path: Path, load: LoadOptions) -> str:
-    """Return the command line that identifies the BLA of a record, with the options that it was read with."""
-    options = [
-        f"--{LOAD_OPTIONS[name]}" + ("" if option is True else f" {shell_quote(str(option))}")
-        for name, option in load.items()
-    ]
-    return " ".join(["nlfrf identify", shell_quote(path), *options, f"-o {shell_quote(bla_of(path))}"])
-
-
-def prove_command(
-    files: Sequence[Path | str],
-    controller: Path,
-    *,
-    nominal: Path | str | None = None,
-    stiffness: float | str | None = None,
-) -> str:
-    """Return the command line that proves."""
-    words = ["robust prove", *map(shell_quote, files), shell_quote(controller)]
-    words += [] if nominal is None else ["--nominal", shell_quote(nominal)]
-    return " ".join(words + ([] if stiffness is None else ["--stiffness", f"{stiffness}"]))
-
-
-def shell_quote(path: Path | str) -> str:
-    """Return a path as a shell takes it."""
-    return shlex.quote(str(path))
-
-
-def next_command_hint(*commands: str) -> str:
-    """Return the end of a refusal: what to run next."""
-    return "go on with: " + "; ".join(commands)
-
-
-@contextmanager
-def add_next_command(how: str) -> Iterator[None]:
-    """Add to a refusal the command that goes on."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{error}; {how}") from None
-
-
-def prove_all(
-    machines: Sequence[FrictionPlant],
-    K: control.StateSpace,
-    friction: AnyFriction | FrictionAtPorts,
-    *,
-    delay: float = 0.0,
-    Fs: float | Sequence[float] | None = None,
-) -> tuple[FrictionProof, ...]:
-    """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
-    proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs) for machine in machines]
-    worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
-    return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
-
-
-def describe_frequency_test(basis: FrictionBasis, K: control.StateSpace, delay: float) -> str:
-    """Describe the frequency test of mass and stiffness of levels within two standard deviations; else empty."""
-    found = basis.levels
-    if found is None or not isinstance(basis.friction, AnyFriction):
-        return ""
-    errors = {"mass": 2 * found.mass_std, "stiffness": 2 * found.stiffness_std}
-    test = friction_frequency_test(found.machine, K, basis.friction, delay=delay, margin=True, **errors)
-    return f"\n\nTwo standard deviations. {test}"
-
-
-def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: FrictionBasis) -> None:
-    """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
-    proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
-    for number, proof in enumerate(proved):
-        save_friction_proof(proof, certificate_path(out, number), basis)

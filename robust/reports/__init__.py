@@ -4,6 +4,7 @@ command       pictures, models and demands for the commands: what they read, dra
 data          sections on what was measured and modelled
 page          the file: its sections in order
 parts         what a page is made of: sections, tables, pictures inside it
+prove         machine and class of friction from the files of a command, and the commands that go on
 sections      sections on the controller: verdict, loop, check, worst case, settings
 shaping_page  the page on which a loop is shaped live
 verdicts      both verdicts side by side: of a check, of a proof for a class of friction

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +35,9 @@ from robust.friction.proof.ports import (
 )
 from robust.friction.proof.saturation import limits_of_force, with_actuator
 from robust.lti.realisation import state_space
+
+if TYPE_CHECKING:
+    import control
 
 #: Verdicts with a claim.
 CLAIMED = (FrictionVerdict.PROVED, FrictionVerdict.PROVED_LOCALLY, FrictionVerdict.SETTLES)
@@ -148,6 +152,20 @@ def prove_friction(
     if proof.verdict not in CLAIMED:
         return proof
     return replace(proof, claim=describe_claim(proof, describe_scope(machine, given, K=K, delay=delay), forces))
+
+
+def prove_all(
+    machines: Sequence[FrictionPlant],
+    K: control.StateSpace,
+    friction: AnyFriction | FrictionAtPorts,
+    *,
+    delay: float = 0.0,
+    Fs: float | Sequence[float] | None = None,
+) -> tuple[FrictionProof, ...]:
+    """Prove each machine, weakest result first: a claim on a machine has to hold with each damping."""
+    proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs) for machine in machines]
+    worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
+    return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 
 def bounds_of_bounded(

@@ -14,10 +14,11 @@ import nlfrf
 import robust
 from nlfrf import DataWarning, Record, identify, multisine
 from robust import DesignWarning, UncertaintyModel, check, fit_nominal, uncertainty
-from robust.io.certificates import class_from_files, prove_all, save_proofs
+from robust.friction.proof.prove import prove_all
 from robust.models import Origin
 from robust.reports import command
 from robust.reports import parts as report_parts
+from robust.reports.prove import MachineFiles, read_basis, save_proofs
 from robust.reports.shaping_page.generated_text import PartSources
 from robust.reports.shaping_page.page import page_content, page_text
 
@@ -202,7 +203,8 @@ def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path):
         warnings=(HOSTILE,),
     )
     robust.save(model, tmp_path / "m.json")
-    basis, said = shown(class_from_files, [tmp_path / "m.json"], tmp_path / "K.json", stiffness=64e3)
+    given = MachineFiles(files=(tmp_path / "m.json",), controller=tmp_path / "K.json", stiffness=64e3)
+    basis, said = shown(read_basis, given)
     assert said == [HOSTILE]
     assert basis.warnings == (HOSTILE,)
     assert str(basis).endswith(f"warning: {HOSTILE}")

@@ -13,9 +13,10 @@ import nlfrf
 import robust
 from robust import cli, save
 from robust.friction.plant import friction_loop
+from robust.friction.proof.prove import prove_all
 from robust.friction.reading.from_blas import fit_around, fit_level, free_mass, model_of
 from robust.friction.reading.levels import require_si
-from robust.io.certificates import class_from_files, prove_all, save_proofs
+from robust.reports.prove import MachineFiles, read_basis, save_proofs
 from tests.support.bla import make_bla
 from tests.support.friction_loops import RIG, Element, motion, pid
 from tests.support.printed import unwrapped
@@ -361,7 +362,9 @@ def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(measured_level
     bla = turning(measured_levels[2])
     nominal = robust.fit_nominal(bla, n_poles=2, n_zeros=0)
     robust.save(robust.uncertainty(bla, nominal), tmp_path / "m.json")
-    basis = class_from_files([tmp_path / "m.json"], tmp_path / "K.json", stiffness=74e3, stiction=1.2)
+    basis = read_basis(
+        MachineFiles(files=(tmp_path / "m.json",), controller=tmp_path / "K.json", stiffness=74e3, stiction=1.2)
+    )
     proof = prove_all(basis.machines, pid(20e3, 3e5, 60.0), basis.friction)[0]
     assert "74 kNm/rad" in unwrapped(proof)
     save_proofs([proof], tmp_path / "p.txt", basis)

@@ -1,0 +1,313 @@
+"""Machine and class of friction from the files of a command; a refusal ends with the command that goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import nlfrf
+from nlfrf._base.arguments import format_count, keep_warnings, repeat_warnings
+from nlfrf._base.files import LOAD_OPTIONS, MEASURED_RECORDS, RECORD_SCHEMAS, require_file_of
+from nlfrf._base.values import value
+from robust.friction.classes import AnyFriction, FrictionAtPorts, any_maxwell_slip
+from robust.friction.nominal import machines_of_nominal
+from robust.friction.plant import FrictionPlant
+from robust.friction.proof.certify import FrictionProof
+from robust.friction.proof.linear_uncertainty import friction_frequency_test
+from robust.friction.reading.assumed_class import FrictionClass
+from robust.friction.reading.friction_class import friction_class
+from robust.friction.reading.from_blas import highest_level
+from robust.friction.reading.levels import require_si
+from robust.friction.units import position_unit_of
+from robust.io.certificates import certificate_path, save_friction_proof
+from robust.io.models import load_bla, load_model
+from robust.models.sets.model import UncertaintyModel
+
+if TYPE_CHECKING:
+    import control
+
+#: Kinds of files of ours that a machine and its friction are read from.
+MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
+NOMINAL = Path("nominal.json")  # what the commands of the messages write
+
+
+@value
+class MachineFiles:
+    """Files of a machine, and how they are to be read.
+
+    Fields
+    ------
+    files : tuple of Path
+        One model, or BLAs or records at several levels.
+    controller : Path
+        Stands in the commands of the messages only.
+    nominal : Path or None
+        With BLAs: a model to read around.
+    stiffness : float or None
+        Of the friction [N/m]; with levels in the place of the one that is read.
+    stiction : float
+    free : bool
+    masses : int
+        As of `friction_class`.
+    load : mapping
+        What `nlfrf.load_record` takes, for traces.
+    """
+
+    files: tuple[Path, ...]
+    controller: Path
+    nominal: Path | None = None
+    stiffness: float | None = None
+    stiction: float = 1.5
+    free: bool = False
+    masses: int = 1
+    load: Mapping[str, Any] = field(default_factory=dict)
+
+    def prove(self, files: Sequence[Path], *, nominal: Path | None = None) -> str:
+        """Return the command line that proves, around a nominal."""
+        around = [] if nominal is None else ["--nominal", nominal]
+        return join("robust", "prove", *files, self.controller, *around)
+
+    def prove_model(self, model: Path = NOMINAL) -> str:
+        """Return the command line that proves with a model, and the stiffness of its friction."""
+        return f"{self.prove([model])} --stiffness {self.stiffness or 'NEWTON_PER_METRE'}"
+
+    def identify(self, record: Path) -> str:
+        """Return the command line that identifies the BLA of a record, with the options that it was read with."""
+        options = [(f"--{LOAD_OPTIONS[name]}", option) for name, option in self.load.items()]
+        words = [word for pair in options for word in pair if word is not True]
+        return join("nlfrf", "identify", record, *words, "-o", bla_of(record))
+
+
+@value
+class FrictionBasis:
+    """What a proof with friction starts from.
+
+    Fields
+    ------
+    machines : tuple of FrictionPlant
+        The linear part, with each damping that is to be proved.
+    friction : AnyFriction or FrictionAtPorts
+        The class.
+    description : str
+        What was read from what, and how surely.
+    sources : tuple of dict
+        Of each file its name, its kind, its SHA-256, and the options that it was read with.
+    levels : FrictionClass or None
+        What was read without a nominal; None with one, and from a model.
+    warnings : tuple of str
+        What was warned of the records, BLAs and models that it was read from.
+    """
+
+    machines: tuple[FrictionPlant, ...]
+    friction: AnyFriction | FrictionAtPorts
+    description: str
+    sources: tuple[dict[str, object], ...]
+    levels: FrictionClass | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return "\n".join([self.description, *(f"warning: {text}" for text in self.warnings)])
+
+
+@keep_warnings
+def read_basis(given: MachineFiles) -> FrictionBasis:
+    """Return machines and friction class of one model and a stiffness, or of BLAs or records at several levels.
+
+    Raises
+    ------
+    ValueError
+        Files that do not make a machine and its friction; each message ends with the command that goes on.
+    """
+    for path in given.files:
+        require_file_of(path, *MACHINE_FILES)
+    models = [path for path in given.files if path.suffix.lower() == ".json"]
+    measured = [path for path in given.files if path not in models]
+    if len(models) == 1 and measured and given.nominal is None:
+        raise ValueError(
+            "machine must be one model or BLAs at three levels, got both; "
+            + go_on(given.prove(measured, nominal=models[0]))
+        )
+    if models:
+        return basis_of_model(models, given)
+    records, blas = load_levels(measured, given)
+    found = class_of_records(records, given) if records else class_of_blas(blas, given)
+    friction = found.friction
+    if given.stiffness is not None:
+        if not isinstance(friction, AnyFriction):
+            raise ValueError(
+                f"stiffness must be left out with two masses, which have one each, got {given.stiffness:g}"
+            )
+        friction = any_maxwell_slip(given.stiffness, friction.stiction, position_unit=friction.position_unit)
+    sources = [describe_source(path, "record" if records else "BLA", given.load) for path in measured]
+    return FrictionBasis(
+        machines=found.machines,
+        friction=friction,
+        description=str(found),
+        sources=(*sources, *([] if given.nominal is None else [describe_source(given.nominal, "model")])),
+        levels=found if given.nominal is None else None,
+    )
+
+
+def load_levels(paths: Sequence[Path], given: MachineFiles) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
+    """Return the records or the BLAs in files; refuse both together with the commands that make them alike."""
+    levels = {path: load_level(path, given.load) for path in paths}
+    records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
+    blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
+    if records and blas:
+        proved = given.prove([bla_of(path) if path in records else path for path in levels])
+        raise ValueError(
+            f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))} and the records "
+            f"{', '.join(map(str, records))}: take the records of all levels, or identify these; "
+            + go_on(*map(given.identify, records), proved)
+        )
+    return records, blas
+
+
+def load_level(path: Path, load: Mapping[str, Any]) -> nlfrf.Bla | nlfrf.Record:
+    """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
+    schema = nlfrf.inspect_file(path).schema
+    is_bla = schema and "record" not in schema
+    level: nlfrf.Bla | nlfrf.Record = load_bla(path) if is_bla else nlfrf.load_record(path, **load)
+    return repeat_warnings(level) if schema else level
+
+
+def class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles) -> FrictionClass:
+    """Read the class from records; a refusal has the commands that read it from their BLAs around a nominal."""
+    identified = [given.identify(path) for path in records]
+    fit = fit_command(bla_of(max(records, key=lambda path: float(np.std(records[path].y)))))
+    if len(records) < 3:
+        raise ValueError(
+            "machine must be records at three levels, from sticking to sliding, got "
+            f"{format_count(len(records), 'record')}; " + go_on(*identified, fit, given.prove_model())
+        )
+    around = given.prove([bla_of(path) for path in records], nominal=given.nominal or NOMINAL)
+    if given.nominal is not None:
+        raise ValueError(
+            "nominal must be left out with records, which are read as one mass with their delay, got one; "
+            + go_on(*identified, around)
+        )
+    with add_next_command(
+        "for a machine that is flexible, --masses 2, or around a nominal " + go_on(*identified, fit, around)
+    ):
+        return friction_class(list(records.values()), stiction=given.stiction, free=given.free, masses=given.masses)
+
+
+def class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> FrictionClass:
+    """Read the class from BLAs, perhaps around a nominal; a refusal has the commands that go on."""
+    files, measured = list(blas), list(blas.values())
+    options = [f"--{LOAD_OPTIONS[name]}" for name in given.load]
+    if wrong := options + ["--free"] * given.free + ["--masses"] * (given.masses != 1):
+        again = given.prove(files, nominal=given.nominal)
+        again += "" if given.stiffness is None else f" --stiffness {given.stiffness}"
+        raise ValueError(f"machine must be records for {' and '.join(wrong)}, got BLAs; {go_on(again)}")
+    if len(files) < 3:
+        raise ValueError(
+            "machine must be BLAs or records at three levels, from sticking to sliding, or one model with the "
+            f"stiffness of the friction, got {format_count(len(files), 'BLA')}; "
+            + go_on(fit_command(files[-1]), given.prove_model())
+        )
+    highest = files[highest_level(measured)]
+    if given.nominal is None:
+        fitted = go_on(fit_command(highest), given.prove(files, nominal=NOMINAL))
+        with add_next_command(f"for a machine that is flexible or well damped {fitted}"):
+            return friction_class(measured, stiction=given.stiction)
+    around = load_machine(given.nominal, highest, given.prove(files, nominal=NOMINAL)).nominal
+    with add_next_command(go_on(given.prove_model(given.nominal))):
+        return friction_class(measured, nominal=around, stiction=given.stiction)
+
+
+def describe_source(path: Path, kind: str, load: Mapping[str, Any] | None = None) -> dict[str, object]:
+    """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
+    options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return {"file": path.name, "kind": kind, "sha256": digest, **({"options": options} if options else {})}
+
+
+def basis_of_model(models: Sequence[Path], given: MachineFiles) -> FrictionBasis:
+    """One model, and the stiffness of its friction, which no model shows."""
+    model = models[0]
+    if len(models) > 1:
+        raise ValueError(f"machine must be one model, got {len(models)}; {go_on(given.prove_model(model))}")
+    if given.stiffness is None:
+        levels = given.prove([Path(f"{level}.npz") for level in ("LOW", "MID", "HIGH")], nominal=model)
+        raise ValueError(
+            f"stiffness must be given with a model [N/m], got none for {model}; {go_on(given.prove_model(model))}, or "
+            f"read it from BLAs at three levels: {levels}"
+        )
+    known = load_machine(model, Path("BLA.npz"), given.prove_model())
+    machines, description = machines_of_nominal(known.nominal)
+    position_unit = position_unit_of(known.origin.unit)
+    return FrictionBasis(
+        machines=tuple(replace(machine, position_unit=position_unit) for machine in machines),
+        friction=any_maxwell_slip(given.stiffness, given.stiction, position_unit=position_unit),
+        description=description,
+        sources=(describe_source(model, "model"),),
+    )
+
+
+def load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
+    """Return a model in a file whose nominal is a machine, from force to position, or refuse with a command for one."""
+    model = repeat_warnings(load_model(path))
+    if getattr(model, "measured_only", True):
+        raise ValueError(
+            f"machine must have a parametric nominal of one input and output, got {path} without; "
+            f"{go_on(fit_command(bla), command)}"
+        )
+    require_si("machine", model.origin.unit)
+    with add_next_command(go_on(fit_command(bla, max(2, model.nominal.nstates)), command)):
+        machines_of_nominal(model.nominal)
+    return model
+
+
+def fit_command(bla: Path, poles: int = 4) -> str:
+    """Return the command line that fits a nominal to a BLA, with two zeros less than poles."""
+    return join("robust", "model", bla, "--poles", poles, "--zeros", poles - 2, "-o", NOMINAL)
+
+
+def bla_of(record: Path) -> Path:
+    """Return the file that a hint gives the BLA of a record."""
+    return Path(f"{record.name.partition('.')[0]}-bla.npz")
+
+
+def join(*words: object) -> str:
+    """Return a command line of these words, quoted as a shell takes them."""
+    return shlex.join(map(str, words))
+
+
+def go_on(*commands: str) -> str:
+    """Return the end of a refusal: what to run next."""
+    return "go on with: " + "; ".join(commands)
+
+
+@contextmanager
+def add_next_command(how: str) -> Iterator[None]:
+    """Add to a refusal the command that goes on."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{error}; {how}") from None
+
+
+def describe_frequency_test(basis: FrictionBasis, K: control.StateSpace, delay: float) -> str:
+    """Describe the frequency test of mass and stiffness of levels within two standard deviations; else empty."""
+    found = basis.levels
+    if found is None or not isinstance(basis.friction, AnyFriction):
+        return ""
+    errors = {"mass": 2 * found.mass_std, "stiffness": 2 * found.stiffness_std}
+    test = friction_frequency_test(found.machine, K, basis.friction, delay=delay, margin=True, **errors)
+    return f"\n\nTwo standard deviations. {test}"
+
+
+def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: FrictionBasis) -> None:
+    """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
+    proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
+    for number, proof in enumerate(proved):
+        read_from = {"evidence": basis.description, "files": list(basis.sources)}
+        save_friction_proof(proof, certificate_path(out, number), read_from=read_from, warnings=basis.warnings)
