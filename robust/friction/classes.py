@@ -5,6 +5,8 @@ Friction is the force without its viscous part, which belongs to the machine.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from nlfrf._base.arguments import require_nonnegative, require_positive, require_real
@@ -54,12 +56,7 @@ class AnyFriction:
     def description(self) -> str:
         """Which laws these are."""
         if self.kind == "Maxwell slip":
-            damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
-            return (
-                f"Maxwell-slip friction of presliding stiffness up to {self.K0 / 1e3:.4g} {self.units.stiffness}"
-                f"{damped}, each of whose sliders never holds more than {self.stiction:.4g} times the least force it "
-                "slips at (anywhere, in any direction, at any speed or time)"
-            )
+            return describe_maxwell_slip((self,), ("",))
         if self.kind == "bristle":
             return (
                 f"friction of bristles up to {self.K0 / 1e3:.4g} {self.units.stiffness} stiff, with a damping of "
@@ -132,19 +129,22 @@ class FrictionAtPorts:
     @property
     def description(self) -> str:
         """Which laws these are."""
-        places = list(zip(self.ports, self.names, strict=True))
-        stiffest = " and ".join(
-            f"{format_plain(port.K0 / 1e3)} {self.units.stiffness} at {name}" for port, name in places
-        )
-        if len({port.stiction for port in self.ports}) == 1:
-            ratio = f"{self.ports[0].stiction:.4g} times"
-        else:
-            ratio = " and ".join(f"{port.stiction:.4g} times at {name}" for port, name in places)
-        damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
-        return (
-            f"Maxwell-slip friction of presliding stiffness up to {stiffest}{damped}, each of whose sliders never "
-            f"holds more than {ratio} the least force it slips at (anywhere, in any direction, at any speed or time)"
-        )
+        return describe_maxwell_slip(self.ports, [f" at {name}" for name in self.names])
+
+
+def describe_maxwell_slip(ports: Sequence[AnyFriction], places: Sequence[str]) -> str:
+    """Describe Maxwell slip at each port; places : where it acts, in words that follow a number."""
+    units, bristle_time = ports[0].units, max(port.bristle_time for port in ports)
+    at = list(zip(ports, places, strict=True))
+    stiffest = " and ".join(f"{format_plain(port.K0 / 1e3)} {units.stiffness}{place}" for port, place in at)
+    one_ratio = len({port.stiction for port in ports}) == 1
+    ratios = [f"{port.stiction:.4g} times{'' if one_ratio else place}" for port, place in at]
+    damped = f" and damping up to {1e3 * bristle_time:g} ms of it" if bristle_time else ""
+    return (
+        f"Maxwell-slip friction of presliding stiffness up to {stiffest}{damped}, each of whose sliders never holds "
+        f"more than {' and '.join(ratios[:1] if one_ratio else ratios)} the least force it slips at (anywhere, in any "
+        "direction, at any speed or time)"
+    )
 
 
 def any_maxwell_slip(
