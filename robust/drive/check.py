@@ -586,7 +586,7 @@ def check_drive(
     spring : bool
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
-        2 to read the friction of a motor and a load, which takes a minute or two.
+        2 for a motor and a load; to read Maxwell slip on both takes a minute or two.
     within : float, optional
         Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
     fit : FrictionFit, optional
@@ -629,7 +629,15 @@ def check_drive(
         friction = DriveFriction(note=CREEP_NOTE)
     else:
         friction = judge_friction(
-            at_rest, settings, actual=actual, stiction=stiction, Fs=Fs, spring=spring, masses=masses, fit=fit
+            at_rest,
+            settings,
+            actual=actual,
+            stiction=stiction,
+            Fs=Fs,
+            spring=spring,
+            masses=masses,
+            fit=fit,
+            sliding=None if force is None else force.sliding,
         )
     friction = with_notes(replace(friction, force=force), under, note)
     advance()

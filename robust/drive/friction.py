@@ -366,6 +366,7 @@ def judge_friction(
     spring: bool,
     masses: int,
     fit: FrictionFit | None = None,
+    sliding: SlidingFit | None = None,
 ) -> DriveFriction:
     """Read the friction from traces at rest, and prove the loop with it; the other parameters as of `check_drive`.
 
@@ -374,7 +375,7 @@ def judge_friction(
     """
     if fit is None:
         try:
-            fit = read_friction(records, spring=spring, masses=masses)
+            fit = read_friction(records, spring=spring, masses=masses, sliding=sliding)
         except (ValueError, np.linalg.LinAlgError) as error:
             return DriveFriction(note=str(error))
     try:
@@ -491,7 +492,9 @@ def largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:
     return tuple(interval_at_port(fit, "Fs", port)[1] for port in ("motor", "load"))
 
 
-def read_friction(records: Sequence[nlfrf.Record], *, spring: bool, masses: int) -> FrictionFit:
+def read_friction(
+    records: Sequence[nlfrf.Record], *, spring: bool, masses: int, sliding: SlidingFit | None = None
+) -> FrictionFit:
     """Read the friction from traces at rest; a ValueError says why it cannot be."""
     if len(records) < FEWEST_LEVELS:
         raise ValueError(
@@ -499,7 +502,7 @@ def read_friction(records: Sequence[nlfrf.Record], *, spring: bool, masses: int)
         )
     if records[0].u_unit == "A":
         raise ValueError("it takes a force, and the gains have no torque_constant")
-    return identify_friction(records, free=not spring, masses=masses)
+    return identify_friction(records, free=not spring, masses=masses, sliding=sliding)
 
 
 def machines_at_ends(fit: FrictionFit, assumed: FrictionClass) -> list[FrictionPlant]:

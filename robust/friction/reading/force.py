@@ -16,7 +16,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.numbers import smallest_step
 from nlfrf._base.values import value
-from robust.friction.reading.balance import HALF_WIDTH, as_real, motion_of_record, unit_of
+from robust.friction.reading.balance import HALF_WIDTH, as_real, force_of_motion, motion_of_record, unit_of
 from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import SlidingFit, identify_sliding
 from robust.lti.sampling import hold_correction
@@ -314,16 +314,6 @@ def friction_of_signals(
 def rigid_edge(machine: SlidingFit | FrictionFit) -> float:
     """Return the frequency [rad/s] up to which a motor and a load move as one; infinite of one mass."""
     return RIGID * float(np.sqrt(machine.coupling / machine.load_mass)) if machine.load_mass else np.inf
-
-
-def force_of_motion(machine: SlidingFit | FrictionFit, omega: np.ndarray, damping: float) -> np.ndarray:
-    """Return (W,) force over the position of the motor without friction [N/m], the viscous friction at the motor."""
-    s, load = 1j * omega, machine.load_mass
-    found = s * damping + s**2 * (machine.mass - load)
-    if load:
-        link = machine.coupling + s * machine.coupling_damping
-        found = found + link * s**2 * load / (link + s**2 * load)
-    return np.asarray(found)
 
 
 def slides_of(

@@ -17,6 +17,7 @@ from nlfrf._base.values import value
 from robust.friction.reading.balance import (
     Candidate,
     Motion,
+    NumbersRead,
     Terms,
     actuated_force,
     as_real,
@@ -75,10 +76,26 @@ class LinearLoad:
         return np.asarray(link * inertia / (link + inertia))
 
 
-def start_with_load(levels: list[Motion], *, spring: bool) -> list[Candidate]:
-    """Candidates of two masses to begin with, the likeliest first; levels the highest first."""
-    breakaway = levels[0].half_swing * np.geomspace(*COULOMB)
-    machine = fit_sliding_level(levels[0], breakaway, spring=spring)
+def linear_load(sliding: NumbersRead) -> LinearLoad:
+    """Return motor and load as they were read in motion."""
+    return LinearLoad(
+        motor=sliding.mass - sliding.load_mass,
+        load=sliding.load_mass,
+        coupling=sliding.coupling,
+        coupling_damping=max(sliding.coupling_damping, np.finfo(float).tiny),
+        damping=max(0.0, sliding.damping),
+        spring=0.0,
+        delay=sliding.delay,
+    )
+
+
+def start_with_load(levels: list[Motion], *, spring: bool, machine: LinearLoad | None = None) -> list[Candidate]:
+    """Candidates of two masses to begin with, the likeliest first; levels the highest first.
+
+    machine : as it was read in motion; fitted to the highest level where it was not.
+    """
+    if machine is None:
+        machine = fit_sliding_level(levels[0], levels[0].half_swing * np.geomspace(*COULOMB), spring=spring)
     stiffness = fit_sticking_level(levels[-1], machine)
     scales = [float(np.sqrt((np.abs(level.U) ** 2).mean())) for level in levels]
     fastest = float(np.std(levels[0].v))

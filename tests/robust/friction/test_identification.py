@@ -3,6 +3,7 @@
 import re
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -35,11 +36,13 @@ from robust.friction.reading.balance import (
     Terms,
     covariances_of,
     element_spectra,
+    motion_of_record,
     reaction_of_load,
     residual_of,
     slopes_of,
     with_branches,
 )
+from robust.friction.reading.identification import without_noisy_lines
 
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 
@@ -228,6 +231,25 @@ def test_motor_and_load_are_told_apart(belt):
     assert set(truth) < set(belt.stds)
     assert belt.questions == ()
     assert "break-away force at the load = " in str(belt)
+
+
+def test_lines_that_a_step_of_the_encoder_makes_are_left_out_around_the_antiresonance():
+    """The motor hardly moves there, so that a step of its encoder stands for much force."""
+    axis = nlfrf.servo_axis("belt")
+    plan = replace(TWO_MASSES["belt"], rms=(300,), n_samples=4000, f_min=2)
+    (record,) = measure_at_rest(axis, plan, 0)
+    machine = SimpleNamespace(
+        mass=axis.inertia, load_mass=axis.load_inertia, coupling=axis.stiffness, coupling_damping=axis.damping
+    )
+    level, antiresonance = motion_of_record(record, 1), np.sqrt(axis.stiffness / axis.load_inertia)
+    for step, some in ((1e-9, False), (1e-5, True)):
+        kept = without_noisy_lines(level, replace(record, y=np.round(record.y / step) * step), machine)
+        left_out = np.setdiff1d(level.omega, kept.omega)
+        assert bool(left_out.size) == some
+        assert kept.U.shape == kept.Y.shape == kept.noise.shape == (1, kept.lines.size)
+        if some:
+            assert np.abs(left_out / antiresonance - 1).min() < 0.1
+            assert kept.omega.min() == level.omega.min()
 
 
 def test_friction_at_two_masses_makes_a_class_at_each(belt):
