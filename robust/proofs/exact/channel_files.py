@@ -37,4 +37,4 @@ def verify_channels(given: ChannelsClaim) -> Verification:
         else:
             found = decide_level(claim)
             decided |= {"nominal stability": found[STABLE], subject: found[LEVEL]}
-    return summarise_claims(decided, 0)
+    return summarise_claims(decided)

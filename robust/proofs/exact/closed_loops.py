@@ -55,7 +55,7 @@ class ClosedLoopClaim:
 def verify_closed_loop(claim: ClosedLoopClaim, *, time_cap: float = 60.0) -> Verification:
     """Prove stability and norm of a closed loop again, from plant and controller as they were given."""
     found = decide_closed_loop(claim, deadline=time.thread_time() + time_cap)
-    return summarise_claims({"stability and norm": found}, BITS[-1])
+    return summarise_claims({"stability and norm": found})
 
 
 def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf, thorough: bool = True) -> Decision:

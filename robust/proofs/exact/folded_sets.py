@@ -136,7 +136,7 @@ def decide_folded(claim: FoldedClaim) -> dict[str, Decision]:
 def verify_folded(claim: FoldedClaim, *, time_cap: float = 60.0) -> Verification:
     """Prove the claim again in balls rounded outward; the number of intervals is capped, whatever `time_cap` is."""
     del time_cap
-    return summarise_claims(decide_folded(claim), BITS)
+    return summarise_claims(decide_folded(claim))
 
 
 def decide_part(folded: FoldedSum) -> Decision:

@@ -288,4 +288,4 @@ def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
 def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) -> Verification:
     """Prove the claim again over the rationals; it takes milliseconds an interval, whatever `time_cap` is."""
     del time_cap
-    return summarise_claims(decide_level(claim), 0)
+    return summarise_claims(decide_level(claim))

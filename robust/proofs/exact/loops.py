@@ -73,7 +73,6 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     deadline = time.thread_time() + time_cap
     try:
         decided: dict[str, Decision] = {}
-        bits = BITS[0]
         first = any(name in ALIASED.values() for name in claim.claims)  # with aliases 192 seldom suffice
         for bits in BITS[first:]:
             with ctx.workprec(bits):
@@ -81,8 +80,8 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
             if not any(found.needs_digits for found in decided.values()) or time.thread_time() > deadline:
                 break
     except ValueError as error:
-        return Verification(verified=False, proved=(), failed=(("the loop", str(error)),), bits=0)
-    return summarise_claims(decided, bits)
+        return Verification(proved=(), failed=(("the loop", str(error)),))
+    return summarise_claims(decided)
 
 
 def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:

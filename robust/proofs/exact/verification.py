@@ -13,14 +13,10 @@ class Verification:
 
     Fields
     ------
-    verified : bool
-        True only if every claim was proved, rigorously.
     proved : tuple of str
         The claims that were.
     failed : tuple of (str, str)
         The claims that were not, and why not, for people.
-    bits : int
-        Precision at which the last of them was decided; 0 where none was.
     violated : tuple of str
         Of those that failed the ones proved false; the others are undecided.
     warnings : tuple of str
@@ -32,17 +28,20 @@ class Verification:
 
     Examples
     --------
-    >>> print(Verification(verified=False, proved=("nominal stability",), failed=(("norm", "too large"),), bits=192))
+    >>> print(Verification(proved=("nominal stability",), failed=(("norm", "too large"),)))
     nominal stability: proved, rigorous
     norm: NOT verified: too large
     """
 
-    verified: bool
     proved: tuple[str, ...]
     failed: tuple[tuple[str, str], ...]
-    bits: int
     violated: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def verified(self) -> bool:
+        """Whether every claim was proved, rigorously."""
+        return not self.failed
 
     def __str__(self) -> str:
         lines = [f"{claim}: proved, rigorous" for claim in self.proved]
@@ -50,14 +49,11 @@ class Verification:
         return "\n".join(lines + [f"warning: {text}" for text in self.warnings])
 
 
-def summarise_claims(decided: dict[str, Decision], bits: int) -> Verification:
+def summarise_claims(decided: dict[str, Decision]) -> Verification:
     """Return what was decided, claim by claim."""
-    failed = tuple((name, describe_failure(found)) for name, found in decided.items() if not found.holds)
     return Verification(
-        verified=not failed,
         proved=tuple(name for name, found in decided.items() if found.holds),
-        failed=failed,
-        bits=bits,
+        failed=tuple((name, describe_failure(found)) for name, found in decided.items() if not found.holds),
         violated=tuple(name for name, found in decided.items() if found.violated),
     )
 

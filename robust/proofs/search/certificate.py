@@ -104,7 +104,7 @@ class Certificate:
         if self.again is not None:
             return self.again(self.claim, time_cap=time_cap)
         reason = "judged in floating point only: no exact claim is kept of it" if self.holds else self.reason
-        return Verification(verified=False, proved=(), failed=((self.subject, reason),), bits=0)
+        return Verification(proved=(), failed=((self.subject, reason),))
 
 
 def failed_certificate(
