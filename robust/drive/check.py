@@ -45,7 +45,7 @@ from robust.friction.reading.balance import motion_of_record
 from robust.friction.reading.force import FrictionForce, read_friction_force
 from robust.friction.reading.from_blas import highest_level
 from robust.friction.reading.identification import FrictionFit
-from robust.friction.reading.in_motion import fit_linear
+from robust.friction.reading.in_motion import SlidingFit, fit_linear
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
 from robust.models.fit.orders import scan_orders
@@ -728,10 +728,16 @@ def with_bound(
         return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
     damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
     any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
-    coupled = force.sliding if force is not None and force.load is not None else machine
-    return replace(
-        friction, bounded=bound_any_friction(coupled, settings, any_friction, output_unit=unit), largest=largest
-    )
+    models: list[control.StateSpace | SlidingFit] = [machine]
+    if force is not None and force.load is not None:
+        models = [force.sliding]
+    elif force is not None:  # a fit may have modes that no bound can follow: then that of the mass that the trace shows
+        models.append(control.ss(control.tf([1.0], [force.sliding.mass, max(0.0, force.sliding.damping), 0.0])))
+    for one in models:
+        bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
+        if np.isfinite(bounded.error_bound):
+            break
+    return replace(friction, bounded=bounded, largest=largest)
 
 
 def report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:

@@ -46,10 +46,9 @@ FORCE_NOTE = (
 BOUNDED_NOTE = (
     "The largest friction force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest "
     "is not judged. The bound is of the nominal linear model of these traces, not of its set, with the friction where "
-    "the motor acts, or at the load where one was read and that is worse."
+    "the motor acts, or at the load where one was read and that is worse. Where no bound can follow that model, it is "
+    "of the mass and viscous friction that the trace in motion shows."
 )
-#: Over the sampling frequency: a pole above this is none of the machine, for all that its drive sees.
-INSTANT = 100.0
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
 MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
 
@@ -429,21 +428,6 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
     return np.stack(friction_of_period(record, machine, edge_of_level(record, machine)))
 
 
-def without_instant_poles(machine: control.StateSpace, period: float) -> control.StateSpace:
-    """Return a machine without the poles and zeros that end within a hundredth of a period [s], where it has any.
-
-    A fit of a trace may have such a pole, which the trace does not show, and no bound can follow it.
-    """
-    fastest = INSTANT / period
-    poles, zeros = (roots[np.abs(roots) <= fastest] for roots in (machine.poles(), machine.zeros()))
-    if poles.size == machine.nstates or poles.size < zeros.size + 2:
-        return machine
-    s = 1j / period
-    gain = float((machine(s) * np.prod(s - poles) / np.prod(s - zeros)).real)
-    numerator, denominator = (np.atleast_1d(np.poly(roots)).real for roots in (zeros, poles))
-    return control.ss(control.tf(gain * numerator, denominator))
-
-
 def bound_any_friction(
     machine: control.StateSpace | SlidingFit, settings: Drive, friction: AnyFriction, *, output_unit: str
 ) -> FrictionProof:
@@ -452,9 +436,7 @@ def bound_any_friction(
     The bound is a sum over the forces at motor and load, so that it is largest with all of the friction at one of them.
     """
     K, unit = cascade(settings, output_unit=output_unit), settings.base_unit
-    plants = []
-    if not isinstance(machine, SlidingFit):
-        plants = [friction_plant(without_instant_poles(machine, settings.dt), position_unit=unit)]
+    plants = [friction_plant(machine, position_unit=unit)] if not isinstance(machine, SlidingFit) else []
     if isinstance(machine, SlidingFit):
         damping = max(0.0, machine.damping) / 2
         both = two_mass_plant(
