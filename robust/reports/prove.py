@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -33,6 +33,8 @@ from robust.models.sets.model import UncertaintyModel
 if TYPE_CHECKING:
     import control
 
+#: Options of `nlfrf.load_record`, by name.
+LoadOptions: TypeAlias = Mapping[str, Any]
 #: Kinds of files of ours that a machine and its friction are read from.
 MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
 NOMINAL = Path("nominal.json")  # what the commands of the messages write
@@ -67,7 +69,7 @@ class MachineFiles:
     stiction: float = 1.5
     free: bool = False
     masses: int = 1
-    load: Mapping[str, Any] = field(default_factory=dict)
+    load: LoadOptions = field(default_factory=dict)
 
     def prove(self, files: Sequence[Path], *, nominal: Path | None = None) -> str:
         """Return the command line that proves, around a nominal."""
@@ -170,7 +172,7 @@ def load_levels(paths: Sequence[Path], given: MachineFiles) -> tuple[dict[Path, 
     return records, blas
 
 
-def load_level(path: Path, load: Mapping[str, Any]) -> nlfrf.Bla | nlfrf.Record:
+def load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     """Return the BLA in a file, or the record: one of this package, or a trace of any other origin."""
     schema = nlfrf.inspect_file(path).schema
     is_bla = schema and "record" not in schema
@@ -223,7 +225,7 @@ def class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> Fricti
         return friction_class(measured, nominal=around, stiction=given.stiction)
 
 
-def describe_source(path: Path, kind: str, load: Mapping[str, Any] | None = None) -> dict[str, object]:
+def describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
     """Return what a certificate keeps of a file: name, kind and digest, and the options that it was read with."""
     options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
