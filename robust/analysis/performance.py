@@ -312,7 +312,7 @@ class StepResponse:
 
     Examples
     --------
-    >>> step = step_response(control.tf([1], [1, 1]), 9.0)       # T = 9/(s + 10)
+    >>> step = step_of_plant(control.tf([1], [1, 1]), 9.0)       # T = 9/(s + 10)
     >>> round(step.final, 9), round(step.rise_time, 3), round(step.settling_time, 3)
     (0.9, 0.22, 0.392)
     """
