@@ -236,7 +236,7 @@ def repeats(record: nlfrf.Record) -> bool:
     """Whether a level does the same in each period: one that hunts by itself makes a jump of where a period ends."""
     y = np.asarray(record.y)[0]
     changes = np.std(y - y.mean(axis=0), axis=-1).max() + np.ptp(y.mean(axis=-1))
-    return bool(changes < max(MOST_CHANGE * np.std(y.mean(axis=0)), 2 * encoder_step(record)))
+    return bool(changes < max(MOST_CHANGE * np.std(y.mean(axis=0)), 2 * smallest_step(record.y)))
 
 
 def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
@@ -244,7 +244,7 @@ def peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
     edge = edge_of_level(record, sliding)
     f, _, v = friction_over_time(record, sliding, edge)
     acceleration = np.gradient(v) * record.fs
-    quiet = STEP_ACCELERATION * sliding.mass * encoder_step(record) * edge**2
+    quiet = STEP_ACCELERATION * sliding.mass * smallest_step(record.y) * edge**2
     return LevelPeak(
         level=float(np.std(record.r if record.r is not None else record.u)),
         peak=float(np.sort(np.abs(f))[-max(1, int(ABOVE_PEAK * f.size))]),
@@ -268,7 +268,7 @@ def usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> floa
 
 def quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
     """Return the frequency [rad/s] up to which a step of the encoder makes less force than `most` [N]."""
-    step = STEP_ACCELERATION * machine.mass * encoder_step(record)
+    step = STEP_ACCELERATION * machine.mass * smallest_step(record.y)
     return float(np.sqrt(most / step)) if step else np.inf
 
 
@@ -392,11 +392,6 @@ def fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
     return float(((f - X @ found) ** 2).sum()) if vs is None or found[2] > 0 else np.inf
 
 
-def encoder_step(record: nlfrf.Record) -> float:
-    """Step of the encoder, as the position shows it; zero where it does not move."""
-    return smallest_step(record.y)
-
-
 def break_away(peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool = False) -> tuple[np.ndarray, str]:
     """Interval of the break-away force, where the peak of the force stops to rise with the level.
 
@@ -485,7 +480,7 @@ def spring_and_damper(record: nlfrf.Record, sliding: SlidingFit) -> tuple[float,
     motion = motion_of_record(record, 1)
     kept = motion.excited & (motion.omega < rigid_edge(sliding))
     omega, U, Y = motion.omega[kept], motion.U[:, kept], motion.Y[:, kept]
-    motion_rms, step = np.sqrt((np.abs(Y) ** 2).sum(axis=1).mean() / 2), encoder_step(record)
+    motion_rms, step = np.sqrt((np.abs(Y) ** 2).sum(axis=1).mean() / 2), smallest_step(record.y)
     if not motion_rms > FEWEST_STEPS * step:
         return None
     force = U * np.exp(-1j * omega * sliding.delay) - force_of_motion(sliding, omega, sliding.damping) * Y
