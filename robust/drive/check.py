@@ -41,11 +41,13 @@ from robust.drive.friction import DriveFriction, bound_any_friction, judge_frict
 from robust.drive.p_pi import cascade, with_set_point
 from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
 from robust.friction.classes import any_bounded
+from robust.friction.plant import friction_plant
 from robust.friction.reading.balance import motion_of_record
 from robust.friction.reading.force import FrictionForce, read_friction_force
 from robust.friction.reading.from_blas import highest_level
+from robust.friction.reading.from_fit import plant_of_fit
 from robust.friction.reading.identification import FrictionFit
-from robust.friction.reading.in_motion import SlidingFit, fit_linear
+from robust.friction.reading.in_motion import fit_linear
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
 from robust.models.fit.orders import scan_orders
@@ -728,12 +730,12 @@ def with_bound(
         return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
     damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
     any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
-    models: list[control.StateSpace | SlidingFit] = [machine]
-    if force is not None and force.load is not None:
-        models = [force.sliding]
-    elif force is not None:  # a fit may have modes that no bound can follow: then that of the mass that the trace shows
-        models.append(control.ss(control.tf([1.0], [force.sliding.mass, max(0.0, force.sliding.damping), 0.0])))
-    for one in models:
+    two = force is not None and force.load is not None
+    plants = [] if two else [friction_plant(machine, position_unit=settings.base_unit)]
+    if force is not None:  # a fit may have modes that no bound can follow: then the machine that the trace shows
+        read = plant_of_fit(force.sliding, encoder=settings.encoder)
+        plants.append(replace(read, delay=max(0.0, read.delay - settings.delay - settings.lag)))
+    for one in plants:
         bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
         if np.isfinite(bounded.error_bound):
             break

@@ -20,14 +20,14 @@ from robust.drive.cures import FrictionCure, friction_cures
 from robust.drive.p_pi import cascade
 from robust.drive.simulation import SimulatedRest
 from robust.friction.classes import AnyFriction, FrictionAtPorts
-from robust.friction.plant import FrictionPlant, friction_plant, pad_states, two_mass_plant
+from robust.friction.plant import FrictionPlant, pad_states
 from robust.friction.proof.certify import FrictionProof
 from robust.friction.proof.prove import prove_all, prove_friction
 from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, FrictionClass
 from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_numbers, format_rounded, unit_of
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
 from robust.friction.reading.friction_class import friction_class
-from robust.friction.reading.from_fit import interval_at_port, machines_with_load
+from robust.friction.reading.from_fit import interval_at_port, largest_damping, machines_of_fit
 from robust.friction.reading.identification import FrictionFit, identify_friction
 from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.units import format_length, format_plain
@@ -350,11 +350,6 @@ def assumptions_with_load(fit: FrictionFit, assumed: FrictionClass) -> dict[str,
     }
 
 
-def largest_damping(fit: FrictionFit) -> float:
-    """Return the upper end of the viscous friction [Ns/m]; zero where the levels leave it open."""
-    return max(0.0, fit.interval("damping")[1]) if np.isfinite(fit.stds["damping"]) else 0.0
-
-
 def judge_friction(
     records: Sequence[nlfrf.Record],
     settings: Drive,
@@ -389,7 +384,7 @@ def judge_friction(
     known = 0.0 if actual else settings.delay + settings.lag
     read, *ends = (
         friction_behind_lag(replace(one, delay=max(0.0, fit.delay - known)), settings.lag)
-        for one in (assumed.machine, *machines_at_ends(fit, assumed))
+        for one in (assumed.machine, *machines_of_fit(fit)[1:])
     )
     largest: float | tuple[float, ...] | None = Fs
     if Fs is None and np.isfinite(fit.stds["Fs"]):
@@ -429,41 +424,23 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
 
 
 def bound_any_friction(
-    machine: control.StateSpace | SlidingFit, settings: Drive, friction: AnyFriction, *, output_unit: str
+    machine: FrictionPlant, settings: Drive, friction: AnyFriction, *, output_unit: str
 ) -> FrictionProof:
     """Return the bound of the error of a machine with any bounded friction, under its drive, wherever it acts.
 
     The bound is a sum over the forces at motor and load, so that it is largest with all of the friction at one of them.
     """
-    K, unit = cascade(settings, output_unit=output_unit), settings.base_unit
-    plants = [friction_plant(machine, position_unit=unit)] if not isinstance(machine, SlidingFit) else []
-    if isinstance(machine, SlidingFit):
-        damping = max(0.0, machine.damping) / 2
-        both = two_mass_plant(
-            machine.mass - machine.load_mass,
-            machine.load_mass,
-            machine.coupling,
-            max(0.0, machine.coupling_damping),
-            motor_damping=damping,
-            load_damping=damping,
-            encoder=settings.encoder,
-            position_unit=unit,
-        )
-        late = max(0.0, machine.delay - settings.delay - settings.lag)
-        plants = [
-            replace(
-                both,
-                B_port=into,
-                C_port=both.C_measured,
-                port_names=(),
-                description=f"{both.description}, friction at the {name}",
-                delay=late,
-            )
-            for into, name in zip(both.B_port.T, both.port_names, strict=True)
-        ]
-    proofs = [
-        prove_friction(friction_behind_lag(one, settings.lag), K, friction, delay=settings.delay) for one in plants
+    K, behind = cascade(settings, output_unit=output_unit), friction_behind_lag(machine, settings.lag)
+    ports = zip(
+        behind.B_port.reshape(behind.A.shape[0], -1).T,
+        [f", friction at {name}" for name in machine.port_names] or [""],
+        strict=True,
+    )
+    places = [
+        replace(behind, B_port=into, C_port=behind.C_measured, port_names=(), description=behind.description + where)
+        for into, where in ports
     ]
+    proofs = [prove_friction(one, K, friction, delay=settings.delay) for one in places]
     return max(proofs, key=lambda proof: np.nan_to_num(proof.error_bound, nan=np.inf))
 
 
@@ -485,20 +462,6 @@ def read_friction(
     if records[0].u_unit == "A":
         raise ValueError("it takes a force, and the gains have no torque_constant")
     return identify_friction(records, free=not spring, masses=masses, sliding=sliding)
-
-
-def machines_at_ends(fit: FrictionFit, assumed: FrictionClass) -> list[FrictionPlant]:
-    """Return the machine of the proof at the ends of the intervals of mass and viscous friction, from zero on."""
-    if fit.load_mass:
-        return machines_with_load(fit)[1:]
-    dampings = sorted({0.0, largest_damping(fit)})
-    unit = assumed.machine.position_unit
-    return [
-        friction_plant(mass, assumed.stiffness_low, damping, position_unit=unit)
-        for mass in fit.interval("mass")
-        if 0 < mass < np.inf
-        for damping in dampings
-    ]
 
 
 def largest_added_delay(

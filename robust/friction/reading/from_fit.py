@@ -10,6 +10,7 @@ from robust.friction.plant import FrictionPlant, friction_plant, two_mass_plant
 from robust.friction.reading.assumed_class import MachineRead
 from robust.friction.reading.balance import HALF_WIDTH
 from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.units import format_length, mechanical_units, position_unit_of
 
 PORTS = ("motor", "load")
@@ -27,63 +28,81 @@ def interval_at_port(fit: FrictionFit, name: str, port: str) -> tuple[float, flo
     return number - half, number + half
 
 
-def machines_with_load(fit: FrictionFit) -> list[FrictionPlant]:
-    """Return the machine without viscous friction, and with one number each at an end of its interval.
+def plant_of_fit(
+    fit: SlidingFit | FrictionFit, *, spring: float = 0.0, load_share: float = 0.5, encoder: str = "motor"
+) -> FrictionPlant:
+    """Return the machine of a fit without its friction, of one mass or of motor and load, with its delay.
 
-    The first has motor, load and coupling as they were read. The viscous friction of the last two, the upper end of
-    that of both together, is all at the motor and all at the load.
+    spring : to ground [N/m]. load_share : of the viscous friction, at the load. encoder : "motor" or "load".
     """
-    masses = {port: np.array(interval_at_port(fit, "mass", port)) for port in PORTS}
-    damper = max(0.0, fit.interval("coupling_damping")[0])
-    spring = max(0.0, fit.interval("stiffness")[0])
-
-    def machine(
-        *,
-        motor: float | None = None,
-        load: float | None = None,
-        stiffness: float = fit.coupling,
-        motor_damping: float = 0.0,
-        load_damping: float = 0.0,
-    ) -> FrictionPlant:
-        plant = two_mass_plant(
-            float(masses["motor"].mean()) if motor is None else motor,
-            float(masses["load"].mean()) if load is None else load,
-            stiffness,
-            damper,
-            motor_damping=motor_damping,
-            load_damping=load_damping,
+    unit, damping = position_unit_of(fit.units[1]), max(0.0, fit.damping)
+    plant = (
+        two_mass_plant(
+            fit.mass - fit.load_mass,
+            fit.load_mass,
+            fit.coupling,
+            max(0.0, fit.coupling_damping),
+            motor_damping=(1 - load_share) * damping,
+            load_damping=load_share * damping,
             spring=spring,
-            position_unit=position_unit_of(fit.units[1]),
+            encoder=encoder,
+            position_unit=unit,
         )
-        return replace(plant, delay=max(0.0, fit.delay))
+        if fit.load_mass
+        else friction_plant(fit.mass, spring, damping, position_unit=unit)
+    )
+    return replace(plant, delay=max(0.0, fit.delay))
 
-    ends = [machine(motor=float(end)) for end in masses["motor"] if end > 0]
-    ends += [machine(load=float(end)) for end in masses["load"] if end > 0]
-    ends += [machine(stiffness=end) for end in fit.interval("coupling") if end > 0]
-    if np.isfinite(fit.stds["damping"]) and (viscous := fit.interval("damping")[1]) > 0:
-        ends += [machine(motor_damping=viscous), machine(load_damping=viscous)]
-    return [machine(), *ends]
+
+def largest_damping(fit: FrictionFit) -> float:
+    """Return the upper end of the viscous friction [Ns/m]; zero where the levels leave it open."""
+    return max(0.0, fit.interval("damping")[1]) if np.isfinite(fit.stds["damping"]) else 0.0
+
+
+def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
+    """Return the machine without viscous friction, and with numbers at the ends of their intervals.
+
+    The first is as it was read, with the lower ends of spring to ground and of the damper of the coupling. Of one mass
+    the others have both ends of mass and of viscous friction; of motor, load and coupling one of them at an end each.
+    The viscous friction of the last two, the upper end of that of both together, is all at the motor and all at the
+    load.
+    """
+    viscous, spring = largest_damping(fit), max(0.0, fit.interval("stiffness")[0])
+    read = replace(fit, damping=0.0)
+    if not fit.load_mass:
+        dampings = sorted({0.0, viscous})
+        masses = [mass for mass in fit.interval("mass") if 0 < mass < np.inf]
+        ends = [replace(fit, mass=mass, damping=damping) for mass in masses for damping in dampings]
+        return [plant_of_fit(one, spring=spring) for one in (read, *ends)]
+    read = replace(read, coupling_damping=fit.interval("coupling_damping")[0])
+    motors, loads = (interval_at_port(fit, "mass", port) for port in PORTS)
+    ends = [replace(read, mass=fit.load_mass + end) for end in motors if end > 0]
+    ends += [replace(read, mass=fit.mass - fit.load_mass + end, load_mass=end) for end in loads if end > 0]
+    ends += [replace(read, coupling=end) for end in fit.interval("coupling") if end > 0]
+    damped = [(replace(read, damping=viscous), share) for share in (0.0, 1.0) if viscous]
+    cases = [*((one, 0.5) for one in (read, *ends)), *damped]
+    return [plant_of_fit(one, spring=spring, load_share=share) for one, share in cases]
 
 
 def read_fit(fit: FrictionFit) -> MachineRead:
     """Return what was identified, with the ends of the intervals; refuse a fit that leaves machine or K0 open."""
     if fit.reason:
         raise ValueError(f"fit must leave neither machine nor K0 open, got: {fit.reason}")
-    two, low = bool(fit.load_mass), max(0.0, fit.interval("stiffness")[0])
-    position_unit, half_delay = position_unit_of(fit.units[1]), HALF_WIDTH * fit.stds["delay"]
-    if two:
-        machine = machines_with_load(fit)[0]
+    low, half_delay, machine = (
+        max(0.0, fit.interval("stiffness")[0]),
+        HALF_WIDTH * fit.stds["delay"],
+        machines_of_fit(fit)[0],
+    )
+    if fit.load_mass:
         K0, forces = (np.array([interval_at_port(fit, name, port)[1] for port in PORTS]) for name in ("K0", "Fs"))
         least = np.array([interval_at_port(fit, "coulomb", port)[0] for port in PORTS])
         ratio = np.where((least > 0) & np.isfinite(forces), forces / np.where(least > 0, least, 1.0), np.nan)
         described = machine.description
     else:
-        plant = friction_plant(fit.mass, low, position_unit=position_unit)
-        machine = replace(plant, delay=max(0.0, fit.delay))
         K0 = np.array([fit.interval("K0")[1]])
         ratio = np.array([fit.interval("stiction")[1] if np.isfinite(fit.stds["stiction"]) else np.nan])
         half_mass = HALF_WIDTH * fit.stds["mass"]
-        described = f"m = {fit.mass:.4g} +- {half_mass:.1g} {plant.units.mass}; {describe_spring(fit)}"
+        described = f"m = {fit.mass:.4g} +- {half_mass:.1g} {machine.units.mass}; {describe_spring(fit)}"
     seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
     if fit.stds["stiffness"]:
         seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"

@@ -264,7 +264,8 @@ def test_the_page_of_a_trace_in_motion_says_that_friction_was_not_judged(run, fo
 def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
     """A fit of a trace in motion had a pole at -9e6 rad/s next to a zero, at 4 kHz: no bound could follow it."""
     rigid, s = control.tf([1 / 12], [1, 20 / 12, 0]), control.tf("s")
-    settings, read = settings_of(nlfrf.servo_axis("linear motor")), SimpleNamespace(mass=12.0, damping=20.0)
+    settings = settings_of(nlfrf.servo_axis("linear motor"))
+    read = SimpleNamespace(mass=12.0, damping=20.0, load_mass=0.0, delay=0.0, units=("N", "m"))
     force = SimpleNamespace(sliding=read, load=None, bristle_time=np.nan, Fs=np.full(2, np.nan))
 
     def bound(machine, force):
@@ -273,7 +274,12 @@ def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
 
     fitted = control.ss(rigid * (s + 9.1e6) / (s + 9e6))
     assert np.isnan(bound(fitted, None))
-    assert bound(fitted, force) == pytest.approx(bound(control.ss(rigid), None))
+    plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
+    proof = robust.prove_friction(
+        plant, cascade(settings, output_unit="N"), robust.friction.any_bounded(26.0), delay=settings.delay
+    )
+    assert bound(fitted, force) == pytest.approx(proof.error_bound, rel=1e-9)
+    assert bound(control.ss(rigid), None) == pytest.approx(proof.error_bound, rel=1e-5)  # in other states
 
 
 @pytest.mark.parametrize("hold", ["band-limited", "zoh"])
