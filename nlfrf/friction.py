@@ -12,6 +12,7 @@ from nlfrf.rig.laws.laws import (
     OwnFriction,
     VaryingSliders,
     element_forces,
+    load_forces,
 )
 
 __all__ = [
@@ -23,4 +24,5 @@ __all__ = [
     "OwnFriction",
     "VaryingSliders",
     "element_forces",
+    "load_forces",
 ]

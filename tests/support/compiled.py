@@ -4,7 +4,7 @@ import control
 import numpy as np
 
 import nlfrf
-from nlfrf.friction import LuGre, VaryingSliders, element_forces
+from nlfrf.friction import LuGre, VaryingSliders, element_forces, load_forces
 from nlfrf.rig import Rig, run, two_axis_stage
 
 
@@ -19,7 +19,9 @@ def compile_kernels():
     nlfrf.simulate(two_axis_stage(), several, n_periods=2, n_discard=1, oversampling=4)
     run(two_axis_stage("none"), np.zeros((2, 20)), control.ss([], [], [], np.eye(2), 1e-3))
     run(nlfrf.servo_axis("linear motor"), np.zeros(20))
-    element_forces(VaryingSliders(stiffness=[1.0], strength=[2.0]), np.zeros(20), np.zeros(20), fs=1000.0)
+    sliders, still = VaryingSliders(stiffness=[1.0], strength=[2.0]), np.zeros(20)
+    element_forces(sliders, still, still, fs=1000.0)
+    load_forces(sliders, still, still, mass=1.0, stiffness=1.0, damping=1.0, viscous=0.0, fs=1000.0)
 
 
 if __name__ == "__main__":

@@ -401,3 +401,167 @@ def advance_sliders(
     state[X], state[V] = x, v
     state[F] = sliders_force(law, grid, stack, 0.0, x, v)
     return abs(x) < 1e150 and abs(v) < 1e150
+
+
+# ---- A load on a spring and a damper behind a motion that repeats, and its derivatives.
+#
+# With all elements stuck the load is linear, and a step of it is exact; the way of the sliders is a force on it that
+# changes linearly within a step. Along the motion every element sticks or slips, so that all derivatives solve one
+# linear equation, each with a force of its own.
+
+#: Share of the response to a step that friction falling with the speed may take away: more of it is not resolved.
+MOST_FALL = 0.5
+#: Rows of the memory of an element: deflection, direction of slip; after a step: deflection, 1 where it slips and 2
+#: where it slipped and stuck again, by direction; by how much its slider jumps where it gives way, at which part of
+#: the step, and how much it weakens with the speed.
+HELD, SLIPS, AFTER, MOVED, JUMP, PART, WEAKER = range(7)
+
+
+@compiled
+def move_element(
+    D: float, rho: float, vs: float, before: tuple[float, float], trial: float, v0: float, v: float
+) -> tuple[float, float, float, float]:
+    """Return AFTER, MOVED, JUMP and PART of an element that goes to `trial` where it sticks; before HELD and SLIPS.
+
+    It gives way as in `give_way`.
+    """
+    d, least, q = 1.0 if trial > 0.0 else -1.0, D / rho, v / vs
+    if abs(trial) <= least:
+        return trial, 0.0, 0.0, 1.0
+    slips = least + (D - least) * math.exp(-q * q)
+    if before[1] == d:
+        return (d * slips, d, 0.0, 1.0) if abs(trial) > slips else (trial, 0.0, 0.0, 1.0)
+    if abs(trial) <= D:
+        return trial, 0.0, 0.0, 1.0
+    stretch = d * (trial - before[0])
+    part = min(max(0.0, (D - d * before[0]) / stretch), 1.0) if stretch > 0.0 else 1.0
+    q = (v0 + part * (v - v0)) / vs
+    jump = (D - least) * (1.0 - math.exp(-q * q))
+    after = d * trial - jump
+    return (d * slips, d, d * jump, part) if slips <= after else (d * after, 2.0 * d, d * jump, part)
+
+
+@compiled
+def follow_load(
+    numbers: Array, elements: Array, step: Array, motor: Array, h: float, memory: Array, tangents: Array, out: Array
+) -> None:
+    """Force with which a load reacts on the motion of a motor, from rest over two periods of which the second counts.
+
+    numbers : (6,) mass, spring, damper, viscous friction, stiction, velocity of Stribeck.
+    elements : (2, E) stiffness and break-away displacement.
+    step : (2, 4) position and velocity after a step of h, all elements stuck, by those before it and by the force at
+        its begin and end.
+    motor : (3, n) position, velocity, and the force of spring and damper on a load that stands still.
+    memory : (7, E) of zeros, the rows above.
+    tangents : (P, 3 + E) of zeros, P = 6 + 2 E or 0: position, velocity, force, and the way of each slider.
+    out : (1 + P, n) force and its derivatives: by the logarithms of all numbers and then elements, but by the viscous
+        friction itself and by the logarithm of what the stiction is above one.
+    """
+    k, c, rho, vs = numbers[1], numbers[2], numbers[4], numbers[5]
+    n, E, P = motor.shape[1], elements.shape[1], tangents.shape[0]
+    damping, total, end_x, end_v = c + numbers[3], k, step[0, 3], step[1, 3]
+    all_x, all_v = step[0, 2] + end_x, step[1, 2] + end_v
+    for i in range(E):
+        total += elements[0, i]
+    x = v = pushed = 0.0  # by the sliders, all on the way that they have gone
+    for j in range(2 * n):
+        now, then = j % n, (j + 1) % n
+        if j >= n:
+            spring, damper = k * (motor[0, now] - x), c * (motor[1, now] - v)
+            out[0, now] = spring + damper
+            for p in range(P):
+                out[1 + p, now] = -k * tangents[p, 0] - c * tangents[p, 1]
+            if P > 0:
+                out[2, now] += spring
+                out[3, now] += damper
+        begin, end = motor[2, now] + pushed, motor[2, then] + pushed
+        x1 = step[0, 0] * x + step[0, 1] * v + step[0, 2] * begin + end_x * end
+        v1 = step[1, 0] * x + step[1, 1] * v + step[1, 2] * begin + end_v * end
+        stuck_x, stuck_v, slipping = x1, v1, 0.0
+        for trial in range(2):  # which sliders move where none did so far, and then how far
+            slipping = moved = early = 0.0
+            for i in range(E):
+                at, before = memory[HELD, i] + x1 - x, (memory[HELD, i], memory[SLIPS, i])
+                after = move_element(elements[1, i], rho, vs, before, at, v, v1)
+                memory[AFTER, i], memory[MOVED, i], memory[JUMP, i], memory[PART, i] = after
+                early += elements[0, i] * memory[JUMP, i] * (0.5 - memory[PART, i])
+                if abs(memory[MOVED, i]) == 1.0:
+                    slipping += elements[0, i]
+                    moved += elements[0, i] * (memory[HELD, i] - x - memory[AFTER, i])
+                elif memory[MOVED, i] != 0.0:
+                    moved += elements[0, i] * (at - memory[AFTER, i])
+            if trial == 1 or (slipping == 0.0 and moved == 0.0):
+                break
+            force = (slipping * stuck_x + moved) / (1.0 - end_x * slipping)
+            # the way of a slider is no straight line: it bends as the motion does, and jumps within the step
+            bend = early - slipping * h * (stuck_v + end_v * force - v) / 12.0
+            x1, v1 = stuck_x + end_x * force + all_x * bend, stuck_v + end_v * force + all_v * bend
+        pushed = 0.0
+        for i in range(E):
+            pushed += elements[0, i] * (x1 - memory[AFTER, i])
+        if P > 0:
+            rate, q = 0.0, v1 / vs
+            near = math.exp(-q * q) * (1.0 - 1.0 / rho)
+            for i in range(E):
+                d = memory[MOVED, i]
+                memory[WEAKER, i] = d / max(abs(d), 1.0) * 2.0 * q / vs * near * elements[1, i]
+                rate += elements[0, i] * memory[WEAKER, i]
+            left = 1.0 - end_x * slipping
+            left -= min(end_v * rate, MOST_FALL * left)
+            for p in range(P):
+                force = 0.0
+                if p == 0:
+                    force = damping * v1 + total * x1 - motor[2, then] - pushed
+                elif p == 1:
+                    force = k * (motor[0, then] - x1)
+                elif p == 2:
+                    force = c * (motor[1, then] - v1)
+                elif p == 3:
+                    force = -v1
+                elif 6 <= p < 6 + E:
+                    force = -elements[0, p - 6] * memory[AFTER, p - 6]
+                for i in range(E):
+                    force += elements[0, i] * tangents[p, 3 + i]
+                a, b, was = tangents[p, 0], tangents[p, 1], tangents[p, 2]
+                a1 = step[0, 0] * a + step[0, 1] * b + step[0, 2] * was + end_x * force
+                b1 = step[1, 0] * a + step[1, 1] * b + step[1, 2] * was + end_v * force
+                way = early = 0.0
+                for i in range(E):
+                    d = memory[MOVED, i]
+                    if d == 0.0:
+                        continue
+                    wider = 0.0  # by how much its slider holds more, over its stiffness
+                    if p == 4:
+                        wider = elements[1, i] * (near - (1.0 - 1.0 / rho)) / rho
+                    elif p == 5:
+                        wider = elements[1, i] * near * 2.0 * q * q
+                    elif p == 6 + E + i:
+                        wider = elements[1, i] * (1.0 / rho + near)
+                    if abs(d) == 1.0:
+                        gone = -d * wider - tangents[p, 3 + i]
+                    else:
+                        gone = -d / 2.0 * wider
+                        if p == 6 + E + i:
+                            gone += d / 2.0 * elements[1, i]
+                    if memory[JUMP, i] != 0.0:  # it gives way earlier by a part of the step
+                        later = a + memory[PART, i] * (a1 - a) - tangents[p, 3 + i]
+                        if p == 6 + E + i:
+                            later -= math.copysign(elements[1, i], d)
+                        early += elements[0, i] * memory[JUMP, i] * later / (x1 - x)
+                    way += elements[0, i] * gone
+                    tangents[p, 3 + i] += gone
+                if slipping != 0.0 or rate != 0.0 or way != 0.0:
+                    more = (slipping * a1 + rate * b1 + way) / left
+                    bend = early - slipping * h * (b1 + end_v * more - b) / 12.0
+                    a1, b1 = a1 + end_x * more + all_x * bend, b1 + end_v * more + all_v * bend
+                    force += more
+                    for i in range(E):
+                        if memory[MOVED, i] != 0.0:
+                            tangents[p, 3 + i] += memory[WEAKER, i] * b1
+                            if abs(memory[MOVED, i]) == 1.0:
+                                tangents[p, 3 + i] += a1
+                tangents[p, 0], tangents[p, 1], tangents[p, 2] = a1, b1, force
+        x, v = x1, v1
+        for i in range(E):
+            memory[HELD, i] = memory[AFTER, i]
+            memory[SLIPS, i] = memory[MOVED, i] if abs(memory[MOVED, i]) == 1.0 else 0.0

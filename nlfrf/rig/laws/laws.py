@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import expm
 
 from nlfrf._base.arguments import (
     require_integer,
@@ -254,6 +255,86 @@ def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: f
     forces = np.empty((grid.shape[1], path.size))
     follow_sliders(law, grid, memory.stack, path, speed, 1 / require_positive("fs", fs), forces)
     return forces
+
+
+def load_forces(
+    sliders: VaryingSliders,
+    x: ArrayLike,
+    v: ArrayLike,
+    *,
+    mass: float,
+    stiffness: float,
+    damping: float,
+    viscous: float,
+    fs: float,
+    slopes: bool = False,
+) -> np.ndarray:
+    """Return the force with which a load with friction, on a spring and a damper, reacts on a motion that repeats.
+
+    The load starts from rest and the second period is returned. Where friction sticks few samples are enough: of 14 in
+    a cycle the force was off by 0.03 %. Where it slips the error falls with the square of the step.
+
+    Parameters
+    ----------
+    sliders : VaryingSliders
+        E elements of the load, of one strength all the way and both ways.
+    x, v : (n,) ndarray
+        One period of the motion at the other end of the spring: displacement [m] and velocity [m/s].
+    mass, stiffness, damping, viscous : float
+        Of the load [kg], of spring [N/m] and damper [Ns/m] in front of it, and its viscous friction [Ns/m].
+    fs : float
+        Sampling frequency [Hz].
+    slopes : bool
+        Whether the derivatives follow, by the logarithms of mass, stiffness and damping, by `viscous`, by the
+        logarithms of stiction - 1, vs, and of stiffness and break-away displacement of each element.
+
+    Returns
+    -------
+    (1, n) or (7 + 2 E, n) ndarray
+        Force [N], and its derivatives.
+
+    Raises
+    ------
+    ValueError
+        Displacements and velocities that are not two finite arrays of the same length; numbers that are not positive;
+        sliders that depend on rest, place, direction or chance.
+
+    References
+    ----------
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements); G. F. Franklin, J. D.
+    Powell, M. L. Workman, *Digital Control of Dynamic Systems*, 3rd ed., 1998, 6.3 (triangle hold).
+
+    Examples
+    --------
+    Below break-away an element is a spring to ground: of 1 N/m in series with one of 1 N/m.
+
+    >>> sliders = VaryingSliders(stiffness=[1.0], strength=[10.0])
+    >>> t = np.arange(1000) * 2 * np.pi / 1000
+    >>> number = dict(mass=1e-6, stiffness=1.0, damping=1e-3, viscous=0.0, fs=1000 / (2 * np.pi))
+    >>> bool(np.allclose(load_forces(sliders, np.sin(t), np.cos(t), **number)[0], np.sin(t) / 2, atol=1e-3))
+    True
+    """
+    from nlfrf.rig.kernels.slip import follow_load
+
+    x, v = (require_real_array(name, one, ndim=1) for name, one in (("x", x), ("v", v)))
+    if x.size != v.size or not x.size:
+        raise ValueError(f"x and v must have the same number of samples, at least one, got {x.size}, {v.size}")
+    if sliders.dwell or sliders.asymmetry or sliders.seed or np.isfinite(sliders.wavelength):
+        raise ValueError("sliders must vary with their velocity alone, got a dwell, wavelength, asymmetry or seed")
+    m, k, c = (require_positive(*one) for one in (("mass", mass), ("stiffness", stiffness), ("damping", damping)))
+    elements = np.stack([sliders.stiffness, sliders.strength / sliders.stiffness])
+    n, E, h = x.size, elements.shape[1], 1 / require_positive("fs", fs)
+    numbers = np.array([m, k, c, require_nonnegative("viscous", viscous), sliders.stiction, min(sliders.vs, 1e300)])
+    rates = np.zeros((4, 4))  # position, velocity, force and its rise over a step
+    rates[0, 1], rates[1, :3], rates[2, 3] = 1.0, [-(k + elements[0].sum()) / m, -(c + viscous) / m, 1 / m], 1 / h
+    ahead = expm(rates * h)[:2]
+    step = np.column_stack([ahead[:, :2], ahead[:, 2] - ahead[:, 3], ahead[:, 3]])
+    # straight between samples, a force has less of every frequency
+    drive = np.fft.irfft(np.fft.rfft(k * x + c * v) / np.sinc(np.fft.rfftfreq(n)) ** 2, n)
+    P = 6 + 2 * E if slopes else 0
+    out = np.empty((1 + P, n))
+    follow_load(numbers, elements, step, np.stack([x, v, drive]), h, np.zeros((7, E)), np.zeros((P, 3 + E)), out)
+    return out
 
 
 @value

@@ -27,7 +27,6 @@ regressors; lines are weighted by their residual, and the motion is shrunk by wh
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -353,23 +352,34 @@ def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
     is taken. What of the first is left by then has decayed with exp(-c/(2 m2) T) at least: by 1e-3 and more on the
     presets of `nlfrf.servo_axis`.
     """
-    found = np.zeros(motion.U.shape, dtype=complex)
-    if not candidate.terms.load:
-        return found
-    numbers, n = candidate.numbers, motion.x.shape[1]
+    return follow_load(motion, candidate)[0] if candidate.terms.load else np.zeros(motion.U.shape, dtype=complex)
+
+
+def follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) -> np.ndarray:
+    """Return (1, M, W) force of the load, or (1 + p, M, W) with its derivatives by `LOAD` and those of its elements."""
+    numbers, sliders = candidate.numbers, candidate.load_sliders
     mass, k, c = (float(np.exp(numbers[name])) for name in LOAD[:3])
-    sliders = candidate.load_sliders
     if sliders is None:
-        s = 1j * motion.omega
+        s, none = 1j * motion.omega, np.zeros(motion.omega.size)
         link, inertia = k + s * c, s * numbers["load_damping"] + s**2 * mass
-        return np.asarray(link * inertia / (link + inertia) * motion.Y)
-    rig = nlfrf.rig.Rig(mass, k, sliders, c + numbers["load_damping"])
-    for m, (x, v) in enumerate(zip(motion.x, motion.v, strict=True)):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", nlfrf.DataWarning)  # a coarse step: candidates that are far off
-            load = nlfrf.rig.run(rig, np.tile(k * x + c * v, 2), fs=motion.fs)
-        found[m] = 2 / n * np.fft.rfft(k * (x - load.x[n:]) + c * (v - load.v[n:]))[motion.lines]
-    return found
+        by_link, by_inertia = (inertia / (link + inertia)) ** 2, (link / (link + inertia)) ** 2
+        found = [link * inertia / (link + inertia), s**2 * mass * by_inertia, k * by_link, s * c * by_link]
+        return np.stack([*found, s * by_inertia, none, none])[:, np.newaxis] * motion.Y
+    forces = [
+        nlfrf.friction.load_forces(
+            sliders,
+            x,
+            v,
+            mass=mass,
+            stiffness=k,
+            damping=c,
+            viscous=numbers["load_damping"],
+            fs=motion.fs,
+            slopes=slopes,
+        )
+        for x, v in zip(motion.x, motion.v, strict=True)
+    ]
+    return np.stack([2 / motion.x.shape[1] * np.fft.rfft(one)[:, motion.lines] for one in forces], axis=1)
 
 
 def force_of_motion(machine: NumbersRead, omega: np.ndarray, damping: float) -> np.ndarray:
@@ -458,30 +468,13 @@ def slopes_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None =
         ):
             moved = element_spectra(motion, D, stiction=stiction, vs=vs)
             columns.append(-np.tensordot(candidate.stiffness, moved - base, axes=1) / STEP)
-    of_load = slopes_of_load(motion, candidate)
-    columns += of_load[: len(LOAD) if terms.load else 0]
+    of_load = list(-follow_load(motion, candidate, slopes=True)[1:]) if terms.load else []
+    columns += of_load[: len(LOAD)]
     wider = element_spectra(motion, D * np.exp(STEP), stiction=candidate.stiction, vs=candidate.vs)
     narrower = element_spectra(motion, D * np.exp(-STEP), stiction=candidate.stiction, vs=candidate.vs)
     weight = candidate.stiffness[:, np.newaxis, np.newaxis]
     columns += [*(-weight * base), *(-weight * (wider - narrower) / (2 * STEP)), *of_load[len(LOAD) :]]
     return np.stack(columns, axis=-1)
-
-
-def slopes_of_load(motion: Motion, candidate: Candidate) -> list[np.ndarray]:
-    """Return (M, W) derivatives of the residual by the parameters of the load, and by those of its elements."""
-    if not candidate.terms.load:
-        return []
-    x, base = pack(candidate), reaction_of_load(motion, candidate)
-    first = candidate.terms.names.index(LOAD[0])
-    elements = len(candidate.terms.names) + 2 * candidate.stiffness.size
-    found = []
-    for i in (*range(first, first + len(LOAD)), *range(elements, x.size)):
-        viscous = i == first + LOAD.index("load_damping")
-        step = STEP * float(np.exp(candidate.numbers["log_coupling_damping"])) if viscous else STEP
-        moved = x.copy()
-        moved[i] += step
-        found.append((base - reaction_of_load(motion, unpack(moved, candidate))) / step)
-    return found
 
 
 def as_real(parts: Sequence[np.ndarray]) -> np.ndarray:

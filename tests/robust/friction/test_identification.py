@@ -26,7 +26,7 @@ from benchmarks.read_machine import (
     truth_of,
 )
 from nlfrf.axis import Drive
-from nlfrf.friction import VaryingSliders, element_forces
+from nlfrf.friction import VaryingSliders, element_forces, load_forces
 from robust.drive import cascade
 from robust.drive.friction import judge_friction
 from robust.friction.reading.balance import (
@@ -103,6 +103,80 @@ def test_what_is_no_motion_is_refused():
     law = VaryingSliders(stiffness=[1.0], strength=[2.0])
     with pytest.raises(ValueError, match="x and v must have the same number of samples, at least one, got 3, 2"):
         element_forces(law, np.zeros(3), np.zeros(2), fs=1.0)
+
+
+LOADED = {"mass": 2.0, "stiffness": 8e4, "damping": 60.0, "viscous": 15.0}
+
+
+def load_in_motion(n, *, stiction=1.4, vs=0.02):
+    """A load whose friction sticks and slips, and one period of a motion of the motor."""
+    rng, grid = np.random.default_rng(3), 2j * np.pi * np.arange(n // 2 + 1)
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[1:25:2] = n / 2 * 4e-4 * np.exp(2j * np.pi * rng.random(12))
+    law = VaryingSliders(stiffness=[3e4, 1e4, 5e3], strength=[6.0, 5.0, 5.0], stiction=stiction, vs=vs)
+    return law, np.fft.irfft(spectrum, n), np.fft.irfft(grid * spectrum, n)
+
+
+def test_the_force_of_a_load_is_that_of_a_rig():
+    """Against Runge-Kutta steps of the rig, which drop at the end of a step; few steps are off by their square."""
+    n = 40_000
+    law, x, v = load_in_motion(n)
+    m, k, c, c2 = LOADED.values()
+    load = nlfrf.rig.run(nlfrf.rig.Rig(m, k, law, c + c2), np.tile(k * x + c * v, 2), fs=float(n))
+    expected = k * (x - load.x[n:]) + c * (v - load.v[n:])
+    assert np.abs(load_forces(law, x, v, **LOADED, fs=float(n))[0] - expected).max() < 5e-4 * np.abs(expected).max()
+    coarse = {}
+    for steps in (500, 1000):
+        law, x, v = load_in_motion(steps)
+        off = load_forces(law, x, v, **LOADED, fs=float(steps))[0] - expected[:: n // steps]
+        coarse[steps] = np.std(off) / np.std(expected)
+    assert coarse[500] < 0.05  # 22 samples in a cycle of the highest line
+    assert coarse[1000] < coarse[500] / 2
+
+
+def test_the_force_of_a_load_that_sticks_needs_few_samples():
+    """Of a triangle hold, 14 samples in a cycle of the highest line, 1 % would be missing."""
+    law, x, v = load_in_motion(320)
+    m, k, c, c2 = LOADED.values()
+    stuck = VaryingSliders(stiffness=law.stiffness, strength=1e6 * law.strength)
+    s = 2j * np.pi * np.arange(161)
+    link, ground = k + s * c, s**2 * m + s * c2 + law.stiffness.sum()
+    expected = link * ground / (link + ground) * np.fft.rfft(x)
+    found = np.fft.rfft(load_forces(stuck, x, v, **LOADED, fs=320.0)[0])
+    assert np.abs(found - expected).max() < 5e-4 * np.abs(expected).max()
+
+
+def test_the_slopes_of_the_force_of_a_load_are_its_derivatives():
+    """Against central differences by every parameter, over steps that change no order in which elements give way."""
+    n = 8000
+    law, x, v = load_in_motion(n, stiction=1.02, vs=0.05)
+    base = [*np.log(list(LOADED.values())[:3]), 15.0, np.log(0.02), np.log(0.05), *np.log(law.stiffness)]
+    base = np.array([*base, *np.log(law.strength / law.stiffness)])
+
+    def force(p, slopes=False):
+        k, D = np.exp(p[6:9]), np.exp(p[9:])
+        moved = VaryingSliders(stiffness=k, strength=k * D, stiction=1 + np.exp(p[4]), vs=np.exp(p[5]))
+        m, stiffness, c = np.exp(p[:3])
+        return load_forces(
+            moved, x, v, mass=m, stiffness=stiffness, damping=c, viscous=p[3], fs=float(n), slopes=slopes
+        )
+
+    slopes = force(base, slopes=True)
+    assert np.array_equal(slopes[0], force(base)[0])
+    for i, slope in enumerate(slopes[1:]):
+        step = np.zeros(base.size)
+        step[i] = 3e-3 * (15.0 if i == 3 else 1.0)
+        expected = (force(base + step)[0] - force(base - step)[0]) / (2 * step[i])
+        off = np.abs(np.fft.rfft(slope - expected)[1:25:2])
+        assert np.linalg.norm(off) < 0.01 * np.linalg.norm(np.fft.rfft(expected)[1:25:2]), i
+
+
+def test_what_makes_no_force_of_a_load_is_refused():
+    law, x, v = load_in_motion(100)
+    with pytest.raises(ValueError, match="x and v must have the same number of samples, at least one, got 100, 3"):
+        load_forces(law, x, v[:3], **LOADED, fs=1.0)
+    with pytest.raises(ValueError, match="sliders must vary with their velocity alone"):
+        load_forces(replace(law, dwell=1.0), x, v, **LOADED, fs=1.0)
 
 
 @pytest.fixture(scope="module")
