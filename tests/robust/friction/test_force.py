@@ -10,7 +10,8 @@ import pytest
 import nlfrf
 from robust import friction_plant, prove_friction
 from robust.friction import any_bounded
-from robust.friction.reading.force import LevelPeak, break_away, read_friction_force
+from robust.friction.reading.force import LevelPeak, before_coupling, break_away, read_friction_force
+from robust.friction.reading.in_motion import identify_sliding
 
 GRID = {"fs": 4000, "n_samples": 4000}
 LUGRE = {"sigma0": 2e6, "sigma2": 0.0, "Fc": 15.4, "Fs": 20.0, "vs": 0.01}
@@ -89,6 +90,44 @@ def test_friction_that_grows_between_the_traces_is_told_and_held(law, monkeypatc
         assert found.Fs[0] < 20.0 <= share * 20.0 < found.Fs[1] < 1.6 * share * 20.0
     stuck = [one for one in at_rest if np.std(one.u) < 4]
     assert read_friction_force(moving, (0.1, -0.1), stuck).contradiction == ""  # none of them slides
+
+
+@pytest.mark.parametrize("law", [nlfrf.friction.Dahl(sigma0=1e6, Fc=10.0), nlfrf.friction.Coulomb(Fc=10.0, Fs=10.0)])
+def test_friction_of_motor_and_load_is_read_as_one(law):
+    """A steep filter below the antiresonance overshot by up to 18 %, and a coupling passed for a stiffness of friction.
+
+    10 N on each, and 1 N/um on each of Dahl's: rigid friction has none.
+    """
+    axis = replace(nlfrf.servo_axis("belt"), motor_friction=law, load_friction=law, resolution=1e-8)
+    fast, slow = ({"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, 12)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ms = nlfrf.multisine(rms=15.0, rng=1, **fast)
+        moving = [nlfrf.rig.simulate_servo(axis, ms, base_velocity=v, n_periods=2) for v in (0.1, -0.1)]
+        at_rest = [
+            nlfrf.rig.simulate_servo(axis, nlfrf.multisine(rms=rms, rng=2, **slow), n_periods=2)
+            for rms in np.geomspace(8, 60, 6)
+        ]
+    found = read_friction_force(moving, (0.1, -0.1), at_rest, masses=2)
+    assert found.contradiction == ""  # slides that the filter mixes with their neighbours are smaller
+    assert 0.85 * 20 < found.Fs[0] < 20.0 < found.Fs[1] < 1.25 * 20
+    if isinstance(law, nlfrf.friction.Dahl):
+        assert found.K0[0] < 2e6 < found.K0[1]
+    else:
+        assert found.K0[1] == np.inf or np.isnan(found.K0[1])
+    assert not found.Fs[0] > found.sliding.interval("coulomb")[1]  # neither has stiction
+
+
+def test_the_stiffness_of_a_load_that_sticks_is_behind_its_coupling():
+    """The motor shows K1 + k K2 / (k + K2) of K1 and K2: the sum is largest with K1 = 0."""
+    moving, _ = played("LuGre", levels=(2, 3), count=1)
+    one = identify_sliding(moving, (0.1, -0.1))
+    two = replace(one, load_mass=5.0, coupling=1e6, stds=one.stds | {"coupling": 0.0})
+    assert before_coupling(4e5, one) == 4e5
+    K2 = np.linspace(0, 4e6, 100001)
+    K1 = 4e5 - 1e6 * K2 / (1e6 + K2)
+    assert before_coupling(4e5, two) == pytest.approx((K1 + K2)[K1 >= 0].max(), rel=1e-3)
+    assert before_coupling(1e6, two) == np.inf
 
 
 def test_levels_that_stick_show_no_break_away():
