@@ -19,6 +19,7 @@ from robust.friction.reading.balance import (
     FINE,
     FORCE_ERROR,
     HALF_WIDTH,
+    KNOWN_IN_MOTION,
     LOAD,
     MEDIUM,
     REFUTED,
@@ -585,15 +586,17 @@ def identify_friction(
     records = list_levels(records)
     two = masses == 2
     machine = None if sliding is None or not two else linear_load(sliding)
-    finest = MEDIUM if two else FINE  # of two masses the errors of the time steps are in `LOAD_ERROR`
+    # of two masses the errors of the time steps are in `LOAD_ERROR`
+    first, finest = (1, COARSE) if two else (COARSE, FINE)
 
-    def motions(steps: int, shrinkage: float = SHRINKAGE) -> list[Motion]:
-        found = [motion_of_record(record, steps, shrinkage, STEPS_PER_CYCLE * steps) for record in records]
+    def motions(steps: float, shrinkage: float = SHRINKAGE) -> list[Motion]:
+        finer = FINE if two else steps  # samples may be few in a cycle of the load
+        found = [motion_of_record(record, finer, shrinkage, STEPS_PER_CYCLE * steps) for record in records]
         if sliding is None or machine is None:
             return found
         return [without_noisy_lines(one, record, sliding) for one, record in zip(found, records, strict=True)]
 
-    coarse = motions(COARSE)
+    coarse = motions(first)
     span = (min(float(np.std(one.x)) for one in coarse) / 2, 0.9 * max(one.half_swing for one in coarse))
     starts = (
         start_with_load(coarse, spring=not free, machine=machine)
@@ -605,11 +608,13 @@ def identify_friction(
             f"records must be from force to position, got a mass of {starts[0].numbers['mass']:.3g} kg: the output "
             "falls when the input rises. Turn the sign of the sensor"
         )
-    candidate = search(coarse, starts[:1] if machine is not None else starts, span)  # the others guess at the machine
+    known = machine is not None
+    # the other starts guess at the machine
+    candidate = search(coarse, starts[:1] if known else starts, span, KNOWN_IN_MOTION if known else ())
     fine = motions(finest)
-    # of two masses nothing but a fit that explains the levels is worth finer steps, which take a minute
+    # of two masses nothing but a fit that explains the levels is worth finer steps
     refuted = largest_share(coarse, candidate) > (MOST_UNEXPLAINED if two else REFUTED)
-    if not (two or refuted):  # of two masses each start takes a minute
+    if not (two or refuted):  # of two masses each start takes seconds
         candidate = escape(motions(MEDIUM), candidate, span)
     if not refuted:
         candidate = settle(fine, candidate, span)[1]
@@ -619,7 +624,7 @@ def identify_friction(
         numbers = derived_numbers(pack(candidate), candidate)
         spread = dict.fromkeys(numbers, np.inf)
     else:
-        others = [motions(int(share * finest), shrinkage) for share, shrinkage in ALTERNATIVES]
+        others = [motions(share * finest, shrinkage) for share, shrinkage in ALTERNATIVES]
         numbers, spread = numbers_with_spread(fine, others, stds=stds, candidate=candidate, span=span)
     balances = [balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
     units = units_of(records[0])
