@@ -37,7 +37,7 @@ from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.analysis.performance import StepResponse, classical_margins, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
-from robust.drive.friction import DriveFriction, bound_any_friction, judge_friction
+from robust.drive.friction import MODEL, READ, UNCERTIFIED, DriveFriction, bound_any_friction, judge_friction
 from robust.drive.p_pi import cascade, with_set_point
 from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
 from robust.friction.classes import any_bounded
@@ -659,14 +659,16 @@ def check_drive(
         doubt_of_approximation(settings),
     ]
     doubts = list(filter(None, doubted))
-    kinds = (DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED)
-    misled = any(doubt.kind in kinds for doubt in doubts)
+    kinds = {doubt.kind for doubt in doubts}
+    misled = bool(kinds & {DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED})
+    stable = report.nominally_stable or DoubtKind.CONTRADICTED in kinds
     # at rest an FRF judges nothing but the friction, which has its own balance, unless the set is made of it
     doubts += doubts_of_warnings(under, [warned[k] for k in moving or [chosen]])
-    linear = report.nominally_stable and not misled
-    friction = with_bound(friction, settings, machine=machine.nominal, linear=linear, Fs=Fs, unit=unit)
+    linear = machine.nominal if report.nominally_stable and not misled else None
+    slides = stable and DoubtKind.AT_REST not in kinds
+    friction = with_bound(friction, settings, machine=linear, slides=slides, Fs=Fs, unit=unit)
     advance()
-    friction = simulate_drive(friction, settings, model=model, report=report, masses=masses)
+    friction = simulate_drive(friction, settings, model=model, report=report, stable=stable, masses=masses)
     advance()
     return DriveCheck(
         settings=settings,
@@ -716,30 +718,42 @@ def with_notes(friction: DriveFriction, under: Sequence[Conditions], note: str) 
 
 
 def with_bound(
-    friction: DriveFriction, settings: Drive, *, machine: control.StateSpace, linear: bool, Fs: float | None, unit: str
+    friction: DriveFriction,
+    settings: Drive,
+    *,
+    machine: control.StateSpace | None,
+    slides: bool,
+    Fs: float | None,
+    unit: str,
 ) -> DriveFriction:
     """Return the friction with a bound of the error, where its largest force is known and nothing better was proved.
 
-    linear : whether the machine is known as a linear model. Fs : as given, else the upper end of what was read.
+    machine : the linear model; None where it does not judge these gains. The bound is then of what was read in motion,
+    where the axis slides in a loop that is stable. Fs : as given, else the upper end of what was read.
     """
     force = friction.force
     largest = Fs if Fs is not None or force is None else float(force.Fs[1])
     if largest is None or not np.isfinite(largest) or np.isfinite(friction.within):
         return friction
-    if not linear:
-        return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
     damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
     any_friction = any_bounded(largest, damped, position_unit=settings.base_unit)
-    two = force is not None and force.load is not None
-    plants = [] if two else [friction_plant(machine, position_unit=settings.base_unit)]
-    if force is not None:  # a fit may have modes that no bound can follow: then the machine that the trace shows
+    plants, two = [], force is not None and force.load is not None
+    if machine is not None and not two:
+        plants = [(friction_plant(machine, position_unit=settings.base_unit), MODEL)]
+    if force is not None and slides:  # a fit may have modes that no bound can follow: then what the trace shows
         read = plant_of_fit(force.sliding, encoder=settings.encoder)
-        plants.append(replace(read, delay=max(0.0, read.delay - settings.delay - settings.lag)))
-    for one in plants:
+        read = replace(read, delay=max(0.0, read.delay - settings.delay - settings.lag))
+        plants.append((read, READ if machine is not None else UNCERTIFIED))
+    if not plants:
+        return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
+    for one, whose in plants:
         bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
+        found = replace(friction, bounded=bounded, bounded_machine=whose, largest=largest)
         if np.isfinite(bounded.error_bound):
-            break
-    return replace(friction, bounded=bounded, largest=largest)
+            return found
+    if machine is None:
+        return replace(friction, note=f"{friction.note}. No bound by what is read in motion: {bounded.reason}")
+    return found
 
 
 def report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
@@ -764,12 +778,16 @@ def simulate_drive(
     *,
     model: UncertaintyModel,
     report: RobustnessReport,
+    stable: bool,
     masses: int,
 ) -> DriveFriction:
-    """Return the friction with what the axis as read does in the end, by simulation, and what to change."""
+    """Return the friction with what the axis as read does in the end, by simulation, and what to change.
+
+    stable : whether the linear loop is, by its model or as the traces ran in it.
+    """
     force = None if friction.force is None else with_load(friction.force, friction.fit)
     reason = reason_against_simulation(force, settings, masses)
-    if not report.nominally_stable:
+    if not stable:
         reason = "the linear loop is unstable"
     if reason or force is None:
         return replace(friction, unsimulated=reason)

@@ -45,10 +45,13 @@ FORCE_NOTE = (
 #: What the bound of a stated force is of, where no friction was read.
 BOUNDED_NOTE = (
     "The largest friction force bounds how far the axis moves in the end, at rest or hunting; whether it comes to rest "
-    "is not judged. The bound is of the nominal linear model of these traces, not of its set, with the friction where "
-    "the motor acts, or at the load where one was read and that is worse. Where no bound can follow that model, it is "
-    "of the mass and viscous friction that the trace in motion shows."
+    "is not judged. The bound is of {machine}, with the friction where the motor acts, or at the load where one was "
+    "read and that is worse."
 )
+#: Machines of such a bound.
+MODEL = "the nominal model"
+READ = "the machine as read in motion"
+UNCERTIFIED = f"{READ} (its loop is stable; the linear loop with its uncertainty is not certified)"
 #: Added delays that are tried: up to so many periods, the largest that is proved to this share of a period.
 MOST_ADDED_PERIODS, ADDED_STEP = 8, 1 / 16
 
@@ -69,8 +72,10 @@ class DriveFriction:
     cures : tuple of FrictionCure
         What a change of the drive does to a verdict that is not proved.
     bounded : FrictionProof or None
-        Where no friction was read: the bound of the error with any friction of at most a stated force, around the
-        linear model of the traces.
+        Where no friction was read: the bound of the error with any friction of at most a stated force.
+    bounded_machine : str
+        Of which machine that bound is: the nominal linear model of the traces, not its set, or what they show in
+        motion.
     note : str
         Why nothing was read, or nothing proved.
     largest : float, tuple of float or None
@@ -96,6 +101,7 @@ class DriveFriction:
     proofs: tuple[FrictionProof, ...] = ()
     cures: tuple[FrictionCure, ...] = ()
     bounded: FrictionProof | None = None
+    bounded_machine: str = MODEL
     note: str = ""
     largest: float | tuple[float, ...] | None = None
     added_delay: float = np.nan
@@ -215,7 +221,7 @@ class DriveFriction:
         elif not np.isfinite(known):
             distance = "not known" + ": --force F with the largest friction force bounds it" * (self.largest is None)
         elif self.bounded is not None:
-            distance += f" of the nominal model, friction up to {self.largest_forces}"
+            distance += f" of {self.bounded_machine}, friction up to {self.largest_forces}"
         elif self.largest is not None:
             distance += f" for friction up to {self.largest_forces}"
         if asked is not None:
@@ -235,7 +241,11 @@ class DriveFriction:
         without_law = [] if self.force is None else [str(self.force)]
         bounded = []
         if self.bounded is not None:
-            bounded = [BOUNDED_NOTE, self.bounded.claim or self.bounded.reason, self.bounded.not_claimed]
+            bounded = [
+                BOUNDED_NOTE.format(machine=self.bounded_machine),
+                self.bounded.claim or self.bounded.reason,
+                self.bounded.not_claimed,
+            ]
         if self.fit is None or self.assumed is None:
             rows = []
             if self.fit is not None and any(0 < std < np.inf for std in self.fit.stds.values()):

@@ -270,7 +270,7 @@ def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
 
     def bound(machine, force):
         friction = drive_check.DriveFriction(force=force)
-        return drive_check.with_bound(friction, settings, machine=machine, linear=True, Fs=26.0, unit="N").within
+        return drive_check.with_bound(friction, settings, machine=machine, slides=True, Fs=26.0, unit="N").within
 
     fitted = control.ss(rigid * (s + 9.1e6) / (s + 9e6))
     assert np.isnan(bound(fitted, None))
@@ -722,6 +722,38 @@ def test_a_crossover_outside_the_band_is_named(run):
     assert code == 1
     assert float(found[1]) == pytest.approx(100.6, rel=0.02)  # as the trace of the wide band has it
     assert float(found[2]) == pytest.approx(2 * float(found[1]), rel=1e-3)
+
+
+@pytest.mark.usefixtures("played")
+def test_friction_is_bounded_by_what_is_read_in_motion_where_the_linear_model_does_not_judge(run, folder):
+    """The bound of `prove_friction` for the machine behind the trace; nothing passes by it, and it says whose it is."""
+    code, page, _ = run("narrow-trace.csv gains.toml --design narrow.npz --force 26")
+    found = re.search(
+        r"within: at most (\S+) um off, .* of the machine as read in motion \(its loop is", one_line(page)
+    )
+    settings = load_gains(folder / "gains.toml")
+    plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
+    K, any_friction = cascade(settings, output_unit="N"), robust.friction.any_bounded(26.0)
+    true = robust.prove_friction(plant, K, any_friction, delay=settings.delay)
+    assert (code, "the linear loop with its uncertainty is not certified" in one_line(page)) == (1, True)
+    assert 1e-6 * float(found[1]) == pytest.approx(true.error_bound, rel=0.02)
+
+
+def test_an_unstable_loop_gives_no_bound_of_friction():
+    """Neither where the loop of what was read is unstable, nor where the linear model is and nothing ran with it."""
+    settings, late = settings_of(nlfrf.servo_axis("linear motor")), 4e-3
+    read = SimpleNamespace(mass=12.0, damping=20.0, load_mass=0.0, delay=late, units=("N", "m"))
+    force = SimpleNamespace(sliding=read, load=None, bristle_time=np.nan, Fs=np.array([20.0, 26.0]))
+
+    def judged(slides):
+        friction = drive_check.DriveFriction(force=force)
+        return drive_check.with_bound(friction, settings, machine=None, slides=slides, Fs=None, unit="N")
+
+    assert judged(True).outcome == judged(False).outcome == "open"
+    assert "No bound by what is read in motion: the sliding loop is unstable" in judged(True).note
+    assert "no linear model is known" in judged(False).note
+    read.delay = 0.0
+    assert judged(True).outcome == "settles"
 
 
 def test_gains_that_did_not_run_here_are_not_robust_and_the_page_says_what_would_change_it(run, folder):

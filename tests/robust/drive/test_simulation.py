@@ -164,6 +164,6 @@ def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
     margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)
     report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
-    known = simulate_drive(DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, masses=1)
+    known = simulate_drive(DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, stable=True, masses=1)
     assert known.simulated is None
     assert "came to its end in 0 runs only" in str(known)
