@@ -30,6 +30,7 @@ SLIDES = 0.005  # of the fall of the stiffness: what is left of it where the axi
 SETTLED = 0.02  # of the plateau: largest change of the stiffness between the two highest levels where it slides
 MIN_STIFFNESS_SHARE = 0.5  # of the force on the lowest lines; with less the mass decides, and k is its correction
 RISES = 1.2  # stiffness over its plateau above which it rises with the level
+DRIFTS = 3.0  # slow over fast changes from period to period of a drift, 90 % of their power: what vibrates wanders, too
 CLIPPED = 2e-3  # share of samples at a limit of force above which a level is not read
 
 
@@ -197,7 +198,8 @@ class Level(NamedTuple):
     """What is read of one level.
 
     Rms of force and position, stiffness, its share of the force on the lowest lines and that of the damping, rms of the
-    position in steps of the encoder, and whether the force is at a limit.
+    position in steps of the encoder, whether the force is at a limit, and rms by which the periods differ, slow and
+    fast.
     """
 
     force: float
@@ -207,6 +209,8 @@ class Level(NamedTuple):
     damping_share: float
     steps: float
     limited: bool
+    drift: float = 0.0
+    vibration: float = 0.0
 
     @property
     def readable(self) -> bool:
@@ -234,7 +238,20 @@ def read_level(record: Record) -> Level:
         float(damped),
         position / (smallest_step(record.y) or np.inf),
         limited,
+        *changes_of_periods(record),
     )
+
+
+def changes_of_periods(record: Record) -> tuple[float, float]:
+    """Return the rms by which the position of a record (P, N) differs from its mean period, slow and fast.
+
+    Slow is up to the lines that the stiffness is read from, as an axis drifts that creeps or has not settled; fast is
+    above, as one vibrates.
+    """
+    y = np.asarray(record.y)[0]
+    power = 2 * squared_modulus(np.fft.rfft((y - y.mean(axis=0)).ravel()) / y.size)
+    first = y.shape[0] * int(record.lines.excited[:LOW_LINES][-1])
+    return float(np.sqrt(power[:first].sum())), float(np.sqrt(power[first:].sum()))
 
 
 def judge_levels(read: list[Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
@@ -339,10 +356,14 @@ def reason_against_reading(read: list[Level], units: tuple[str, str], below: str
     stiffest = int(np.argmax(k))
     rises = stiffest > 1 and RISES * np.median(k[:stiffest]) < k[stiffest]
     if rises and not held and np.median([one.damping_share for one in good[:stiffest]]) > MIN_STIFFNESS_SHARE:
-        return (
-            f"below {good[stiffest].force:.3g} {units[0]} rms friction damps the axis and does not hold it, as where "
-            "the axis vibrates by itself. Look for the vibration, and end it by lower gains"
-        )
+        damps = f"below {good[stiffest].force:.3g} {units[0]} rms friction damps the axis and does not hold it"
+        drift, vibration = np.median([(one.drift, one.vibration) for one in good[:stiffest]], axis=0)
+        if drift > DRIFTS * vibration:
+            return (
+                f"{damps}: its position drifts by {drift:.2g} {units[1]} rms from period to period, as where it creeps "
+                "or an integral part still winds up. Let it settle before each level: raise --discard"
+            )
+        return f"{damps}, as where the axis vibrates by itself. Look for the vibration, and end it by lower gains"
     if not any(one.stiffness_share > MIN_STIFFNESS_SHARE for one in good):
         least = f"{good[0].force:.3g} {units[0]} rms"
         return f"no level that can be read sticks: from {least} on the force moves a mass. {below}"

@@ -169,6 +169,34 @@ def test_an_axis_that_vibrates_by_itself_is_not_taken_for_play(tmp_path):
     assert "backlash" not in "".join(said)
 
 
+def test_an_axis_that_drifts_is_not_said_to_vibrate(tmp_path):
+    """With two periods a level: one whose integral part winds up, and the one that vibrates at 190 Hz."""
+    gains = {"kv": 50.2, "kp": 204.2, "kp_unit": "N/(m/s)", "tn": 0.01616, "lag": 0.27e-3, "velocity_feedforward": 1.0}
+    slow = nlfrf.rig.ServoAxis(
+        motor_inertia=1.256,
+        motor_damping=3.49,
+        drive=nlfrf.axis.Drive(fs=2000, **gains),
+        resolution=3e-9,
+        motor_friction=nlfrf.friction.Dahl(sigma0=5e6, Fc=4.9),
+    )
+    ms = nlfrf.multisine(fs=2000, n_samples=2000, f_min=3, f_max=100, rng=1)
+    said = judged(tmp_path, slow, ms, rms=15, span=3e2, n_periods=2).reason
+    assert re.search(r"its position drifts by \S+ m rms from period to period, .* raise --discard", said)
+    assert "vibrates" not in said
+    (tmp_path / "ramp.csv").unlink()
+    fast = nlfrf.rig.ServoAxis(
+        motor_inertia=34.6,
+        motor_damping=96.0,
+        drive=nlfrf.axis.Drive(fs=1000, kv=35, kp=5222, kp_unit="N/(m/s)", tn=0.0185, lag=0.44e-3),
+        resolution=2e-9,
+        motor_friction=nlfrf.friction.Dahl(sigma0=4.9e7, Fc=86.3),
+    )
+    ms = nlfrf.multisine(fs=1000, n_samples=1000, f_min=3, f_max=120, rng=1)
+    said = judged(tmp_path, fast, ms, rms=110, span=1e2, n_levels=7, n_periods=2).reason
+    assert "vibrates by itself" in said
+    assert "drifts" not in said
+
+
 def test_play_behind_the_friction_of_the_motor_is_not_seen(tmp_path):
     """What the guide names as silent: the motor sticks first, so the stiffness falls as friction makes it fall."""
     assert levels_with_play(tmp_path, play=1e-4, motor_Fs=10.0).reason == ""
