@@ -378,7 +378,7 @@ def prove(
         Path | None, typer.Option(help="With BLAs: model of one level, for a flexible machine or one with a delay.")
     ] = None,
     free: Annotated[bool, typer.Option("--free", help="With records: there is no spring to ground.")] = False,
-    masses: Annotated[int, typer.Option(help="2: with records, a motor and a load; takes minutes.")] = 1,
+    masses: Annotated[int, typer.Option(help="2: with records, a motor and a load; takes up to half a minute.")] = 1,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Delay = None,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
@@ -619,7 +619,7 @@ def check_gains(
     ] = None,
     spring: Annotated[bool, typer.Option("--spring", help="A spring to ground is part of the machine.")] = False,
     masses: Annotated[
-        int, typer.Option(help="2: friction is read of a motor and a load, which takes a minute or two.")
+        int, typer.Option(help="2: friction is read of a motor and a load, which takes up to half a minute.")
     ] = 1,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt.")

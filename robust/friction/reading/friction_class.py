@@ -54,7 +54,8 @@ def friction_class(
     free : bool
         Whether there is no spring to ground. With records alone: BLAs always leave a spring open.
     masses : int
-        2 for a motor and a load with friction on both, the encoder on the motor; takes minutes. With records alone.
+        2 for a motor and a load with friction on both, the encoder on the motor; takes up to half a minute. With
+        records alone.
 
     Returns
     -------

@@ -64,8 +64,8 @@ from robust.friction.units import format_length
 #: interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
 ALTERNATIVES = ((1 / 2, 8.0), (3 / 4, 1.0))
 #: The same as `FORCE_ERROR` for two masses, as the force of the load is simulated. Six runs of the belt were off by up
-#: to 0.3 % of Fs and of the friction at the load and by 0.1 % of the delay. Chosen on three, of which 0.1 % held
-#: Fs in one; 0.2 % holds all numbers of the three others, too.
+#: to 0.2 % of Fs and of the friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers, dampings of one
+#: run, were outside their intervals.
 LOAD_ERROR = 2e-3
 #: Share of the force or of Fs that may be left unexplained at a level, noise taken off. The preset of one mass leaves
 #: 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
