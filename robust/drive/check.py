@@ -50,7 +50,7 @@ from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import fit_linear
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
-from robust.models.fit.orders import scan_orders
+from robust.models.fit.orders import UNDAMPED, UNLIKELY_COST, OrderScan, doubtful_roots, scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
 
@@ -751,9 +751,8 @@ def with_bound(
         found = replace(friction, bounded=bounded, bounded_machine=whose, largest=largest)
         if np.isfinite(bounded.error_bound):
             return found
-    if machine is None:
-        return replace(friction, note=f"{friction.note}. No bound by what is read in motion: {bounded.reason}")
-    return found
+    unknown = replace(friction, note=f"{friction.note}. No bound by what is read in motion: {bounded.reason}")
+    return unknown if machine is None else found
 
 
 def report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
@@ -911,10 +910,20 @@ def fit_orders(machine: nlfrf.Bla) -> tuple[NominalFit, tuple[NominalFit, ...]]:
     )
     kept = [k for k, fit in enumerate(free.fits) if not cancels_unstable_pole(fit.G)]
     if not kept or free.criterion[kept].min() + SURE >= held.criterion.min():
-        return held.fit, held.fits
+        return fit_to_take(held), held.fits
     rows = {name: getattr(free, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
     free = replace(free, **rows, fits=tuple(free.fits[k] for k in kept))
-    return free.fit, free.fits
+    return fit_to_take(free), free.fits
+
+
+def fit_to_take(scan: OrderScan) -> NominalFit:
+    """Return the fit that a scan takes, and where scatter explains none of them that of the lowest criterion.
+
+    A free axis has poles below the band. For them a scan takes fewer poles, however much these miss.
+    """
+    undamped = np.array([UNDAMPED in doubtful_roots(fit) for fit in scan.fits])  # taken last, as in a scan
+    least = int(np.lexsort((scan.criterion, undamped))[0])
+    return scan.fit if scan.fit.p_value > UNLIKELY_COST else scan.fits[least]
 
 
 def cancels_unstable_pole(G: control.StateSpace) -> bool:

@@ -680,6 +680,19 @@ def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
         assert np.degrees(found.report.classical.phase_margin) == pytest.approx(43.4, abs=1)
 
 
+def test_a_free_axis_is_not_taken_for_its_resonance_where_scatter_explains_no_fit():
+    """Motor and load of 0.45 Hz at low frequency, measured from 3 Hz on, with 60 us that no fit without delay has."""
+    f = np.arange(3.0, 292.0, 4.0)
+    motor, load, k, d, c = 14.7, 19.9, 1.14e7, 1540.0, 48.0
+    s = 2j * np.pi * f
+    spring = k + d * s
+    both = (motor * s**2 + c * s + spring) * (load * s**2 + c * s + spring) - spring**2
+    G = np.exp(-60e-6 * s) * (load * s**2 + c * s + spring) / both
+    fit, _ = drive_check.fit_orders(nlfrf.bla_from_frf(f, G, std=1e-5 * np.abs(G), n_averages=8))
+    assert fit.G.nstates >= 4
+    assert np.median(np.abs(fit.response / G - 1)) < 0.02
+
+
 @pytest.mark.usefixtures("played")
 def test_a_trace_at_rest_cannot_judge_the_gains_it_was_recorded_with(run):
     code, page, warned = run("rest-trace.csv gains.toml --design rest.npz")
