@@ -297,7 +297,8 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
     proved = outcome in ("rests", "settles") and (outcome == "rests" or within < FAR * reference)
     counts.of("friction: proved or refuted", proved or outcome == "refuted")
     answers, force = found.get("answers", {}), friction.get("force") or {}
-    counts.of("the records refute the model, and it is said", bool(force.get("contradiction")))
+    late = [[found.get(name, {}).get(part) for part in ("delay_periods", "lag")] for name in ("given", "settings")]
+    counts.of("the records refute the model, and it is said", bool(force.get("contradiction")) or late[0] != late[1])
     counts["false of"] += 1
     false = (outcome == "rests" and swing > SMALL) or (outcome == "settles" and error > within)
     counts["false"] += false
@@ -321,8 +322,8 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
     counts.of("mass within 2 %", mass is not None and abs(mass / total - 1) < 0.02)
     counts.of("mass in its interval", inside(friction.get("mass_interval"), total))
     delay = friction.get("delay")
-    late = axis.delay_periods / axis.fs + axis.lag
-    counts.of("delay within 5 % of a period", delay is not None and abs(delay - late) < 0.05 / axis.fs)
+    true = axis.delay_periods / axis.fs + axis.lag
+    counts.of("delay within 5 % of a period", delay is not None and abs(delay - true) < 0.05 / axis.fs)
     largest = axis.Fc if axis.law == "dahl" else axis.Fs
     interval = friction.get("Fs_interval")
     counts.of("Fs in its interval", inside(interval, largest))

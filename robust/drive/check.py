@@ -42,7 +42,7 @@ from robust.drive.p_pi import cascade, with_set_point
 from robust.drive.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
 from robust.friction.classes import any_bounded
 from robust.friction.plant import friction_plant
-from robust.friction.reading.balance import motion_of_record
+from robust.friction.reading.balance import HALF_WIDTH, motion_of_record
 from robust.friction.reading.force import FrictionForce, read_friction_force
 from robust.friction.reading.from_blas import highest_level
 from robust.friction.reading.from_fit import plant_of_fit
@@ -50,7 +50,7 @@ from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import fit_linear
 from robust.lti.connections import in_series
 from robust.models.fit.nominal import NominalFit
-from robust.models.fit.orders import UNDAMPED, UNLIKELY_COST, OrderScan, doubtful_roots, scan_orders
+from robust.models.fit.orders import scan_orders
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
 
@@ -60,6 +60,9 @@ ORDERS = range(2, 6)
 LEAD = 0.3
 #: Largest change of G that a pole and a zero make which cancel.
 CANCELLED = 0.05
+#: Periods of the drive by which a delay as read may be off: on 180 axes it was less.
+DELAY_ERROR = 0.05
+FILTERED = "a filter that the gains do not name, or a mode above the band, which looks like one"
 #: By which an unstable pole raises the logarithm of the likelihood where scatter does so once in a hundred times.
 SURE = 3.32
 #: Turns by which the phase may rise over the band; an antiresonance gives half a turn, a delay that is too long any.
@@ -300,9 +303,11 @@ class DriveCheck:
         margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
         more = f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay" if margin < np.inf else ""
         if self.given is not None and (self.given.delay, self.given.lag) != (self.settings.delay, self.settings.lag):
+            late = self.given.delay + self.given.lag > self.settings.delay + self.settings.lag
+            why = "with which the machine would lead its force" if late else FILTERED
             timing += (
                 f", as the trace shows them, and not {1e3 * self.given.delay:g} ms and {1e3 * self.given.lag:g} ms as "
-                "given, with which the machine would lead its force"
+                f"given, {why}"
             )
         if shown := self.friction.delay:
             more = f"; the traces at rest show {shown} of both together{more}"
@@ -588,7 +593,7 @@ def check_drive(
     spring : bool
         Whether a spring to ground, such as a balancer, is part of the machine.
     masses : int
-        2 for a motor and a load; to read Maxwell slip on both takes a minute or two.
+        2 for a motor and a load; to read Maxwell slip on both takes up to half a minute.
     within : float, optional
         Distance [m] or [rad] within which the axis is to stay in the end: the page says whether it does.
     fit : FrictionFit, optional
@@ -623,7 +628,8 @@ def check_drive(
     candidates = moving or list(range(len(records)))
     chosen = candidates[highest_level([blas[k] for k in candidates])]
     given = settings
-    machine_bla, nominal, settings = fit_machine(blas[chosen], records[chosen], settings, actual=actual, masses=masses)
+    timings = [settings] if actual else timings_of(records[chosen], settings, masses, slides=chosen in moving)
+    machine_bla, nominal, settings = fit_machine(blas[chosen], timings, actual=actual)
     advance()
     at_rest = [record for k, record in enumerate(records) if k not in moving]
     force, note = (None, "") if fit is not None else read_force(records, under, masses)
@@ -841,16 +847,16 @@ def read_force(
     return force, force.reason
 
 
-def fit_machine(
-    bla: nlfrf.Bla, record: nlfrf.Record, settings: Drive, *, actual: bool, masses: int
-) -> tuple[nlfrf.Bla, NominalFit, Drive]:
+def fit_machine(bla: nlfrf.Bla, timings: Sequence[Drive], *, actual: bool) -> tuple[nlfrf.Bla, NominalFit, Drive]:
     """Return the BLA of the machine, its fit, and the settings with a delay and lag that the trace does not refute.
 
-    What is taken off too much leaves a machine that leads. Delay and lag of the settings are tried, then those that the
-    trace shows of an axis that slides. Where the best fit leads with both, as where a pole and a zero above the band
-    nearly cancel, the best one that does not lead is taken: the radius of the set holds what it leaves.
+    What is taken off too much leaves a machine that leads. Where the best fit leads with all timings, as where a pole
+    and a zero above the band nearly cancel, the best one that does not lead is taken: the radius of the set holds what
+    it leaves.
+
+    timings : settings with the delays that are tried, in their order.
     """
-    timings, not_leading, reason = [settings, *([] if actual else late_as_traced(record, settings, masses))], [], ""
+    not_leading, reason = [], ""
     for timing in timings:
         s, machine = 1j * bla.omega, bla
         if not actual:  # delay and lag of the current loop are in the trace
@@ -872,17 +878,19 @@ def fit_machine(
     return min(not_leading, key=lambda one: one[0])[1:]
 
 
-def late_as_traced(record: nlfrf.Record, settings: Drive, masses: int) -> list[Drive]:
-    """Return the settings with delay and lag together as a trace of a sliding axis shows them; none where it does not.
+def timings_of(record: nlfrf.Record, settings: Drive, masses: int, *, slides: bool) -> list[Drive]:
+    """Return the settings, and with delay and lag as a trace shows them of an axis that slides, the likelier first.
 
-    The lag is kept as far as there is so much.
+    The lag is kept as far as there is so much, or that which the trace shows. slides : whether the axis is known to.
     """
     numbers, stds = fit_linear(motion_of_record(record, 1), masses)
-    late = numbers["delay"]
-    if not (numbers["mass"] > 0 and 0 < late < np.inf and np.isfinite(stds["delay"])):
-        return []
-    lag = min(settings.lag, late)
-    return [replace(settings, lag=lag, delay_periods=(late - lag) * settings.fs)]
+    late, std = numbers["delay"], stds["delay"]
+    if not (numbers["mass"] > 0 and 0 < late < np.inf and np.isfinite(std)):
+        return [settings]
+    later = late - settings.delay - settings.lag > max(HALF_WIDTH * std, DELAY_ERROR * settings.dt)
+    lag = min(max(settings.lag, numbers["lag"] if later else 0.0), late)
+    traced = replace(settings, lag=lag, delay_periods=(late - lag) * settings.fs)
+    return [traced, settings] if slides and later else [settings, traced]
 
 
 def reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive) -> str:
@@ -910,20 +918,10 @@ def fit_orders(machine: nlfrf.Bla) -> tuple[NominalFit, tuple[NominalFit, ...]]:
     )
     kept = [k for k, fit in enumerate(free.fits) if not cancels_unstable_pole(fit.G)]
     if not kept or free.criterion[kept].min() + SURE >= held.criterion.min():
-        return fit_to_take(held), held.fits
+        return held.fit, held.fits
     rows = {name: getattr(free, name)[kept] for name in ("n_poles", "cost", "expected_cost", "criterion")}
     free = replace(free, **rows, fits=tuple(free.fits[k] for k in kept))
-    return fit_to_take(free), free.fits
-
-
-def fit_to_take(scan: OrderScan) -> NominalFit:
-    """Return the fit that a scan takes, and where scatter explains none of them that of the lowest criterion.
-
-    A free axis has poles below the band. For them a scan takes fewer poles, however much these miss.
-    """
-    undamped = np.array([UNDAMPED in doubtful_roots(fit) for fit in scan.fits])  # taken last, as in a scan
-    least = int(np.lexsort((scan.criterion, undamped))[0])
-    return scan.fit if scan.fit.p_value > UNLIKELY_COST else scan.fits[least]
+    return free.fit, free.fits
 
 
 def cancels_unstable_pole(G: control.StateSpace) -> bool:

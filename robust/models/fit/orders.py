@@ -25,6 +25,8 @@ from robust.models.fit.rational import Roots
 from robust.models.fit.search import FitSearch
 
 UNLIKELY_COST = 0.01  # probability of a cost under which scatter does not explain it
+#: Misfit, over that of the best order, from which an order explains less.
+TWICE = 2.0
 MAX_RELATIVE_STD = 0.5  # standard deviation over its size from which a pole is named
 MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero at least, or they are named
 OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
@@ -216,8 +218,13 @@ def criterion_of(fit: NominalFit) -> float:
 def choose_order(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
     """The smallest criterion of the fits that scatter explains by roots that the data carry; then of those that it
     explains without cancelled poles and far zeros, of those that it explains, of those of carried roots, of all.
-    Undamped poles above the band are taken last: what a machine does not have explains a lead in time, and no more."""
+    Undamped poles above the band are taken last: what a machine does not have explains a lead in time, and no more.
+    Where scatter explains none, those count that leave at most twice the misfit of the best: an order too low by a mode
+    has roots that the data carry, too."""
     explained = np.array([fit.p_value > UNLIKELY_COST for fit in fits])
+    if not explained.any():
+        cost = np.array([fit.cost for fit in fits])
+        explained = cost <= TWICE**2 * cost.min()
     doubts = [doubtful_roots(fit) for fit in fits]
     carried = np.array([not kinds for kinds in doubts])
     within = np.array([set(kinds) <= {OUTSIDE, UNSURE} for kinds in doubts])
