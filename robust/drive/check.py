@@ -753,7 +753,10 @@ def with_bound(
     if not plants:
         return replace(friction, note=f"{friction.note}. No bound with the given force: no linear model is known")
     for one, whose in plants:
-        bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
+        try:
+            bounded = bound_any_friction(one, settings, any_friction, output_unit=unit)
+        except ValueError as error:  # a delay that is too long for it
+            return replace(friction, note=f"{friction.note}. No bound: {error}".lstrip(". "))
         found = replace(friction, bounded=bounded, bounded_machine=whose, largest=largest)
         if np.isfinite(bounded.error_bound):
             return found

@@ -401,7 +401,10 @@ def judge_friction(
         largest = largest_forces_read(fit)
     unit = fit.units[0]
     K, friction, late, added = cascade(settings, output_unit=unit), assumed.friction, settings.delay, np.nan
-    proofs = prove_all((read,), K, friction, delay=late, Fs=largest)
+    try:
+        proofs = prove_all((read,), K, friction, delay=late, Fs=largest)
+    except ValueError as error:  # a delay that is too long to be proved
+        return DriveFriction(fit=fit, note=str(error))
     if proofs[0].verdict is FrictionVerdict.PROVED:
         # with friction at two places the bound takes longer than the proof
         at_ends = None if isinstance(friction, FrictionAtPorts) else largest

@@ -56,6 +56,22 @@ def test_an_axis_with_a_load_of_any_friction_gets_a_verdict(law, tmp_path):
 
 
 @pytest.mark.attack
+def test_a_delay_that_is_too_long_for_a_proof_keeps_the_linear_verdict(tmp_path):
+    """25 samples, as behind a network: the command ended with nothing but their number."""
+    rig = bench_stranger.load_rig(bench_stranger.RIG)
+    axis = rig.Axis(law="maxwell", Fs=25.0, fs=8000.0, delay_periods=25, kp=12.0, kv=12.0, tn=0.1)
+    bench_stranger.play(rig, axis, tmp_path)
+    code, found, said, _ = bench_stranger.check(tmp_path)
+    assert code == 3, said
+    assert found["linear"]["verdict"] == "statistically robust"
+    assert found["friction"]["outcome"] == "open"
+    assert "No bound: delay must be at most 20 samples" in found["friction"]["reason"]
+    assert found["friction"]["simulated"] in ("rests", "hunts")
+    low, high = found["friction"]["Fs_interval"]
+    assert low < axis.Fs < high
+
+
+@pytest.mark.attack
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_pole_that_a_zero_cancels_is_none_of_the_machine(seed, tmp_path):
     """It is worth more than scatter, as it takes up one line: both axes were called unstable with their own gains."""
