@@ -302,7 +302,7 @@ def friction_of_signals(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the friction force (n,) up to a frequency [rad/s], spectrum of the motion, and frequencies [rad/s].
 
-    The filter is a raised cosine, one half at the edge. A force that turns jumps by twice its size, and behind a steep
+    The filter is a raised cosine, one half at the edge. A force that turns jumps by twice its size, and behind a sharp
     filter it overshoots by 18 % of that size; behind this one by 1 %.
     """
     omega = 2 * np.pi * record.fs / u.size * np.arange(u.size // 2 + 1)

@@ -26,14 +26,18 @@ def played(law, levels=(0.5, 60), count=9, resolution=50e-9):
     """Records of the linear motor, 12 kg and 0.55 ms, with a law: in motion at 0.1 m/s both ways, and at rest."""
     axis = nlfrf.servo_axis("linear motor")
     axis = replace(axis, motor_friction=LAWS[law] or axis.motor_friction, resolution=resolution)
-    fast, slow = ({"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, 100)))
+    return records_of(axis, np.geomspace(*levels, count))
+
+
+def records_of(axis, levels, highest=100):
+    """Records of an axis, in motion at 0.1 m/s both ways, and at rest at levels [N], of lines up to `highest` [Hz]."""
+    fast, slow = ({"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, highest)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         ms = nlfrf.multisine(rms=15.0, rng=1, **fast)
         moving = [nlfrf.rig.simulate_servo(axis, ms, base_velocity=v, n_periods=2) for v in (0.1, -0.1)]
         at_rest = [
-            nlfrf.rig.simulate_servo(axis, nlfrf.multisine(rms=rms, rng=2, **slow), n_periods=2)
-            for rms in np.geomspace(*levels, count)
+            nlfrf.rig.simulate_servo(axis, nlfrf.multisine(rms=rms, rng=2, **slow), n_periods=2) for rms in levels
         ]
     return moving, at_rest
 
@@ -94,20 +98,12 @@ def test_friction_that_grows_between_the_traces_is_told_and_held(law, monkeypatc
 
 @pytest.mark.parametrize("law", [nlfrf.friction.Dahl(sigma0=1e6, Fc=10.0), nlfrf.friction.Coulomb(Fc=10.0, Fs=10.0)])
 def test_friction_of_motor_and_load_is_read_as_one(law):
-    """A steep filter below the antiresonance overshot by up to 18 %, and a coupling passed for a stiffness of friction.
+    """A sharp filter below the antiresonance overshot by up to 18 %, and a coupling passed for a stiffness of friction.
 
     10 N on each, and 1 N/um on each of Dahl's: rigid friction has none.
     """
     axis = replace(nlfrf.servo_axis("belt"), motor_friction=law, load_friction=law, resolution=1e-8)
-    fast, slow = ({"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, 12)))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        ms = nlfrf.multisine(rms=15.0, rng=1, **fast)
-        moving = [nlfrf.rig.simulate_servo(axis, ms, base_velocity=v, n_periods=2) for v in (0.1, -0.1)]
-        at_rest = [
-            nlfrf.rig.simulate_servo(axis, nlfrf.multisine(rms=rms, rng=2, **slow), n_periods=2)
-            for rms in np.geomspace(8, 60, 6)
-        ]
+    moving, at_rest = records_of(axis, np.geomspace(8, 60, 6), highest=12)
     found = read_friction_force(moving, (0.1, -0.1), at_rest, masses=2)
     assert found.contradiction == ""  # slides that the filter mixes with their neighbours are smaller
     assert 0.85 * 20 < found.Fs[0] < 20.0 < found.Fs[1] < 1.25 * 20
